@@ -1,0 +1,1 @@
+"""Identified models to controllers, and controllers to a verdict on the physics plant."""

@@ -1,0 +1,1 @@
+"""Identification: recordings -> models -> frequency responses, and recordings against a plant -> diagnosis."""

@@ -1,0 +1,288 @@
+"""Polynomial NARX terms: written, parsed, generated, and evaluated as regressors.
+
+A term is a product of lagged outputs and inputs, written as in the literature: ``y(k-1)u(k-2)^2``; with several
+channels ``y1(k-1)u3(k-2)^2``; the constant term is ``1``.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property, total_ordering
+from itertools import combinations_with_replacement
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.plant.errors import ModelError
+
+Lags = int | Sequence[int]
+
+_KINDS = "yu"  # the order in which factors are written; noise terms e(k-l) will follow
+_FACTOR = re.compile(r"\s*\*?\s*([yu])(\d*)\(\s*k\s*(?:-\s*(\d+)\s*)?\)(?:\s*\^\s*(\d+))?\s*")
+
+
+@total_ordering
+@dataclass(frozen=True, slots=True)
+class Variable:
+    """One lagged signal, as y(k-1).
+
+    Parameters
+    ----------
+    kind : str
+        "y" for an output, "u" for an input.
+    channel : int
+        Number of the channel from 1; 0 when there is only one and it is written without a number.
+    lag : int
+        Delay in samples; at least 1 for an output.
+    """
+
+    kind: str
+    channel: int
+    lag: int
+
+    @property
+    def index(self) -> int:
+        """Row of the channel in ``Recording.inputs`` or ``Recording.outputs``."""
+        return max(self.channel - 1, 0)
+
+    @property
+    def _key(self) -> tuple[int, int, int]:
+        return _KINDS.index(self.kind), self.channel, self.lag
+
+    def __lt__(self, other: Variable) -> bool:
+        return self._key < other._key
+
+    def __str__(self) -> str:
+        number = str(self.channel) if self.channel else ""
+        return f"{self.kind}{number}(k-{self.lag})" if self.lag else f"{self.kind}{number}(k)"
+
+
+@dataclass(frozen=True, slots=True)
+class Term:
+    """A product of powers of lagged signals.
+
+    Parameters
+    ----------
+    factors : tuple of (Variable, int)
+        Variables in writing order, each with its power (at least 1); empty for the constant.
+    """
+
+    factors: tuple[tuple[Variable, int], ...]
+
+    @classmethod
+    def product(cls, variables: Iterable[Variable]) -> Term:
+        """Return the term that is the product of variables.
+
+        Parameters
+        ----------
+        variables : iterable of Variable
+            The factors in any order; one that comes n times gets the power n.
+        """
+        return cls(tuple(sorted(Counter(variables).items())))
+
+    @classmethod
+    def parse(cls, text: str) -> Term:
+        """Read a term as it is written.
+
+        Parameters
+        ----------
+        text : str
+            As ``y(k-1)u(k-2)^2``; spaces and ``*`` between factors are allowed.
+
+        Raises
+        ------
+        ModelError
+            If the text is not a term.
+        """
+        if text.strip() == "1":
+            return cls(())
+        variables: list[Variable] = []
+        position = 0
+        while position < len(text):
+            match = _FACTOR.match(text, position)
+            if match is None:
+                raise ModelError(f"cannot read the term {text!r} from {text[position:]!r} on; "
+                                 "write terms as 1, y(k-1) or y(k-1)u(k-2)^2")
+            kind, channel, lag, power = match.groups()
+            variable = Variable(kind, int(channel or 0), int(lag or 0))
+            if kind == "y" and variable.lag < 1:
+                raise ModelError(f"term {text!r} holds the output at the present sample; its lag must be at least 1")
+            variables += [variable] * int(power or 1)
+            position = match.end()
+        if not variables:
+            raise ModelError(f"the term {text!r} is empty; write 1 for the constant")
+        return cls.product(variables)
+
+    @property
+    def degree(self) -> int:
+        """Sum of the powers."""
+        return sum(power for _, power in self.factors)
+
+    @property
+    def expanded(self) -> tuple[Variable, ...]:
+        """The factors with each variable repeated as often as its power."""
+        return tuple(variable for variable, power in self.factors for _ in range(power))
+
+    def __str__(self) -> str:
+        return "".join(f"{v}^{p}" if p > 1 else str(v) for v, p in self.factors) or "1"
+
+
+def lag_list(lags: Lags, *, smallest: int) -> tuple[int, ...]:
+    """Return lags as an increasing tuple.
+
+    Parameters
+    ----------
+    lags : int or sequence of int
+        A number n for 1..n (0 for none), or the lags themselves, in samples.
+    smallest : int
+        Smallest lag that is allowed: 1 for outputs, 0 for inputs.
+
+    Raises
+    ------
+    ModelError
+        If a lag is not an integer or too small.
+    """
+    wanted = range(1, lags + 1) if isinstance(lags, int | np.integer) else lags
+    if isinstance(lags, int | np.integer) and lags < 0:
+        raise ModelError(f"lags = {lags}; give a number n >= 0 for 1..n, or a sequence of lags")
+    if any(not isinstance(lag, int | np.integer) or lag < smallest for lag in wanted):
+        raise ModelError(f"lags {list(wanted)!r} must be integers of at least {smallest}")
+    return tuple(sorted({int(lag) for lag in wanted}))
+
+
+def generate_terms(output_lags: Lags, input_lags: Lags, degree: int, *,
+                   n_inputs: int = 1, n_outputs: int = 1) -> tuple[Term, ...]:
+    """Return all candidate terms up to a degree, the constant first, then by degree.
+
+    Parameters
+    ----------
+    output_lags, input_lags : int or sequence of int
+        A number n for the lags 1..n, or the lags themselves (an input lag may be 0), in samples; for every channel.
+    degree : int
+        Largest degree of a term, at least 1.
+    n_inputs, n_outputs : int
+        Number of channels; a single one is written without a number.
+
+    Returns
+    -------
+    tuple of Term
+        (n + degree)! / (n! degree!) terms for n lagged signals.
+
+    Raises
+    ------
+    ModelError
+        If the lags or the degree make no sense.
+    """
+    if degree < 1:
+        raise ModelError(f"degree = {degree}; it must be at least 1")
+    variables = []
+    for kind, count, lags in (("y", n_outputs, lag_list(output_lags, smallest=1)),
+                              ("u", n_inputs, lag_list(input_lags, smallest=0))):
+        channels = range(1, count + 1) if count > 1 else (0,)
+        variables += [Variable(kind, channel, lag) for channel in channels for lag in lags]
+    if not variables:
+        raise ModelError("no lags at all; give output_lags or input_lags")
+    return tuple(Term.product(chosen) for n in range(degree + 1)
+                 for chosen in combinations_with_replacement(variables, n))
+
+
+@dataclass(frozen=True, eq=False)
+class TermTable:
+    """Terms prepared for evaluation.
+
+    Parameters
+    ----------
+    terms : tuple of Term
+        The terms, one column of the regressor matrix each.
+    """
+
+    terms: tuple[Term, ...]
+
+    @cached_property
+    def variables(self) -> tuple[Variable, ...]:
+        """The lagged signals that occur, in writing order."""
+        return tuple(sorted({variable for term in self.terms for variable, _ in term.factors}))
+
+    @cached_property
+    def exponents(self) -> NDArray[np.int64]:
+        """Powers, shape (n_terms, n_variables), read-only."""
+        column = {variable: j for j, variable in enumerate(self.variables)}
+        table = np.zeros((len(self.terms), len(column)), dtype=np.int64)
+        for row, term in zip(table, self.terms, strict=True):
+            for variable, power in term.factors:
+                row[column[variable]] = power
+        table.setflags(write=False)
+        return table
+
+    @cached_property
+    def max_lag(self) -> int:
+        """Largest lag in samples: the first sample that can be computed."""
+        return max((variable.lag for variable in self.variables), default=0)
+
+    def channels(self, kind: str) -> int:
+        """Return the number of channels of a kind that the terms ask for.
+
+        Parameters
+        ----------
+        kind : str
+            "y" or "u".
+        """
+        return max((v.index + 1 for v in self.variables if v.kind == kind), default=0)
+
+    @cached_property
+    def _plan(self) -> tuple[tuple[int | None, tuple[int, ...]], ...]:
+        """For each term the earlier term that it extends by one factor (if there is one), and what to multiply."""
+        column = {variable: j for j, variable in enumerate(self.variables)}
+        seen: dict[tuple[Variable, ...], int] = {}
+        plan = []
+        for position, term in enumerate(self.terms):
+            factors = term.expanded
+            parent = seen.get(factors[:-1]) if len(factors) > 1 else None
+            rest = factors if parent is None else factors[-1:]
+            plan.append((parent, tuple(column[variable] for variable in rest)))
+            seen.setdefault(factors, position)
+        return tuple(plan)
+
+    def rows(self, inputs: NDArray[np.float64], outputs: NDArray[np.float64],
+             start: int, stop: int) -> NDArray[np.float64]:
+        """Evaluate all terms over a stretch of samples.
+
+        Parameters
+        ----------
+        inputs : ndarray, shape (n_inputs, n)
+            Inputs of one recording, in the unit that the parameters are for.
+        outputs : ndarray, shape (n_outputs, n)
+            Outputs of one recording, likewise.
+        start, stop : int
+            Samples [start:stop) of the recording; ``start`` must be at least ``max_lag``.
+
+        Returns
+        -------
+        ndarray, shape (n_terms, stop - start)
+            The transposed regressor matrix: one row a term, so that each is contiguous in memory.
+        """
+        signal = {"y": outputs, "u": inputs}
+        lagged = [signal[v.kind][v.index, start - v.lag:stop - v.lag] for v in self.variables]
+        rows = np.empty((len(self.terms), stop - start))
+        for row, (parent, rest) in zip(rows, self._plan, strict=True):
+            row[:] = 1.0 if parent is None else rows[parent]
+            for j in rest:
+                row *= lagged[j]
+        return rows
+
+    def at(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Evaluate all terms at one value of each variable.
+
+        Parameters
+        ----------
+        values : ndarray, shape (n_variables,)
+            Value of each of ``variables``.
+
+        Returns
+        -------
+        ndarray, shape (n_terms,)
+        """
+        return np.asarray(np.prod(values ** self.exponents, axis=1), dtype=np.float64)

@@ -1,0 +1,99 @@
+"""What must hold before a recording is used; each check raises one clear error."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from deatwin.plant.errors import DataError, ModelError
+from deatwin.plant.recording import Recording, label
+from deatwin.plant.rigs.rigfile import DriveSpec
+
+# Without a command range in the rig file: no amplifier for these actuators gives more than this, V.
+_HIGHEST_FILM_VOLTAGE = 30e3
+# "Far" outside of the stated range: by more than this share of its width.
+_RANGE_MARGIN = 0.5
+
+
+def require_excitation(recordings: Sequence[Recording]) -> None:
+    """Refuse recordings of which every input is constant; one constant record among others is a rest.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+        The recordings that are used together; the inputs may have any unit.
+
+    Raises
+    ------
+    DataError
+        If no input changes within any of them, or there are none.
+    """
+    if any(np.ptp(recording.inputs, axis=1).any() for recording in recordings if recording.n_samples):
+        return
+    files = ", ".join(label(recording) for recording in recordings) or "no recordings"
+    raise DataError(f"{files}: the input is constant throughout; at least one recording must move it")
+
+
+def require_samples(recording: Recording, needed: int, what: str) -> None:
+    """Refuse a recording that is too short for a model.
+
+    Parameters
+    ----------
+    recording : Recording
+    needed : int
+        The least number of samples.
+    what : str
+        What needs them, as the error text shall call it, for example ``"a NARX model with 4 lags"``.
+
+    Raises
+    ------
+    ModelError
+        If there are fewer.
+    """
+    if recording.n_samples < needed:
+        raise ModelError(
+            f"{label(recording)}: {recording.n_samples} samples, but {what} needs at least {needed}"
+        )
+
+
+def check_command_range(recording: Recording, drive: DriveSpec) -> None:
+    """Refuse commands far outside of the rig's range.
+
+    The range is that of the rig file, widened by half its width on either side; without one it is what an
+    amplifier of 30 kV would be commanded.
+
+    Parameters
+    ----------
+    recording : Recording
+        Its first input is the command in V.
+    drive : DriveSpec
+        The drive of the rig.
+
+    Raises
+    ------
+    DataError
+        If a command lies outside; the text says so where the numbers look like film volts.
+    """
+    ceiling = _HIGHEST_FILM_VOLTAGE / drive.gain
+    low = -ceiling if drive.command_min is None else drive.command_min
+    high = ceiling if drive.command_max is None else drive.command_max
+    margin = _RANGE_MARGIN * (high - low)
+    stated = drive.command_min is not None and drive.command_max is not None
+    floor, top = (low - margin, high + margin) if stated else (low, high)
+
+    command = recording.inputs[0]
+    outside = (command < floor) | (command > top)
+    if not outside.any():
+        return
+    sample = int(np.argmax(outside))
+    worst = float(command[np.argmax(np.abs(command))])
+    text = (
+        f"{label(recording)}: command {worst:g} V, first outside at {recording.timepts[sample]:g} s; "
+        f"the rig's commands are from {low:g} V to {high:g} V"
+    )
+    as_command = command / drive.gain
+    if as_command.min() >= floor and as_command.max() <= top:
+        text += (
+            f"; these look like film volts: {worst:g} V / gain {drive.gain:g} = {worst / drive.gain:g} V, "
+            "so divide the column by the gain"
+        )
+    raise DataError(text)

@@ -1,0 +1,100 @@
+"""What an effect is: a piece of physics that rewrites one signal of a plant."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, fields
+from enum import Enum
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from deatwin.plant.parameters import Parameter
+
+if TYPE_CHECKING:
+    from deatwin.plant.equations import Builder
+
+__all__ = ["Effect", "Family", "Place"]
+
+
+class Family(Enum):
+    """Which part of physics an effect belongs to."""
+
+    ELECTRICAL = "electrical"
+    FILM = "film"
+    MECHANICAL = "mechanical"
+    SENSOR = "sensor"
+    ENVIRONMENT = "environment"
+
+
+class Place(Enum):
+    """Where in the plant an effect enters."""
+
+    DRIVE = "drive"
+    FILM = "film"
+    BALL = "ball"
+    SENSOR = "sensor"
+    PARAMETER = "parameter"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Effect(ABC):
+    """A piece of physics that rewrites one signal of a plant; its off value nulls it exactly.
+
+    The fields of a subclass are its physical parameters in SI. A subclass says in class variables what it is
+    called, where it enters, and which of its parameters is the strength that `off` sets to zero.
+    """
+
+    name: ClassVar[str]
+    family: ClassVar[Family]
+    place: ClassVar[Place]
+    signal: ClassVar[str]
+    strength: ClassVar[str]
+    wording: ClassVar[str]
+    """Says in a sentence what the physics does; with ``{parameter}`` fields."""
+
+    @abstractmethod
+    def describe(self) -> tuple[Parameter, ...]:
+        """Parameters with unit, range and source, named as the fields."""
+
+    @abstractmethod
+    def rewrite(self, signal: Any, build: Builder) -> Any:
+        """The signal as this effect leaves it.
+
+        Parameters
+        ----------
+        signal : symbol or object
+            As it arrives.
+        build : Builder
+            Takes the states and equations that the effect brings.
+
+        Returns
+        -------
+        same kind as `signal`
+        """
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The parameters under their names in a plant, ``effect.name``."""
+        from dataclasses import replace
+
+        return tuple(replace(p, name=f"{self.name}.{p.name}") for p in self.describe())
+
+    @property
+    def shapes(self) -> tuple[str, ...]:
+        """Names of the parameters other than the strength."""
+        return tuple(f.name for f in fields(self) if f.name != self.strength)
+
+    def own(self, name: str, build: Builder) -> Any:
+        """The symbol of one of this effect's parameters.
+
+        Parameters
+        ----------
+        name : str
+            Field name.
+        build : Builder
+            The plant under construction.
+
+        Returns
+        -------
+        casadi.SX
+        """
+        return build.own(f"{self.name}.{name}")

@@ -1,0 +1,58 @@
+"""All effects that this installation knows: the project's own and those of others, by entry points."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from importlib.metadata import entry_points
+
+from deatwin.plant.effects.base import Effect
+from deatwin.plant.errors import RigError, nearest
+
+__all__ = ["catalogue", "effect_named"]
+
+GROUP = "deatwin.effects"
+
+
+@lru_cache(maxsize=1)
+def _types() -> dict[str, type[Effect]]:
+    types = [point.load() for point in entry_points(group=GROUP)]
+    return {t.name: t for t in sorted(types, key=lambda t: t.name)}
+
+
+def catalogue() -> tuple[Effect, ...]:
+    """Every known effect at its typical strength, in the order of names.
+
+    Returns
+    -------
+    tuple of Effect
+    """
+    return tuple(kind() for kind in _types().values())
+
+
+def effect_named(name: str) -> Effect:
+    """The effect of that canonical name, at its typical strength.
+
+    Parameters
+    ----------
+    name : str
+        For example ``"creep"``.
+
+    Returns
+    -------
+    Effect
+
+    Raises
+    ------
+    RigError
+        If there is none.
+
+    Examples
+    --------
+    >>> effect_named("creep").time
+    60.0
+    """
+    try:
+        return _types()[name]()
+    except KeyError:
+        known = ", ".join(_types())
+        raise RigError(f"there is no effect {name!r}{nearest(name, _types())} (known: {known})") from None

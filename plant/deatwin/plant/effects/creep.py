@@ -1,0 +1,59 @@
+"""Creep of the film."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+from deatwin.plant.effects.base import Effect, Family, Place
+from deatwin.plant.parameters import Parameter
+
+if TYPE_CHECKING:
+    from deatwin.plant.equations import Builder
+    from deatwin.plant.film import Film
+
+__all__ = ["Creep"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Creep(Effect):
+    r"""A further Maxwell branch: the film keeps relaxing after the nominal branch has.
+
+    .. math:: W \to W + \mu_c\, e(\lambda/\xi), \qquad
+              \tau_c\,\frac{d\ln\xi}{dt} = -\frac{1}{\kappa}\frac{\partial e}{\partial\ln\xi}
+
+    One state :math:`\xi` (1), the viscous stretch. Typical for VHB: 10 to 60 kPa, 6 to 500 s; gain 15 to 20 %
+    higher at rest than at 1 Hz. Signature: a tail after each change of the mean, nearly linear in the squared
+    voltage, that recovers. Off at :math:`\mu_c = 0`.
+
+    Parameters
+    ----------
+    modulus : float
+        :math:`\mu_c` in Pa.
+    time : float
+        :math:`\tau_c` in s.
+
+    References
+    ----------
+    Foo et al., J. Appl. Phys. 111 (2012) 034102, doi:10.1063/1.3680878; values: Wang et al., J. Mech. Phys.
+    Solids 95 (2016) 213.
+    """
+
+    modulus: float = 26e3
+    time: float = 60.0
+
+    name: ClassVar[str] = "creep"
+    family: ClassVar[Family] = Family.FILM
+    place: ClassVar[Place] = Place.FILM
+    signal: ClassVar[str] = "film"
+    strength: ClassVar[str] = "modulus"
+    wording: ClassVar[str] = "The film keeps creeping with a time constant of {time}"
+
+    def describe(self) -> tuple[Parameter, ...]:
+        return (
+            Parameter(name="modulus", value=self.modulus, unit="Pa", lower=0.0, upper=1e6),
+            Parameter(name="time", value=self.time, unit="s", lower=2.0, upper=2000.0, logarithmic=True),
+        )
+
+    def rewrite(self, signal: Film, build: Builder) -> Film:
+        return signal.with_branch(self.name, self.own("modulus", build), self.own("time", build), build)

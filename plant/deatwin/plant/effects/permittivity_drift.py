@@ -1,0 +1,61 @@
+"""Slow change of the film's permittivity."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import casadi as ca
+
+from deatwin.plant.effects.base import Effect, Family, Place
+from deatwin.plant.parameters import Parameter
+
+if TYPE_CHECKING:
+    from deatwin.plant.equations import Builder
+
+__all__ = ["PermittivityDrift"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PermittivityDrift(Effect):
+    r"""The permittivity relaxes from one value to another while the experiment runs.
+
+    .. math:: \varepsilon(t) = \varepsilon\,\bigl[1 + a(1 - e^{-t/\tau})\bigr]
+
+    No state: the clock is known. Typical: 2 to 15 %, 100 to 10,000 s. Signature: the gain changes, weighted
+    strongly by amplitude (two to four times the relative change), while the sag at 0 V stays. Off at a = 0.
+
+    Parameters
+    ----------
+    relative_change : float
+        a, the final relative change.
+    time : float
+        :math:`\tau` in s.
+
+    References
+    ----------
+    Relaxation as one Debye process; sizes as for acrylic actuators in McKay et al., J. Polym. Sci. B 47 (2009)
+    and thesis section 2.3.2.
+    """
+
+    relative_change: float = -0.1
+    time: float = 300.0
+
+    name: ClassVar[str] = "permittivity_drift"
+    family: ClassVar[Family] = Family.FILM
+    place: ClassVar[Place] = Place.PARAMETER
+    signal: ClassVar[str] = "permittivity"
+    strength: ClassVar[str] = "relative_change"
+    wording: ClassVar[str] = "The permittivity drifts by {relative_change} with a time constant of {time}"
+
+    def describe(self) -> tuple[Parameter, ...]:
+        return (
+            Parameter(name="relative_change", value=self.relative_change, unit="1", lower=-0.6, upper=1.5),
+            Parameter(name="time", value=self.time, unit="s", lower=20.0, upper=20e3, logarithmic=True),
+        )
+
+    def rewrite(self, signal: Any, build: Builder) -> Any:
+        elapsed = ca.fmax(build.time, 0.0)
+        return signal * (
+            1 + self.own("relative_change", build) * (1 - ca.exp(-elapsed / self.own("time", build)))
+        )

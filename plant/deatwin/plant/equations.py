@@ -1,0 +1,377 @@
+"""From a rig and its effects to one semi-explicit, index-1 differential-algebraic equation (DAE).
+
+.. math:: M(p)\\,\\dot x = f(x, z, d, u, t, p), \\qquad 0 = g(x, z, d, u, t, p), \\qquad y = h(x, z, d, u, t, p)
+
+with states *x*, algebraic coordinates *z*, quantities *d* held at their value at rest, command *u*, clock *t*
+and parameters *p*. A zero on the diagonal of *M* turns a state into an algebraic one, so that a vanishing time
+constant is exact.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from deatwin.plant.effects.base import Effect, Place
+from deatwin.plant.errors import RigError, nearest
+from deatwin.plant.parameters import ParameterSet
+
+__all__ = ["Builder", "Equations"]
+
+Symbol = Any  # casadi.SX
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Equations:
+    """The DAE as CasADi Functions and plain data, so that it can go to worker processes.
+
+    Parameters
+    ----------
+    states, coordinates, held, signals : tuple of str
+        Names of x, z, d and of the watched signals.
+    scale : ndarray, shape (n_x + n_z,)
+        Typical size of each unknown, SI.
+    constants : ndarray, shape (n_c,)
+        Known parameters and numbers of the rig, SI.
+    parameters : ParameterSet
+        All parameters; the free ones are the argument *p* of the functions.
+    dynamics : casadi.Function
+        ``(x, z, d, u, t, p, c) -> (f; g)``.
+    mass : casadi.Function
+        ``(p, c) -> diag M``, shape (n_x,).
+    output : casadi.Function
+        ``(x, z, d, u, t, p, c) -> h``.
+    watched : casadi.Function
+        ``(x, z, d, u, t, p, c) ->`` the named signals.
+    rest : casadi.Function
+        ``(x, z, u, p, c) ->`` residual whose zero is the state of rest.
+    guess : casadi.Function
+        ``(p, c) -> (x; z)`` to start the search of the rest state.
+    hold : casadi.Function
+        ``(x, z, p, c) -> d`` at rest.
+    """
+
+    states: tuple[str, ...]
+    coordinates: tuple[str, ...]
+    held: tuple[str, ...]
+    signals: tuple[str, ...]
+    scale: np.ndarray
+    constants: np.ndarray
+    parameters: ParameterSet
+    dynamics: ca.Function
+    mass: ca.Function
+    output: ca.Function
+    watched: ca.Function
+    rest: ca.Function
+    guess: ca.Function
+    hold: ca.Function
+
+    @property
+    def free_values(self) -> np.ndarray:
+        """Values of the free parameters, shape (n_p,), SI."""
+        return self.parameters.array(self.parameters.free)
+
+
+class Builder:
+    """What a rig and its effects write their equations into.
+
+    Parameters
+    ----------
+    parameters : ParameterSet
+        Of rig and effects.
+    effects : sequence of Effect
+        In the order in which they act.
+    """
+
+    def __init__(self, parameters: ParameterSet, effects: Sequence[Effect]) -> None:
+        self._parameters = parameters
+        self._effects = tuple(effects)
+        self._symbols = {name: ca.SX.sym(name) for name in parameters}
+        self._states: dict[str, tuple[Symbol, float, Symbol | None]] = {}
+        self._rates: dict[str, tuple[Symbol, Symbol]] = {}
+        self._coordinates: dict[str, tuple[Symbol, float]] = {}
+        self._balances: list[Symbol] = []
+        self._guesses: dict[str, Symbol] = {}
+        self._held: dict[str, tuple[Symbol, Symbol]] = {}
+        self._constants: list[tuple[Symbol, np.ndarray]] = []
+        self._watched: dict[str, Symbol] = {}
+        self._offered: set[tuple[Place, str]] = set()
+        self.command = ca.SX.sym("command")
+        self.time = ca.SX.sym("time")
+
+    def own(self, name: str) -> Symbol:
+        """The bare symbol of a parameter.
+
+        Parameters
+        ----------
+        name : str
+            Name in the plant's parameter set.
+
+        Returns
+        -------
+        casadi.SX
+        """
+        self._parameters[name]
+        return self._symbols[name]
+
+    def parameter(self, name: str) -> Symbol:
+        """A parameter as the effects at the place *parameter* leave it.
+
+        Parameters
+        ----------
+        name : str
+            Name in the plant's parameter set.
+
+        Returns
+        -------
+        casadi.SX
+        """
+        return self.place(Place.PARAMETER, name, self.own(name))
+
+    def constant(self, name: str, value: np.ndarray | float) -> Symbol:
+        """A number of the rig that no fit moves.
+
+        Parameters
+        ----------
+        name : str
+            Name of the symbol.
+        value : ndarray, shape (n,), or float
+            Its SI value.
+
+        Returns
+        -------
+        casadi.SX, shape (n, 1)
+        """
+        numbers = np.atleast_1d(np.asarray(value, dtype=float))
+        symbol = ca.SX.sym(name, numbers.size)
+        self._constants.append((symbol, numbers))
+        return symbol
+
+    def state(self, name: str, *, scale: float, start: Symbol | None = None) -> Symbol:
+        """A differential state.
+
+        Parameters
+        ----------
+        name : str
+            Unique name.
+        scale : float
+            Typical size, SI.
+        start : symbol, optional
+            Value at rest; without it the state rests where its rate is zero.
+
+        Returns
+        -------
+        casadi.SX
+        """
+        symbol = ca.SX.sym(name)
+        self._states[name] = (symbol, scale, start)
+        return symbol
+
+    def rate(self, state: Symbol, value: Symbol, *, mass: Symbol = 1.0) -> None:
+        """Set ``mass * d(state)/dt = value``.
+
+        Parameters
+        ----------
+        state : casadi.SX
+            What `state` returned.
+        value, mass : symbol or float
+            Both sides; `mass` depends on parameters only.
+        """
+        self._rates[state.name()] = (value, mass)
+
+    def coordinate(self, name: str, *, scale: float) -> Symbol:
+        """An algebraic coordinate; give one `balance` for each.
+
+        Parameters
+        ----------
+        name : str
+            Unique name.
+        scale : float
+            Typical size, SI.
+
+        Returns
+        -------
+        casadi.SX
+        """
+        symbol = ca.SX.sym(name)
+        self._coordinates[name] = (symbol, scale)
+        return symbol
+
+    def balance(self, value: Symbol) -> None:
+        """Demand ``0 = value``.
+
+        Parameters
+        ----------
+        value : symbol
+            Left side of an algebraic equation.
+        """
+        self._balances.append(value)
+
+    def guess(self, unknown: Symbol, value: Symbol) -> None:
+        """Where to look for the rest state.
+
+        Parameters
+        ----------
+        unknown : casadi.SX
+            A state or coordinate.
+        value : symbol or float
+            In terms of parameters and constants.
+        """
+        self._guesses[unknown.name()] = value
+
+    def at_rest(self, name: str, value: Symbol) -> Symbol:
+        """The value that an expression has at rest, held for the whole experiment.
+
+        Parameters
+        ----------
+        name : str
+            Unique name.
+        value : symbol
+            In terms of states, coordinates and parameters.
+
+        Returns
+        -------
+        casadi.SX
+        """
+        symbol = ca.SX.sym(name)
+        self._held[name] = (symbol, value)
+        return symbol
+
+    def place(self, place: Place, name: str, signal: Any) -> Any:
+        """Offer a signal to the effects that act on it.
+
+        Parameters
+        ----------
+        place : Place
+            Where in the plant the signal lives.
+        name : str
+            Name of the signal.
+        signal : symbol or object
+            As the rig has it.
+
+        Returns
+        -------
+        same kind as `signal`
+            As the effects leave it.
+        """
+        self._offered.add((place, name))
+        for effect in self._effects:
+            if (effect.place, effect.signal) == (place, name):
+                signal = effect.rewrite(signal, self)
+        return signal
+
+    def watch(self, name: str, value: Symbol) -> Symbol:
+        """Give a signal a name under which results report it.
+
+        Parameters
+        ----------
+        name : str
+            With its unit, if not SI.
+        value : symbol
+            The signal.
+
+        Returns
+        -------
+        symbol
+            `value`.
+        """
+        self._watched[name] = value
+        return value
+
+    def signal(self, name: str) -> Symbol:
+        """A watched signal, for effects that need more than the one they rewrite.
+
+        Parameters
+        ----------
+        name : str
+            As given to `watch`.
+
+        Returns
+        -------
+        symbol
+
+        Raises
+        ------
+        RigError
+            If the rig does not have it (yet).
+        """
+        try:
+            return self._watched[name]
+        except KeyError:
+            raise RigError(f"this rig has no signal {name!r}{nearest(name, self._watched)}") from None
+
+    def finish(self, output: Symbol) -> Equations:
+        """Close the system.
+
+        Parameters
+        ----------
+        output : symbol
+            The reading.
+
+        Returns
+        -------
+        Equations
+
+        Raises
+        ------
+        RigError
+            If an effect acts on a signal that the rig does not have, or equations are missing.
+        """
+        self._check()
+        x = ca.vertcat(*(s for s, _, _ in self._states.values()))
+        z = ca.vertcat(*(s for s, _ in self._coordinates.values()))
+        d = ca.vertcat(*(s for s, _ in self._held.values()))
+        p = ca.vertcat(*(self._symbols[n] for n in self._parameters.free))
+        known = [n for n in self._parameters if n not in self._parameters.free]
+        c = ca.vertcat(*(self._symbols[n] for n in known), *(s for s, _ in self._constants))
+        f = ca.vertcat(*(self._rates[n][0] for n in self._states))
+        g = ca.vertcat(*self._balances)
+        mass = ca.vertcat(*(self._rates[n][1] for n in self._states))
+        arguments = [x, z, d, self.command, self.time, p, c]
+        unknowns = {**{n: s[0] for n, s in self._states.items()},
+                    **{n: s[0] for n, s in self._coordinates.items()}}  # fmt: skip
+        guess = ca.vertcat(*(self._guesses.get(n, 0.0) for n in unknowns))
+        return Equations(
+            states=tuple(self._states),
+            coordinates=tuple(self._coordinates),
+            held=tuple(self._held),
+            signals=tuple(self._watched),
+            scale=np.array([s[1] for s in (*self._states.values(), *self._coordinates.values())]),
+            constants=np.concatenate([self._parameters.array(known), *(v for _, v in self._constants)]),
+            parameters=self._parameters,
+            dynamics=ca.Function("dynamics", arguments, [ca.vertcat(f, g)]),
+            mass=ca.Function("mass", [p, c], [mass]),
+            output=ca.Function("output", arguments, [output]),
+            watched=ca.Function("watched", arguments, [ca.vertcat(*self._watched.values())]),
+            rest=ca.Function("rest", [x, z, self.command, p, c], [self._rest_residual(f, g, d)]),
+            guess=ca.Function("guess", [p, c], [guess]),
+            hold=ca.Function("hold", [x, z, p, c], [ca.vertcat(*(v for _, v in self._held.values()))]),
+        )
+
+    def _rest_residual(self, f: Symbol, g: Symbol, held: Symbol) -> Symbol:
+        rows = [
+            f[row] if start is None else symbol - start
+            for row, (symbol, _, start) in enumerate(self._states.values())
+        ]
+        residual = ca.vertcat(*rows, g)
+        values = ca.vertcat(*(v for _, v in self._held.values()))
+        return ca.substitute(ca.substitute(residual, held, values), self.time, 0.0)
+
+    def _check(self) -> None:
+        for effect in self._effects:
+            if (effect.place, effect.signal) not in self._offered:
+                names = [n for place, n in self._offered if place is effect.place]
+                raise RigError(
+                    f"effect {effect.name} acts on {effect.place.value} signal {effect.signal!r}, which this rig "
+                    f"does not have{nearest(effect.signal, names)}"
+                )
+        if missing := set(self._states) - set(self._rates):
+            raise RigError(f"no rate is given for state {', '.join(sorted(missing))}")
+        if len(self._balances) != len(self._coordinates):
+            raise RigError(
+                f"{len(self._coordinates)} algebraic coordinates need as many balances, {len(self._balances)} are given"
+            )

@@ -1,0 +1,51 @@
+"""The errors that deatwin raises, and the near name that they offer."""
+
+import difflib
+from collections.abc import Iterable
+
+
+class DeatwinError(Exception):
+    """Base of every error that deatwin raises on purpose; its text is one clear line for the user."""
+
+
+class DataError(DeatwinError, ValueError):
+    """A recording, a data file or a value is at fault; the text names file, row and column."""
+
+
+class RigError(DeatwinError, ValueError):
+    """A rig file or a plant description is at fault."""
+
+
+class ModelError(DeatwinError, ValueError):
+    """A model file is at fault, or a model cannot be made of these samples."""
+
+
+class SimulationError(DeatwinError, RuntimeError):
+    """A simulation could not be finished, for example for pull-in."""
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """Return the end of an error text that offers the known name nearest to a misspelt one.
+
+    Parameters
+    ----------
+    name : str
+        The name that is not known.
+    known : iterable of str
+        The names that would be right.
+
+    Returns
+    -------
+    str
+        ``'; did you mean "x"?'``, or an empty text where nothing is near.
+
+    Examples
+    --------
+    >>> nearest("prestrech", ["material", "prestretch"])
+    '; did you mean "prestretch"?'
+    >>> nearest("colour", ["material", "prestretch"])
+    ''
+    """
+    lowered = {candidate.lower(): candidate for candidate in known}
+    found = difflib.get_close_matches(name.lower(), lowered, n=1)
+    return f'; did you mean "{lowered[found[0]]}"?' if found else ""

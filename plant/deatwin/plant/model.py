@@ -1,0 +1,323 @@
+"""`Plant`: a rig and the effects in it, as immutable data that can be simulated."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
+from types import MappingProxyType
+from typing import Any, Self
+
+import numpy as np
+
+from deatwin.plant.effects.base import Effect
+from deatwin.plant.effects.catalogue import effect_named
+from deatwin.plant.equations import Builder, Equations
+from deatwin.plant.errors import RigError, SimulationError
+from deatwin.plant.parameters import ParameterSet
+from deatwin.plant.recording import Experiment
+from deatwin.plant.rigs.base import Rig
+from deatwin.plant.rigs.catalogue import rig_kind
+from deatwin.plant.simulate import Progress, Run, RunStatus, Simulator
+from deatwin.plant.timeline import Timeline
+
+__all__ = ["Plant", "Simulation"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Simulation:
+    """The recordings of an experiment as a plant makes them.
+
+    Parameters
+    ----------
+    status : RunStatus
+        How it ended; its text is the advice.
+    outputs : tuple of ndarray, each of shape (1, n)
+        Noise-free readings of each recording, SI; NaN after a failure.
+    watched : tuple of mapping of str to ndarray, each of shape (n,)
+        The plant's named signals along each recording, SI.
+    failed_at : float or None
+        Clock time of a failure, s.
+    failed_command : float or None
+        Command at that time, in its unit.
+    """
+
+    status: RunStatus
+    outputs: tuple[np.ndarray, ...]
+    watched: tuple[Mapping[str, np.ndarray], ...]
+    failed_at: float | None = None
+    failed_command: float | None = None
+
+    def require(self) -> Self:
+        """This simulation, if it reached its end.
+
+        Returns
+        -------
+        Simulation
+
+        Raises
+        ------
+        SimulationError
+            With time and command, if it did not.
+        """
+        if self.status.ok:
+            return self
+        where = "" if self.failed_at is None else f" at {self.failed_at:.2f} s and a command of {self.failed_command:.3f} V"
+        raise SimulationError(f"the simulation stopped{where}: {self.status.value}")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Plant:
+    """A rig with effects: declarative, immutable, cheap to make; equations are compiled when first needed.
+
+    Parameters
+    ----------
+    rig : Rig
+        Kinematics, loads and reading.
+    effects : tuple of Effect
+        In any order; each at most once.
+    values : mapping of str to float
+        Parameter values (SI) that replace the ones of rig and effects, for example after a calibration.
+
+    Raises
+    ------
+    RigError
+        If an effect occurs twice, or a value has an unknown name or is out of range.
+
+    Examples
+    --------
+    >>> from deatwin.plant import Creep, Diaphragm, Plant
+    >>> Plant(rig=Diaphragm()).with_effects(Creep()).effect_names
+    ('creep',)
+    """
+
+    rig: Rig
+    effects: tuple[Effect, ...] = ()
+    values: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        # One order for all: effects given in any order make the same plant.
+        object.__setattr__(self, "effects", tuple(sorted(self.effects, key=lambda e: e.name)))
+        object.__setattr__(self, "values", MappingProxyType(dict(self.values)))
+        self.parameters  # noqa: B018  (checks names and ranges)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {"rig": self.rig, "effects": self.effects, "values": dict(self.values)}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        for name, value in state.items():
+            object.__setattr__(self, name, value)
+
+    @cached_property
+    def parameters(self) -> ParameterSet:
+        """All parameters with their present values."""
+        own = [*self.rig.parameters, *(p for e in self.effects for p in e.parameters)]
+        return ParameterSet(own).with_values(self.values)
+
+    @property
+    def effect_names(self) -> tuple[str, ...]:
+        """Canonical names of the effects."""
+        return tuple(e.name for e in self.effects)
+
+    def with_effects(self, *effects: Effect) -> Plant:
+        """The same plant with more effects.
+
+        Parameters
+        ----------
+        *effects : Effect
+            To be added.
+
+        Returns
+        -------
+        Plant
+        """
+        return replace(self, effects=(*self.effects, *effects))
+
+    def without_effects(self) -> Plant:
+        """The same plant, with its values, but none of its effects."""
+        names = {p.name for p in self.rig.parameters}
+        return replace(self, effects=(), values={n: v for n, v in self.values.items() if n in names})
+
+    def with_values(self, values: Mapping[str, float]) -> Plant:
+        """The same plant with other parameter values.
+
+        Parameters
+        ----------
+        values : mapping of str to float
+            SI values by name; the rest stays.
+
+        Returns
+        -------
+        Plant
+        """
+        return replace(self, values={**self.values, **values})
+
+    def with_rig(self, rig: Rig) -> Plant:
+        """The same plant on another rig.
+
+        Parameters
+        ----------
+        rig : Rig
+            With parameters of the same names.
+
+        Returns
+        -------
+        Plant
+        """
+        return replace(self, rig=rig)
+
+    @property
+    def equations(self) -> Equations:
+        """The plant's DAE."""
+        return self.simulator.equations
+
+    @property
+    def simulator(self) -> Simulator:
+        """The compiled equations, shared by all plants of the same structure in this process."""
+        return _simulator(_Structure(self))
+
+    @property
+    def free_values(self) -> np.ndarray:
+        """Values of the free parameters, shape (n_p,), SI."""
+        return self.parameters.array(self.parameters.free)
+
+    def timeline(self, experiment: Experiment) -> Timeline:
+        """The commands of an experiment from rest on.
+
+        Parameters
+        ----------
+        experiment : Experiment
+            Recordings on one clock.
+
+        Returns
+        -------
+        Timeline
+        """
+        return Timeline.of(experiment, self.rig.start, self.rig.sample_time, self.rig.reading)
+
+    def simulate(self, experiment: Experiment, *, progress: Progress | None = None) -> Simulation:
+        """Free-run simulation from rest through the start procedure and all recordings.
+
+        Parameters
+        ----------
+        experiment : Experiment
+            Only the commands are used.
+        progress : callable, optional
+            Called with the share that is done.
+
+        Returns
+        -------
+        Simulation
+        """
+        timeline = self.timeline(experiment)
+        run = self.simulator.run(
+            timeline.commands, start=timeline.start, sample_time=timeline.sample_time,
+            rest_command=self.rig.start.rest_command, values=self.free_values, progress=progress,
+        )  # fmt: skip
+        return _simulation(run, timeline, self.equations.signals)
+
+    def record(self, experiment: Experiment, rng: np.random.Generator) -> Experiment:
+        """Make recordings: simulate, and add the sensor's noise.
+
+        Parameters
+        ----------
+        experiment : Experiment
+            Only commands and clock are used.
+        rng : numpy.random.Generator
+            Source of the noise.
+
+        Returns
+        -------
+        Experiment
+            With readings, SI.
+
+        Raises
+        ------
+        SimulationError
+            If the plant pulls in.
+        """
+        outputs = self.simulate(experiment).require().outputs
+        noisy = [y + self.rig.noise * rng.standard_normal(y.shape) for y in outputs]
+        return Experiment(
+            recordings=tuple(
+                replace(r, outputs=y, output_names=(self.rig.output_name,), output_units=(self.rig.output_unit,))
+                for r, y in zip(experiment.recordings, noisy, strict=True)
+            )
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data: rig, effects and all parameters with unit, bounds and source."""
+        return {
+            "rig": {"kind": self.rig.kind, **self.rig.to_dict()},
+            "effects": list(self.effect_names),
+            "parameters": {p.name: {"value": p.value, "unit": p.unit} for p in self.parameters.values()},
+        }
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Self:
+        """The plant that `to_dict` described.
+
+        Parameters
+        ----------
+        data : mapping
+            Plain data.
+
+        Returns
+        -------
+        Plant
+
+        Raises
+        ------
+        RigError
+            If rig, effects or parameters are not known here.
+        """
+        described = dict(data["rig"])
+        rig = rig_kind(described.pop("kind")).from_dict(described)
+        effects = tuple(effect_named(name) for name in data["effects"])
+        try:
+            values = {name: float(p["value"]) for name, p in data["parameters"].items()}
+        except (TypeError, KeyError, ValueError) as error:
+            raise RigError(f"malformed parameters: {error!r}; each needs a number under 'value'") from None
+        return cls(rig=rig, effects=effects, values=values)
+
+
+class _Structure:
+    """A plant seen as the key of its equations: what a fit can move does not count."""
+
+    def __init__(self, plant: Plant) -> None:
+        self.plant = plant
+        known = {p.name: p.value for p in plant.parameters.values() if p.known}
+        rig = {k: v for k, v in plant.rig.to_dict().items() if k not in ("reading", "noise", "sample_time")}
+        effects = [(type(e), e.name) for e in plant.effects]
+        self._key = repr((type(plant.rig), sorted(rig.items()), effects, sorted(known.items())))
+
+    def __hash__(self) -> int:
+        return hash(self._key)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Structure) and self._key == other._key
+
+
+@lru_cache(maxsize=64)
+def _simulator(structure: _Structure) -> Simulator:
+    plant = structure.plant
+    build = Builder(plant.parameters, plant.effects)
+    return Simulator(build.finish(plant.rig.write(build)))
+
+
+def _simulation(run: Run, timeline: Timeline, names: Sequence[str]) -> Simulation:
+    full = np.full(timeline.commands.size + 1, np.nan)
+    full[: run.outputs.size] = run.outputs
+    signals = np.full((len(names), timeline.commands.size + 1), np.nan)
+    if run.watched is not None:
+        signals[:, 1 : 1 + run.watched.shape[1]] = run.watched
+        signals[:, 0] = signals[:, 1]
+    failed = run.failed_at
+    return Simulation(
+        status=run.status,
+        outputs=tuple(full[None, r + 1] for r in timeline.readings),
+        watched=tuple({n: signals[k, r + 1] for k, n in enumerate(names)} for r in timeline.readings),
+        failed_at=None if failed is None else timeline.start + failed * timeline.sample_time,
+        failed_command=None if failed is None else float(timeline.commands[failed]),
+    )
+

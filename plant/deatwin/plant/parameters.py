@@ -1,0 +1,142 @@
+"""Named physical quantities with units, bounds and sources."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from deatwin.plant.errors import RigError, nearest
+
+__all__ = ["Parameter", "ParameterSet"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parameter:
+    """One physical quantity of a plant.
+
+    Parameters
+    ----------
+    name : str
+        Unique in its plant; a parameter of an effect is called ``effect.name``.
+    value : float
+        SI value.
+    unit : str
+        SI unit, ``"1"`` for a pure number.
+    lower, upper : float
+        Physical range, inclusive.
+    source : str
+        Where the value comes from.
+    logarithmic : bool
+        A fit moves the logarithm of the value (for scales that span decades); needs ``lower > 0``.
+    known : bool
+        Measured by the experimenter, so a calibration holds it.
+
+    Raises
+    ------
+    RigError
+        If the value lies outside the range or the range is empty.
+    """
+
+    name: str
+    value: float
+    unit: str
+    lower: float
+    upper: float
+    source: str = ""
+    logarithmic: bool = False
+    known: bool = False
+
+    def __post_init__(self) -> None:
+        if not self.lower <= self.value <= self.upper:
+            raise RigError(
+                f"parameter {self.name} = {self.value:g} {self.unit} is out of range: "
+                f"allowed is {self.lower:g} to {self.upper:g} {self.unit}"
+            )
+        if self.logarithmic and self.lower <= 0:
+            raise RigError(f"parameter {self.name} has a logarithmic scale: its lower bound must be above 0")
+
+
+class ParameterSet(Mapping[str, Parameter]):
+    """Immutable, ordered mapping of names to parameters.
+
+    Parameters
+    ----------
+    parameters : iterable of Parameter
+        In order; names must differ.
+
+    Raises
+    ------
+    RigError
+        If a name occurs twice.
+    """
+
+    def __init__(self, parameters: Iterable[Parameter]) -> None:
+        self._items: dict[str, Parameter] = {}
+        for parameter in parameters:
+            if parameter.name in self._items:
+                raise RigError(f"parameter {parameter.name} is given twice")
+            self._items[parameter.name] = parameter
+
+    def __getitem__(self, name: str) -> Parameter:
+        try:
+            return self._items[name]
+        except KeyError:
+            raise RigError(f"there is no parameter {name!r}{nearest(name, self._items)}") from None
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._items
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._items)
+
+    def __len__(self) -> int:
+        return len(self._items)
+
+    def __repr__(self) -> str:
+        rows = (f"{p.name} = {p.value:.6g} {p.unit}" for p in self.values())
+        return f"ParameterSet({', '.join(rows)})"
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """Names of the parameters that a calibration may move, in order."""
+        return tuple(p.name for p in self.values() if not p.known)
+
+    def array(self, names: Iterable[str] | None = None) -> np.ndarray:
+        """Values in order.
+
+        Parameters
+        ----------
+        names : iterable of str, optional
+            Which ones; all by default.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            SI values.
+        """
+        return np.array([self[name].value for name in (self if names is None else names)], dtype=float)
+
+    def with_values(self, values: Mapping[str, float]) -> ParameterSet:
+        """The same set with other values.
+
+        Parameters
+        ----------
+        values : mapping of str to float
+            New SI values by name.
+
+        Returns
+        -------
+        ParameterSet
+
+        Raises
+        ------
+        RigError
+            If a name is unknown or a value out of range.
+        """
+        for name in values:
+            self[name]
+        return ParameterSet(
+            replace(p, value=float(values[p.name])) if p.name in values else p for p in self.values()
+        )

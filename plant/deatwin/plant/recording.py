@@ -1,0 +1,319 @@
+"""Recordings and experiments: the one form in which data travels through deatwin."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from deatwin.plant.errors import DataError
+
+# Two clocks that drift apart by less than this share of a sample over a record count as one.
+_CLOCK_TOLERANCE = 0.1
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Recording:
+    """An evenly sampled record of inputs and outputs, in SI units.
+
+    Parameters
+    ----------
+    inputs : (n_inputs, n) array
+        Inputs in the units `input_units`; the command of a rig is in V.
+    outputs : (n_outputs, n) array
+        Outputs in the units `output_units`; a displacement is in m. No rows where only commands are known.
+    sample_time : float
+        Time between two samples, s.
+    start : float
+        Time of the first sample on the running clock of the experiment, s.
+    input_names, output_names : tuple of str
+        A name for each row.
+    input_units, output_units : tuple of str
+        The SI unit of each row; an empty text where it is not known.
+    extras : mapping of str to (n,) array
+        Further channels in SI units, for example ``temperature`` in K.
+    provenance : mapping of str to str
+        Where the samples come from: file, sha256 and the like.
+
+    Raises
+    ------
+    DataError
+        If shapes, names and units do not belong together, a value is not finite, or the sample time is not
+        positive.
+    """
+
+    inputs: NDArray[np.float64]
+    outputs: NDArray[np.float64]
+    sample_time: float
+    start: float = 0.0
+    input_names: tuple[str, ...] = ("command",)
+    output_names: tuple[str, ...] = ("displacement",)
+    input_units: tuple[str, ...] = ("V",)
+    output_units: tuple[str, ...] = ("m",)
+    extras: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+    provenance: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.sample_time) and self.sample_time > 0.0):
+            raise DataError(f"sample time {self.sample_time} s: it must be positive")
+        if not np.isfinite(self.start):
+            raise DataError(f"start of the recording {self.start} s: it must be finite")
+        n = np.asarray(self.inputs).shape[-1] if np.ndim(self.inputs) == 2 else -1
+        for kind in ("input", "output"):
+            values = _read_only(getattr(self, f"{kind}s"))
+            names, units = getattr(self, f"{kind}_names"), getattr(self, f"{kind}_units")
+            if values.ndim != 2 or values.shape[1] != n:
+                raise DataError(f"{kind}s have the shape {values.shape}: it must be ({kind} count, samples)")
+            if not len(names) == len(units) == len(values):
+                raise DataError(f"{len(values)} {kind}s, {len(names)} names and {len(units)} units of them")
+            for name, row in zip(names, values, strict=True):
+                _require_finite(name, row)
+            object.__setattr__(self, f"{kind}s", values)
+        extras = {name: _read_only(values) for name, values in self.extras.items()}
+        for name, values in extras.items():
+            if values.shape != (n,):
+                raise DataError(f'extra channel "{name}" has the shape {values.shape}: it must be ({n},)')
+            _require_finite(name, values)
+        object.__setattr__(self, "extras", extras)
+        object.__setattr__(self, "provenance", dict(self.provenance))
+
+    @classmethod
+    def from_arrays(
+        cls,
+        inputs: ArrayLike,
+        outputs: ArrayLike,
+        sample_time: float,
+        *,
+        start: float = 0.0,
+        input_names: Sequence[str] | None = None,
+        output_names: Sequence[str] | None = None,
+        input_units: Sequence[str] | None = None,
+        output_units: Sequence[str] | None = None,
+        extras: Mapping[str, ArrayLike] | None = None,
+        provenance: Mapping[str, str] | None = None,
+    ) -> Self:
+        """Make a recording of arrays; one-dimensional ones become one row.
+
+        Parameters
+        ----------
+        inputs, outputs : (n,) or (rows, n) array_like
+            Samples in SI units; without names and units one input is a command in V and one output a
+            displacement in m.
+        sample_time : float
+            Time between two samples, s.
+        start : float
+            Time of the first sample, s.
+        input_names, output_names : sequence of str, optional
+            A name for each row.
+        input_units, output_units : sequence of str, optional
+            The SI unit of each row; unknown ("") where names are given without units.
+        extras : mapping of str to (n,) array_like, optional
+            Further channels in SI units.
+        provenance : mapping of str to str, optional
+            Where the samples come from.
+
+        Returns
+        -------
+        Recording
+
+        Raises
+        ------
+        DataError
+            As the class itself.
+
+        Examples
+        --------
+        >>> Recording.from_arrays([1.0, 2.0, 3.0], [0.0, 1e-4, 2e-4], 0.02).outputs.shape
+        (1, 3)
+        """
+        rows_in, rows_out = (np.atleast_2d(np.asarray(rows, dtype=np.float64)) for rows in (inputs, outputs))
+        names_in, units_in = _labels("input", len(rows_in), input_names, input_units, ("command", "V"))
+        names_out, units_out = _labels(
+            "output", len(rows_out), output_names, output_units, ("displacement", "m")
+        )
+        return cls(
+            inputs=rows_in,
+            outputs=rows_out,
+            sample_time=float(sample_time),
+            start=float(start),
+            input_names=names_in,
+            output_names=names_out,
+            input_units=units_in,
+            output_units=units_out,
+            extras={name: np.asarray(values, dtype=np.float64) for name, values in (extras or {}).items()},
+            provenance=provenance or {},
+        )
+
+    @property
+    def n_samples(self) -> int:
+        """Number of samples."""
+        return int(self.inputs.shape[1])
+
+    @property
+    def timepts(self) -> NDArray[np.float64]:
+        """Times of the samples on the running clock, (n,) in s."""
+        return self.start + self.sample_time * np.arange(self.n_samples, dtype=np.float64)
+
+    @property
+    def duration(self) -> float:
+        """Length of the record, s; the last sample lasts as long as the others."""
+        return self.n_samples * self.sample_time
+
+    @property
+    def end(self) -> float:
+        """Time at which the last sample ends, s."""
+        return self.start + self.duration
+
+    def section(self, first: int, last: int) -> Self:
+        """Return the samples ``first`` to ``last - 1``; the clock is kept.
+
+        Parameters
+        ----------
+        first, last : int
+            Sample numbers, ``0 <= first < last <= n_samples``.
+
+        Returns
+        -------
+        Recording
+
+        Raises
+        ------
+        DataError
+            If the section is empty or reaches outside of the record.
+        """
+        if not 0 <= first < last <= self.n_samples:
+            raise DataError(f"section [{first}, {last}) of a record of {self.n_samples} samples")
+        return replace(
+            self,
+            inputs=self.inputs[:, first:last],
+            outputs=self.outputs[:, first:last],
+            start=self.start + first * self.sample_time,
+            extras={name: values[first:last] for name, values in self.extras.items()},
+        )
+
+    def __repr__(self) -> str:
+        signals = ", ".join(
+            f"{name} [{unit or '?'}]"
+            for name, unit in zip(
+                self.input_names + self.output_names, self.input_units + self.output_units, strict=True
+            )
+        )
+        return (
+            f"<Recording: {self.n_samples} samples, every {self.sample_time:g} s\n"
+            f"  clock {self.start:g} to {self.end:g} s\n"
+            f"  {signals}>"
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Experiment:
+    """Recordings on one running clock, in the order of their times.
+
+    Parameters
+    ----------
+    recordings : tuple of Recording
+        At least one; put in order by their start.
+
+    Raises
+    ------
+    DataError
+        If there are none, two of them overlap, or they differ in sample time or signals.
+    """
+
+    recordings: tuple[Recording, ...]
+
+    def __post_init__(self) -> None:
+        if not self.recordings:
+            raise DataError("an experiment needs at least one recording")
+        ordered = tuple(sorted(self.recordings, key=lambda recording: recording.start))
+        for before, after in pairwise(ordered):
+            _require_one_clock(before, after)
+        object.__setattr__(self, "recordings", ordered)
+
+    @property
+    def sample_time(self) -> float:
+        """Time between two samples, s."""
+        return self.recordings[0].sample_time
+
+    @property
+    def start(self) -> float:
+        """Time of the first sample, s."""
+        return self.recordings[0].start
+
+    @property
+    def end(self) -> float:
+        """Time at which the last sample ends, s."""
+        return self.recordings[-1].end
+
+    @property
+    def n_samples(self) -> int:
+        """Number of samples of all recordings."""
+        return sum(recording.n_samples for recording in self.recordings)
+
+
+def label(recording: Recording) -> str:
+    """Return how an error text calls a recording: its file, or its times.
+
+    Parameters
+    ----------
+    recording : Recording
+
+    Returns
+    -------
+    str
+    """
+    return recording.provenance.get("file") or f"recording of {recording.start:g} to {recording.end:g} s"
+
+
+def _require_one_clock(before: Recording, after: Recording) -> None:
+    """Raise DataError unless the second recording can follow the first in one experiment."""
+    pair = f"{label(before)} and {label(after)}"
+    drift = abs(after.sample_time - before.sample_time) * max(before.n_samples, after.n_samples)
+    if drift > _CLOCK_TOLERANCE * before.sample_time:
+        raise DataError(
+            f"{pair}: sample times {before.sample_time:g} s and {after.sample_time:g} s; "
+            "the recordings of one experiment need the same"
+        )
+    if after.start < before.end - _CLOCK_TOLERANCE * before.sample_time:
+        raise DataError(
+            f"{pair}: they overlap between {after.start:g} s and {min(before.end, after.end):g} s; "
+            "recordings given together are one experiment on one running clock, "
+            "so give separate experiments separately (--experiment)"
+        )
+    for kind in ("input_names", "output_names", "input_units", "output_units"):
+        if getattr(before, kind) != getattr(after, kind):
+            raise DataError(
+                f"{pair}: {kind.replace('_', ' ')} differ: "
+                f"{', '.join(getattr(before, kind))} and {', '.join(getattr(after, kind))}"
+            )
+
+
+def _labels(
+    kind: str, count: int, names: Sequence[str] | None, units: Sequence[str] | None, single: tuple[str, str]
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return names and units of the rows, with the defaults that `Recording.from_arrays` documents."""
+    if names is None and count == 1:
+        return (single[0],), tuple(units) if units is not None else (single[1],)
+    names = tuple(names) if names is not None else tuple(f"{kind}_{row + 1}" for row in range(count))
+    return tuple(names), tuple(units) if units is not None else ("",) * count
+
+
+def _read_only(values: ArrayLike) -> NDArray[np.float64]:
+    """Return float64 values that cannot be written: the same array if it is so already, else a copy."""
+    array = np.asarray(values, dtype=np.float64)
+    if array.flags.writeable:
+        array = array.copy()
+        array.flags.writeable = False
+    return array
+
+
+def _require_finite(name: str, values: NDArray[np.float64]) -> None:
+    """Raise DataError where a channel holds a value that is not finite."""
+    finite = np.isfinite(values)
+    if not finite.all():
+        sample = int(np.argmin(finite))
+        raise DataError(
+            f'channel "{name}" is {values[sample]} at sample {sample}: every value must be finite'
+        )

@@ -1,0 +1,98 @@
+"""The state of rest of a plant, and how it moves with the parameters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from deatwin.plant.equations import Equations
+
+__all__ = ["RestState", "rest_state"]
+
+UPDATES = 60
+SETTLED = 1e-11
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RestState:
+    """Equilibrium under a constant command.
+
+    Parameters
+    ----------
+    found : bool
+        Whether an equilibrium was found.
+    x, z, d : ndarray
+        States, coordinates and held quantities, SI.
+    x_p, z_p, d_p : ndarray, shape (n, n_p)
+        Their derivatives by the free parameters.
+    """
+
+    found: bool
+    x: np.ndarray
+    z: np.ndarray
+    d: np.ndarray
+    x_p: np.ndarray
+    z_p: np.ndarray
+    d_p: np.ndarray
+
+
+def rest_state(equations: Equations, command: float, values: np.ndarray) -> RestState:
+    """Find the state of rest by a damped Newton method.
+
+    Parameters
+    ----------
+    equations : Equations
+        The plant's DAE.
+    command : float
+        The command at rest, in its unit.
+    values : ndarray, shape (n_p,)
+        Free parameters, SI.
+
+    Returns
+    -------
+    RestState
+        With `found` false, and the last iterate, where there is no equilibrium in reach.
+    """
+    functions = _functions(equations)
+    constants = equations.constants
+    w = np.asarray(equations.guess(values, constants)).ravel()
+    found = False
+    for _ in range(UPDATES):
+        residual, jacobian = (np.asarray(v) for v in functions[0](w, command, values, constants))
+        if not (np.isfinite(residual).all() and np.isfinite(jacobian).all()):
+            break
+        step = np.linalg.lstsq(jacobian, residual.ravel(), rcond=None)[0]
+        size = np.max(np.abs(step) / equations.scale)
+        # A step of a tenth of the unknowns' scale keeps Newton inside the material's range of stretches.
+        w = w - step * min(1.0, 0.1 / size if size > 0 else 1.0)
+        if size < SETTLED:
+            found = True
+            break
+    n_x = len(equations.states)
+    w_p = np.asarray(functions[1](w, command, values, constants))
+    d, d_w, d_p = (np.asarray(v) for v in functions[2](w, values, constants))
+    return RestState(
+        found=found, x=w[:n_x], z=w[n_x:], d=d.ravel(), x_p=w_p[:n_x], z_p=w_p[n_x:], d_p=d_w @ w_p + d_p
+    )
+
+
+def _functions(equations: Equations) -> tuple[ca.Function, ca.Function, ca.Function]:
+    """Residual with its Jacobian, slope of the solution, and held quantities with their derivatives."""
+    n_x = len(equations.states)
+    w = ca.SX.sym("w", equations.scale.size)
+    u = ca.SX.sym("u")
+    p = ca.SX.sym("p", len(equations.parameters.free))
+    c = ca.SX.sym("c", equations.constants.size)
+    r = equations.rest(w[:n_x], w[n_x:], u, p, c)
+    r_w, r_p = ca.jacobian(r, w), ca.jacobian(r, p)
+    d = equations.hold(w[:n_x], w[n_x:], p, c)
+    slope_w, slope_p = ca.MX.sym("w", w.numel()), ca.MX.sym("p", p.numel())
+    slope_u, slope_c = ca.MX.sym("u"), ca.MX.sym("c", c.numel())
+    parts = ca.Function("parts", [w, u, p, c], [ca.densify(r_w), r_p])(slope_w, slope_u, slope_p, slope_c)
+    return (
+        ca.Function("rest_residual", [w, u, p, c], [r, ca.densify(r_w)]),
+        ca.Function("rest_slope", [slope_w, slope_u, slope_p, slope_c], [-ca.solve(parts[0], parts[1], "qr")]),
+        ca.Function("held", [w, p, c], [d, ca.densify(ca.jacobian(d, w)), ca.densify(ca.jacobian(d, p))]),
+    )

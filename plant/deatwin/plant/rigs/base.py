@@ -1,0 +1,117 @@
+"""What a rig is: kinematics, loads and a reading, written as equations."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any, ClassVar
+
+from deatwin.plant.equations import Builder
+from deatwin.plant.parameters import Parameter
+
+__all__ = ["ReadingTime", "Rig", "StartProcedure"]
+
+
+class ReadingTime(Enum):
+    """When, within its row, a reading is taken."""
+
+    END_OF_HOLD = "end of hold"
+    """The row's command has acted for a whole sample when the row's reading is taken."""
+    START_OF_HOLD = "start of hold"
+    """The row's reading is taken at the instant at which the row's command is applied."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class StartProcedure:
+    """How an experiment goes from rest to its first command.
+
+    Parameters
+    ----------
+    rest_command : float
+        Command at which the plant rested, in the unit of the command.
+    ramp : float
+        Time over which the command goes linearly to the first one, s.
+    hold : float
+        Time for which the first one is then held, s.
+    """
+
+    rest_command: float
+    ramp: float
+    hold: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rig(ABC):
+    """Kinematics and loads of an experiment.
+
+    Parameters
+    ----------
+    sample_time : float
+        s.
+    noise : float
+        Standard deviation of the sensor's noise, SI.
+    reading : ReadingTime
+        When in its row a reading is taken.
+    """
+
+    sample_time: float
+    noise: float
+    reading: ReadingTime = ReadingTime.END_OF_HOLD
+
+    kind: ClassVar[str]
+    input_name: ClassVar[str]
+    input_unit: ClassVar[str]
+    output_name: ClassVar[str]
+    output_unit: ClassVar[str]
+    model_error: ClassVar[float]
+    """Rms error of the rig's own equations against a finer model, SI."""
+
+    @property
+    @abstractmethod
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Parameters of the base plant."""
+
+    @property
+    @abstractmethod
+    def start(self) -> StartProcedure:
+        """How an experiment starts."""
+
+    @abstractmethod
+    def write(self, build: Builder) -> Any:
+        """Write the equations.
+
+        Parameters
+        ----------
+        build : Builder
+            Takes states, coordinates, rates and balances.
+
+        Returns
+        -------
+        casadi.SX
+            The reading, SI.
+        """
+
+    @abstractmethod
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data from which `from_dict` makes the same rig."""
+
+    @classmethod
+    @abstractmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Rig:
+        """The rig that `to_dict` described.
+
+        Parameters
+        ----------
+        data : mapping
+            Plain data.
+
+        Returns
+        -------
+        Rig
+        """
+
+    def rivals(self) -> tuple[Rig, ...]:
+        """Other readings of what the experimenter left open; this one is not among them."""
+        return ()

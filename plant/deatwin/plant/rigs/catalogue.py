@@ -1,0 +1,47 @@
+"""All rigs that this installation knows: the project's own and those of others, by entry points."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from importlib.metadata import entry_points
+
+from deatwin.plant.errors import RigError, nearest
+from deatwin.plant.rigs.base import Rig
+
+__all__ = ["rig_kind"]
+
+GROUP = "deatwin.rigs"
+
+
+@lru_cache(maxsize=1)
+def _kinds() -> dict[str, type[Rig]]:
+    kinds = [point.load() for point in entry_points(group=GROUP)]
+    return {kind.kind: kind for kind in kinds}
+
+
+def rig_kind(name: str) -> type[Rig]:
+    """The class of a rig.
+
+    Parameters
+    ----------
+    name : str
+        For example ``"diaphragm"``.
+
+    Returns
+    -------
+    type
+
+    Raises
+    ------
+    RigError
+        If there is none.
+
+    Examples
+    --------
+    >>> rig_kind("diaphragm").__name__
+    'Diaphragm'
+    """
+    try:
+        return _kinds()[name]
+    except KeyError:
+        raise RigError(f"there is no rig {name!r}{nearest(name, _kinds())} (known: {', '.join(_kinds())})") from None

@@ -1,0 +1,334 @@
+"""Rig files: what the experimenter knows of a rig, as TOML.
+
+| section | key | range | default |
+|---|---|---|---|
+| film | material | text | required |
+| film | thickness_mm | 0.001 to 10, before stretching | required |
+| film | prestretch | 1 to 10, equal-biaxial | required |
+| film | frame_diameter_mm | 1 to 1000 | required |
+| film | electrode_diameter_mm | 0.1 to 1000, below the frame's | required |
+| film | ball | "bonded" or "sliding" | not known: the plant's own choice |
+| load | mass_g | 0 to 1000 | required |
+| load | contact_diameter_mm | 0.01 to 1000, below the electrode's | required |
+| drive | gain | 1 to 100000, film volts a command volt | required |
+| drive | start_ramp_s, start_hold_s | 0 to 86400 | required |
+| drive | command_min_V, command_max_V | -1000 to 1000, min below max | not known |
+| sensor | sample_rate_Hz | 0.001 to 1000000 | required |
+| sensor | noise_um | 0 to 10000, rms | required |
+| sensor | resolution_um | 0 to 10000 | 0 |
+| sensor | zero | "displacement at zero volts" | required |
+"""
+
+import math
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Self
+
+from deatwin.plant.errors import RigError, nearest
+
+
+@dataclass(frozen=True, kw_only=True)
+class FilmSpec:
+    """The film: lengths in m, `thickness` before stretching; `ball` is None where it is not known."""
+
+    material: str
+    thickness: float
+    prestretch: float
+    frame_diameter: float
+    electrode_diameter: float
+    ball: str | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class LoadSpec:
+    """The ball at the centre: mass in kg, diameter of the contact in m."""
+
+    mass: float
+    contact_diameter: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class DriveSpec:
+    """The drive: gain in film volts a command volt, start procedure in s, range of commands in V or None."""
+
+    gain: float
+    start_ramp: float
+    start_hold: float
+    command_min: float | None = None
+    command_max: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class SensorSpec:
+    """The sensor: sample rate in Hz, rms noise and resolution in m, and what its zero is."""
+
+    sample_rate: float
+    noise: float
+    zero: str
+    resolution: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class RigFile:
+    """A rig as its experimenter knows it, in SI units.
+
+    Parameters
+    ----------
+    film : FilmSpec
+    load : LoadSpec
+    drive : DriveSpec
+    sensor : SensorSpec
+    source : str
+        The file that it was read from.
+    """
+
+    film: FilmSpec
+    load: LoadSpec
+    drive: DriveSpec
+    sensor: SensorSpec
+    source: str = ""
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any], source: str = "rig") -> Self:
+        """Make a rig of the sections and keys of a rig file.
+
+        Parameters
+        ----------
+        data : mapping of str to mapping
+            Sections, keys and values as the file has them, in its units.
+        source : str
+            What error texts call the rig.
+
+        Returns
+        -------
+        RigFile
+
+        Raises
+        ------
+        RigError
+            If a section or key is unknown or missing, or a value has the wrong type or lies out of range.
+        """
+        for section in data:
+            if section not in _SECTIONS:
+                raise RigError(f"{source}: unknown section [{section}]{nearest(section, _SECTIONS)}")
+        specs = {section: _read_section(section, data.get(section), source) for section in _SECTIONS}
+        rig = cls(**specs, source=source)
+        _check_order(rig)
+        return rig
+
+    def to_dict(self) -> dict[str, dict[str, Any]]:
+        """Return sections, keys and values as a rig file has them, in its units, ready for JSON.
+
+        Returns
+        -------
+        dict of str to dict
+            ``RigFile.from_dict(rig.to_dict(), rig.source) == rig``; keys that are not known are left out.
+        """
+        return {
+            section: {
+                name: key.to_file(value)
+                for name, key in keys.items()
+                if (value := getattr(getattr(self, section), key.field)) is not None
+            }
+            for section, (_, keys) in _SECTIONS.items()
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Number:
+    """A number of the file: its field, its range in the file's unit, and file units in one SI unit."""
+
+    field: str
+    lower: float
+    upper: float
+    per_si: float = 1.0
+    required: bool = True
+
+    def read(self, value: object, place: str) -> float:
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise RigError(f"{place}: {_toml(value)} is {_kind(value)}; it must be a number")
+        if not math.isfinite(value) or not self.lower <= value <= self.upper:
+            raise RigError(
+                f"{place}: {value} is out of range; it must be from {self.lower:g} to {self.upper:g}"
+            )
+        return value / self.per_si
+
+    def to_file(self, value: float) -> float:
+        return float(f"{value * self.per_si:.12g}")  # 12 digits drop what the conversion added
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Text:
+    """A text of the file: its field, and the texts that are allowed; any where none are named."""
+
+    field: str
+    choices: tuple[str, ...] = ()
+    required: bool = True
+
+    def read(self, value: object, place: str) -> str:
+        if not isinstance(value, str):
+            raise RigError(f"{place}: {_toml(value)} is {_kind(value)}; it must be a text in quotes")
+        if self.choices and value not in self.choices:
+            allowed = " or ".join(f'"{choice}"' for choice in self.choices)
+            raise RigError(f'{place}: "{value}" is not known; it must be {allowed}')
+        if not value.strip():
+            raise RigError(f"{place}: the text is empty")
+        return value
+
+    def to_file(self, value: str) -> str:
+        return value
+
+
+_Keys = Mapping[str, _Number | _Text]
+_SECTIONS: dict[str, tuple[type, _Keys]] = {
+    "film": (
+        FilmSpec,
+        {
+            "material": _Text(field="material"),
+            "thickness_mm": _Number(field="thickness", lower=0.001, upper=10.0, per_si=1e3),
+            "prestretch": _Number(field="prestretch", lower=1.0, upper=10.0),
+            "frame_diameter_mm": _Number(field="frame_diameter", lower=1.0, upper=1e3, per_si=1e3),
+            "electrode_diameter_mm": _Number(field="electrode_diameter", lower=0.1, upper=1e3, per_si=1e3),
+            "ball": _Text(field="ball", choices=("bonded", "sliding"), required=False),
+        },
+    ),
+    "load": (
+        LoadSpec,
+        {
+            "mass_g": _Number(field="mass", lower=0.0, upper=1e3, per_si=1e3),
+            "contact_diameter_mm": _Number(field="contact_diameter", lower=0.01, upper=1e3, per_si=1e3),
+        },
+    ),
+    "drive": (
+        DriveSpec,
+        {
+            "gain": _Number(field="gain", lower=1.0, upper=1e5),
+            "start_ramp_s": _Number(field="start_ramp", lower=0.0, upper=86400.0),
+            "start_hold_s": _Number(field="start_hold", lower=0.0, upper=86400.0),
+            "command_min_V": _Number(field="command_min", lower=-1e3, upper=1e3, required=False),
+            "command_max_V": _Number(field="command_max", lower=-1e3, upper=1e3, required=False),
+        },
+    ),
+    "sensor": (
+        SensorSpec,
+        {
+            "sample_rate_Hz": _Number(field="sample_rate", lower=1e-3, upper=1e6),
+            "noise_um": _Number(field="noise", lower=0.0, upper=1e4, per_si=1e6),
+            "resolution_um": _Number(field="resolution", lower=0.0, upper=1e4, per_si=1e6, required=False),
+            "zero": _Text(field="zero", choices=("displacement at zero volts",)),
+        },
+    ),
+}
+
+
+def read_rig(path: str | Path) -> RigFile:
+    """Read a rig file.
+
+    Parameters
+    ----------
+    path : str or Path
+        A TOML file with the sections and keys that this module's docstring lists.
+
+    Returns
+    -------
+    RigFile
+        In SI units.
+
+    Raises
+    ------
+    RigError
+        If the file is missing or not TOML, or as `RigFile.from_dict`.
+    """
+    try:
+        data = tomllib.loads(Path(path).read_bytes().decode("utf-8-sig"))
+    except OSError as error:
+        raise RigError(f"{path}: the rig file cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError as error:
+        raise RigError(f"{path}: not UTF-8 text at byte {error.start}; save the rig file as UTF-8") from None
+    except tomllib.TOMLDecodeError as error:
+        raise RigError(f"{path}: not TOML: {error}") from None
+    return RigFile.from_dict(data, source=str(path))
+
+
+def _read_section(section: str, values: object, source: str) -> Any:
+    """Return the specification that a section of the file describes."""
+    spec, keys = _SECTIONS[section]
+    if values is None:
+        raise RigError(f"{source}: the section [{section}] is missing; it must hold {_required(keys)}")
+    if not isinstance(values, Mapping):
+        raise RigError(f"{source}: {section} is {_kind(values)}; it must be a section [{section}]")
+    for name in values:
+        if name not in keys:
+            raise RigError(f'{source}, [{section}]: unknown key "{name}"{_right_key(name, section)}')
+    for name, key in keys.items():
+        if key.required and name not in values:
+            raise RigError(f'{source}, [{section}]: the key "{name}" is missing')
+    return spec(
+        **{
+            keys[name].field: keys[name].read(value, f"{source}, [{section}] {name}")
+            for name, value in values.items()
+        }
+    )
+
+
+def _right_key(name: str, section: str) -> str:
+    """Return what to offer for an unknown key: its own section, else the nearest name, else all."""
+    for other, (_, keys) in _SECTIONS.items():
+        if name in keys:
+            return f"; it belongs into [{other}]"
+    keys = _SECTIONS[section][1]
+    return nearest(name, keys) or f"; known are {', '.join(keys)}"
+
+
+def _check_order(rig: RigFile) -> None:
+    """Refuse a rig of which one part cannot hold another."""
+    film, load, drive = rig.film, rig.load, rig.drive
+    if film.electrode_diameter >= film.frame_diameter:
+        raise RigError(
+            f"{rig.source}, [film] electrode_diameter_mm: {film.electrode_diameter * 1e3:g} is out of range; "
+            f"it must be below frame_diameter_mm, {film.frame_diameter * 1e3:g}"
+        )
+    if load.contact_diameter >= film.electrode_diameter:
+        raise RigError(
+            f"{rig.source}, [load] contact_diameter_mm: {load.contact_diameter * 1e3:g} is out of range; "
+            f"it must be below electrode_diameter_mm, {film.electrode_diameter * 1e3:g}"
+        )
+    if (
+        drive.command_min is not None
+        and drive.command_max is not None
+        and drive.command_min >= drive.command_max
+    ):
+        raise RigError(
+            f"{rig.source}, [drive] command_min_V: {drive.command_min:g} is out of range; "
+            f"it must be below command_max_V, {drive.command_max:g}"
+        )
+
+
+def _required(keys: _Keys) -> str:
+    return ", ".join(name for name, key in keys.items() if key.required)
+
+
+def _kind(value: object) -> str:
+    """Return what TOML calls a value."""
+    kinds = {
+        bool: "a truth value",
+        int: "a number",
+        float: "a number",
+        str: "a text",
+        list: "a list",
+        dict: "a table",
+    }
+    return kinds.get(type(value), "a date or time")
+
+
+def _toml(value: object) -> str:
+    """Return a value as it stands in a TOML file, near enough for an error text."""
+    return (
+        str(value).lower()
+        if isinstance(value, bool)
+        else f'"{value}"'
+        if isinstance(value, str)
+        else str(value)
+    )

@@ -1,0 +1,210 @@
+"""Simulation of a plant over a sequence of held commands, with exact sensitivities."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+
+import casadi as ca
+import numpy as np
+
+from deatwin.plant.collocation import SETTLED, step_functions
+from deatwin.plant.compiled import compile_functions
+from deatwin.plant.equations import Equations
+from deatwin.plant.rest import rest_state
+
+__all__ = ["Run", "RunStatus", "Simulator"]
+
+CHUNK = 200
+"""Samples in one call of compiled code."""
+
+Progress = Callable[[float], None]
+
+
+class RunStatus(Enum):
+    """How a simulation ended; the text is the advice."""
+
+    DONE = "the simulation reached its end"
+    NO_REST = "no state of rest was found: the film is too soft for its load, or a parameter is far off"
+    PULL_IN = "no equilibrium of the film in reach (pull-in or loss of tension): lower the voltage or stiffen the film"
+
+    @property
+    def ok(self) -> bool:
+        """Whether the whole simulation is valid."""
+        return self is RunStatus.DONE
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Run:
+    """What a simulation gave.
+
+    Parameters
+    ----------
+    status : RunStatus
+        How it ended.
+    outputs : ndarray, shape (1 + m,)
+        Reading at rest, then at the end of each sample that is valid, SI.
+    sensitivities : ndarray, shape (1 + m, n_p), or None
+        Derivative of `outputs` by the free parameters.
+    watched : ndarray, shape (n_signals, m), or None
+        The plant's named signals at the end of each sample (plain runs).
+    failed_at : int or None
+        Sample in which the simulation failed.
+    """
+
+    status: RunStatus
+    outputs: np.ndarray
+    sensitivities: np.ndarray | None
+    watched: np.ndarray | None
+    failed_at: int | None
+
+
+class Simulator:
+    """A plant's equations, made ready to run.
+
+    Parameters
+    ----------
+    equations : Equations
+        The DAE.
+    """
+
+    def __init__(self, equations: Equations) -> None:
+        self.equations = equations
+        step = step_functions(equations)
+        marches = {
+            "plain_march": step.plain.mapaccum("plain_march", CHUNK, [0, 1], [0, 1]),
+            "sensitive_march": step.sensitive.mapaccum("sensitive_march", CHUNK, [0, 1, 2], [0, 1, 2]),
+        }
+        self._march = compile_functions(marches)
+
+    def run(
+        self,
+        commands: np.ndarray,
+        *,
+        start: float,
+        sample_time: float,
+        rest_command: float,
+        values: np.ndarray,
+        progress: Progress | None = None,
+    ) -> Run:
+        """Simulate from rest.
+
+        Parameters
+        ----------
+        commands : ndarray, shape (n,)
+            Each held for one sample.
+        start : float
+            Clock time of the first, s.
+        sample_time : float
+            s.
+        rest_command : float
+            Command at rest.
+        values : ndarray, shape (n_p,)
+            Free parameters, SI.
+        progress : callable, optional
+            Called with the share that is done.
+
+        Returns
+        -------
+        Run
+            Without sensitivities.
+        """
+        rest = rest_state(self.equations, rest_command, values)
+        if not rest.found:
+            return Run(status=RunStatus.NO_REST, outputs=np.empty(0), sensitivities=None, watched=None, failed_at=0)
+        first = float(self._reading(rest.x, rest.z, rest.d, rest_command, start, values))
+        state = [rest.x, rest.z]
+        outputs, watched = [np.array([first])], []
+        held = np.repeat(rest.d[:, None], CHUNK, axis=1)
+        for begin, count, inputs in self._chunks(commands, start, sample_time, values):
+            x, z, y, w, update = self._march["plain_march"](*state, held, *inputs)
+            good = _valid(update, y, count)
+            outputs.append(np.asarray(y).ravel()[:good])
+            watched.append(np.asarray(w)[:, :good])
+            if progress is not None:
+                progress((begin + count) / commands.size)
+            if good < count:
+                return self._failed(begin + good, outputs, None, np.hstack(watched))
+            state = [x[:, -1], z[:, -1]]
+        signals = np.hstack(watched) if watched else np.empty((len(self.equations.signals), 0))
+        return Run(
+            status=RunStatus.DONE, outputs=np.concatenate(outputs), sensitivities=None, watched=signals,
+            failed_at=None,
+        )  # fmt: skip
+
+    def run_with_sensitivities(
+        self, commands: np.ndarray, *, start: float, sample_time: float, rest_command: float, values: np.ndarray
+    ) -> Run:
+        """Simulate from rest together with the derivatives by all free parameters.
+
+        Parameters
+        ----------
+        commands, start, sample_time, rest_command, values
+            As for `run`.
+
+        Returns
+        -------
+        Run
+            Without watched signals.
+        """
+        rest = rest_state(self.equations, rest_command, values)
+        if not rest.found:
+            return Run(status=RunStatus.NO_REST, outputs=np.empty(0), sensitivities=None, watched=None, failed_at=0)
+        n_p = values.size
+        point = (rest.x, rest.z, rest.d, rest_command, start, values, self.equations.constants)
+        first = float(self.equations.output(*point))
+        outputs, slopes = [np.array([first])], [self._rest_slope(point, rest.x_p, rest.z_p, rest.d_p)]
+        state = [rest.x, rest.z, rest.x_p]
+        held, held_p = np.repeat(rest.d[:, None], CHUNK, axis=1), np.tile(rest.d_p, (1, CHUNK))
+        for begin, count, inputs in self._chunks(commands, start, sample_time, values):
+            x, z, dx, y, dy, update = self._march["sensitive_march"](*state, held_p, held, *inputs)
+            good = _valid(update, y, count)
+            outputs.append(np.asarray(y).ravel()[:good])
+            slopes.append(np.asarray(dy).reshape(CHUNK, n_p)[:good])
+            if good < count:
+                return self._failed(begin + good, outputs, np.vstack(slopes), None)
+            state = [x[:, -1], z[:, -1], dx[:, -n_p:]]
+        return Run(
+            status=RunStatus.DONE, outputs=np.concatenate(outputs), sensitivities=np.vstack(slopes),
+            watched=None, failed_at=None,
+        )  # fmt: skip
+
+    def _chunks(self, commands: np.ndarray, start: float, sample_time: float, values: np.ndarray):  # type: ignore[no-untyped-def]
+        """Commands in pieces of `CHUNK`, the last one filled up with its last command."""
+        fixed = [
+            np.full((1, CHUNK), sample_time),
+            np.repeat(values[:, None], CHUNK, axis=1),
+            np.repeat(self.equations.constants[:, None], CHUNK, axis=1),
+        ]
+        for begin in range(0, commands.size, CHUNK):
+            piece = commands[begin : begin + CHUNK]
+            padded = np.concatenate([piece, np.full(CHUNK - piece.size, piece[-1])])
+            times = start + sample_time * np.arange(begin, begin + CHUNK)
+            yield begin, piece.size, [padded[None], times[None], *fixed]
+
+    def _reading(
+        self, x: np.ndarray, z: np.ndarray, d: np.ndarray, command: float, time: float, values: np.ndarray
+    ) -> ca.DM:
+        return self.equations.output(x, z, d, command, time, values, self.equations.constants)
+
+    def _rest_slope(self, point: tuple, x_p: np.ndarray, z_p: np.ndarray, d_p: np.ndarray) -> np.ndarray:  # type: ignore[type-arg]
+        output = self.equations.output
+        names = output.name_in()
+        slopes = [np.asarray(output.factory("s", names, [f"jac:{output.name_out(0)}:{n}"])(*point)) for n in
+                  (names[0], names[1], names[2], names[5])]  # fmt: skip
+        return slopes[0] @ x_p + slopes[1] @ z_p + slopes[2] @ d_p + slopes[3]
+
+    def _failed(
+        self, sample: int, outputs: list[np.ndarray], slopes: np.ndarray | None, watched: np.ndarray | None
+    ) -> Run:
+        return Run(
+            status=RunStatus.PULL_IN, outputs=np.concatenate(outputs), sensitivities=slopes, watched=watched,
+            failed_at=sample,
+        )  # fmt: skip
+
+
+def _valid(update: ca.DM, reading: ca.DM, count: int) -> int:
+    """How many of the first `count` samples converged to finite readings."""
+    bad = ~((np.asarray(update).ravel()[:count] <= SETTLED) & np.isfinite(np.asarray(reading).ravel()[:count]))
+    return int(np.argmax(bad)) if bad.any() else count

@@ -1,0 +1,90 @@
+"""The commands of an experiment on one running clock, from rest to the end of its last recording."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from deatwin.plant.errors import DataError
+from deatwin.plant.recording import Experiment
+from deatwin.plant.rigs.base import ReadingTime, StartProcedure
+
+__all__ = ["Timeline"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Timeline:
+    """Commands held for one sample each.
+
+    Parameters
+    ----------
+    commands : ndarray, shape (n,)
+        From the start procedure through all recordings, in the command's unit.
+    start : float
+        Clock time at which the first command is applied, s.
+    sample_time : float
+        s.
+    readings : tuple of ndarray of int
+        For each recording, the sample at whose end each of its rows was read; -1 is the state before the first.
+    """
+
+    commands: np.ndarray
+    start: float
+    sample_time: float
+    readings: tuple[np.ndarray, ...]
+
+    @classmethod
+    def of(
+        cls, experiment: Experiment, procedure: StartProcedure, sample_time: float, reading: ReadingTime
+    ) -> Timeline:
+        """Lay out an experiment.
+
+        Parameters
+        ----------
+        experiment : Experiment
+            Recordings on one clock.
+        procedure : StartProcedure
+            How it began.
+        sample_time : float
+            Of the plant, s.
+        reading : ReadingTime
+            When in its row a reading is taken.
+
+        Returns
+        -------
+        Timeline
+
+        Raises
+        ------
+        DataError
+            If the recordings have another sample time than the plant.
+        """
+        if abs(experiment.sample_time / sample_time - 1) > 1e-3:
+            raise DataError(
+                f"the recording is sampled every {experiment.sample_time:g} s but the rig file says "
+                f"{sample_time:g} s ({1 / sample_time:g} Hz); correct sample_rate_Hz or resample the recording"
+            )
+        parts = [_start_commands(procedure, experiment.recordings[0].inputs[0, 0], sample_time)]
+        origin = experiment.start - parts[0].size * sample_time
+        first, readings = parts[0].size, []
+        offset = 0 if reading is ReadingTime.END_OF_HOLD else -1
+        for record in experiment.recordings:
+            at = round((record.start - origin) / sample_time)
+            if at > first:  # between records the last command is held
+                parts.append(np.full(at - first, parts[-1][-1] if parts[-1].size else record.inputs[0, 0]))
+            parts.append(record.inputs[0])
+            readings.append(np.arange(at, at + record.n_samples) + offset)
+            first = at + record.n_samples
+        return cls(
+            commands=np.concatenate(parts), start=origin, sample_time=sample_time, readings=tuple(readings)
+        )
+
+
+def _start_commands(procedure: StartProcedure, first: float, sample_time: float) -> np.ndarray:
+    """Linear ramp, then hold. Each held value is the ramp's mean over its sample."""
+    ramp = round(procedure.ramp / sample_time)
+    hold = round(procedure.hold / sample_time)
+    shares = (np.arange(ramp) + 0.5) / max(ramp, 1)
+    rest = procedure.rest_command
+    return np.concatenate([rest + (first - rest) * shares, np.full(hold, first)])

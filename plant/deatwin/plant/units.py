@@ -1,0 +1,110 @@
+"""Units of file columns, and their way to SI and back."""
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Unit:
+    """A unit of a file: ``SI value = (value + shift) * numerator / denominator``.
+
+    Two whole numbers instead of one factor: 35 / 1000 is the float nearest to 0.035, and 35 * 1e-3 is not.
+    """
+
+    si: str
+    numerator: float = 1.0
+    denominator: float = 1.0
+    shift: float = 0.0
+
+    def to_si(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return values of any shape, given in this unit, in the unit `si`."""
+        return (values + self.shift) * self.numerator / self.denominator
+
+    def from_si(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return values of any shape, given in the unit `si`, in this unit."""
+        return values * self.denominator / self.numerator - self.shift
+
+
+UNITS = {
+    "": Unit(""),  # not known: values are taken as they are
+    "s": Unit("s"),
+    "ms": Unit("s", 1, 1e3),
+    "us": Unit("s", 1, 1e6),
+    "min": Unit("s", 60),
+    "h": Unit("s", 3600),
+    "V": Unit("V"),
+    "mV": Unit("V", 1, 1e3),
+    "kV": Unit("V", 1e3),
+    "m": Unit("m"),
+    "cm": Unit("m", 1, 1e2),
+    "mm": Unit("m", 1, 1e3),
+    "um": Unit("m", 1, 1e6),
+    "nm": Unit("m", 1, 1e9),
+    "A": Unit("A"),
+    "mA": Unit("A", 1, 1e3),
+    "uA": Unit("A", 1, 1e6),
+    "nA": Unit("A", 1, 1e9),
+    "N": Unit("N"),
+    "mN": Unit("N", 1, 1e3),
+    "kN": Unit("N", 1e3),
+    "K": Unit("K"),
+    "C": Unit("K", shift=273.15),
+    "Pa": Unit("Pa"),
+    "kPa": Unit("Pa", 1e3),
+    "MPa": Unit("Pa", 1e6),
+}
+_OTHER_SPELLINGS = {"µ": "u", "μ": "u", "°C": "C", "℃": "C", "degC": "C", "sec": "s"}
+
+
+def find_unit(text: str) -> str:
+    """Return the unit that a cell such as ``(mm)``, ``[µm]`` or ``s`` names.
+
+    Parameters
+    ----------
+    text : str
+        One cell of a header line.
+
+    Returns
+    -------
+    str
+        A key of `UNITS`, an empty text where the cell names no unit.
+
+    Examples
+    --------
+    >>> find_unit("(mm)"), find_unit("[µm]"), find_unit("force")
+    ('mm', 'um', '')
+    """
+    bare = text.strip()
+    if bare[:1] + bare[-1:] in ("()", "[]"):
+        bare = bare[1:-1].strip()
+    for spelling, usual in _OTHER_SPELLINGS.items():
+        bare = bare.replace(spelling, usual)
+    return bare if bare in UNITS else ""
+
+
+def split_unit(header: str) -> tuple[str, str]:
+    """Return name and unit of a column header.
+
+    Parameters
+    ----------
+    header : str
+        The header, with the unit as its last part or in brackets, or without one.
+
+    Returns
+    -------
+    name : str
+        The name without the unit.
+    unit : str
+        A key of `UNITS`, an empty text where the header names none.
+
+    Examples
+    --------
+    >>> split_unit("displacement_mm"), split_unit("Force [N]"), split_unit("film_voltage")
+    (('displacement', 'mm'), ('Force', 'N'), ('film_voltage', ''))
+    """
+    match = re.fullmatch(r"(.+?)\s*(?:_([^_]+)|(\([^()]*\)|\[[^\[\]]*\]))", header)
+    unit = find_unit(match[2] or match[3]) if match else ""
+    return (match[1], unit) if match and unit else (header, "")

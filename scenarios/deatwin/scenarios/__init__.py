@@ -1,0 +1,1 @@
+"""The stories that use plant, ident and control; the command line; the report."""

@@ -1,0 +1,161 @@
+"""NarxModel: prediction, free run, divergence, and its file."""
+
+import json
+import math
+from importlib.resources import files
+
+import numpy as np
+import pytest
+
+from deatwin.ident.narx import NarxModel, OperatingRange, ResponseStatus
+from deatwin.plant.errors import ModelError
+from deatwin.plant.recording import Recording
+
+TERMS = {"y(k-1)": 0.5, "y(k-2)": -0.2, "u(k-1)": 0.3, "u(k)^2": 0.1, "y(k-1)^2u(k-2)": -0.05, "1": 0.02}
+
+
+def make_recording(n=200, seed=0, sample_time=0.1):
+    rng = np.random.default_rng(seed)
+    return Recording.from_arrays(rng.uniform(-1, 1, n), rng.uniform(-1, 1, n), sample_time, start=5.0)
+
+
+def full_model():
+    cov = np.random.default_rng(3).normal(size=(6, 6))
+    return NarxModel.from_terms(
+        TERMS, sample_time=0.1, theta_cov=cov @ cov.T, noise_variance=1e-3, theta_dof=200.5,
+        input_names=("command",), output_names=("displacement",), input_units=("V",), output_units=("m",),
+        operating=OperatingRange(input_min=[-1], input_max=[1], input_centre=[0.1],
+                                 output_min=[-0.9], output_max=[0.8], output_centre=[0.03]),
+        provenance={"file": "a.csv"})
+
+
+def by_hand(u, y, k):
+    return (0.5 * y[k - 1] - 0.2 * y[k - 2] + 0.3 * u[k - 1] + 0.1 * u[k] ** 2
+            - 0.05 * y[k - 1] ** 2 * u[k - 2] + 0.02)
+
+
+def test_predict_uses_the_measured_past_and_simulate_its_own():
+    recording = make_recording()
+    model = NarxModel.from_terms(TERMS, sample_time=0.1)
+    u, y = recording.inputs[0], recording.outputs[0]
+    run, step = list(y[:2]), list(y[:2])
+    for k in range(2, u.size):
+        run.append(by_hand(u, run, k))
+        step.append(by_hand(u, y, k))
+    simulated, predicted = model.simulate(recording), model.predict(recording)
+    np.testing.assert_allclose(simulated.outputs, [run], rtol=1e-13, atol=1e-15)
+    np.testing.assert_allclose(predicted.outputs, [step], rtol=1e-13, atol=1e-15)
+    assert simulated.status.ok and simulated.failed_at_s is None
+    assert predicted.residuals.shape == (1, 198)
+
+
+def test_several_inputs():
+    rng = np.random.default_rng(2)
+    u, y = rng.normal(size=(2, 50)), np.zeros(50)
+    for k in range(1, 50):
+        y[k] = 0.4 * y[k - 1] + 0.2 * u[0, k - 1] * u[1, k]
+    model = NarxModel.from_terms({"y(k-1)": 0.4, "u1(k-1)u2(k)": 0.2}, sample_time=1.0)
+    np.testing.assert_allclose(model.simulate(Recording.from_arrays(u, y, 1.0)).outputs[0], y, atol=1e-15)
+
+
+def test_divergence_is_a_status_with_its_time():
+    recording = make_recording()
+    with np.errstate(all="raise"):
+        run = NarxModel.from_terms({"y(k-1)": 2.0, "1": 1.0}, sample_time=0.1).simulate(recording)
+    assert run.status is ResponseStatus.DIVERGED and not run.status.ok
+    assert "operating range" in run.status.value
+    assert recording.start < run.failed_at_s < recording.end
+    assert np.all(np.isfinite(run.outputs))
+    failed = round((run.failed_at_s - recording.start) / 0.1)
+    assert np.ptp(run.outputs[0, failed - 1:]) == 0.0
+
+
+def test_a_model_without_lags_is_a_map():
+    recording = make_recording()
+    run = NarxModel.from_terms({"u(k)^2": 2.0}, sample_time=0.1).simulate(recording)
+    np.testing.assert_allclose(run.outputs, 2 * recording.inputs ** 2)
+
+
+def test_the_file_keeps_every_digit_and_follows_its_schema(tmp_path):
+    model = full_model()
+    model.save(tmp_path / "narx.json")
+    again = NarxModel.load(tmp_path / "narx.json")
+    np.testing.assert_array_equal(again.theta, model.theta)
+    np.testing.assert_array_equal(again.theta_cov, model.theta_cov)
+    for name in ("terms", "noise_variance", "sample_time", "theta_dof", "input_names", "output_names",
+                 "input_units", "output_units", "provenance"):
+        assert getattr(again, name) == getattr(model, name)
+    np.testing.assert_array_equal(again.operating.input_centre, [0.1])
+    plain = NarxModel.from_terms({"y(k-1)": 0.5}, sample_time=1.0)
+    plain.save(tmp_path / "plain.json")
+    assert NarxModel.load(tmp_path / "plain.json").operating is None
+    assert math.isinf(NarxModel.load(tmp_path / "plain.json").theta_dof)
+
+    jsonschema = pytest.importorskip("jsonschema")
+    schema = json.loads((files("deatwin.ident") / "schemas" / "narx.schema.json").read_text(encoding="utf-8"))
+    for name in ("narx.json", "plain.json"):
+        jsonschema.validate(json.loads((tmp_path / name).read_text(encoding="utf-8")), schema)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["narx.json", "plain.json"]
+
+
+@pytest.mark.parametrize(("change", "says"), [
+    (lambda d: d.update(schema="deatwin/plant/1"), "deatwin/narx/1"),
+    (lambda d: d.pop("terms"), "'terms' is missing"),
+    (lambda d: d["terms"].pop(), "theta_cov"),
+    (lambda d: d["terms"][0].update(term="z(k-1)"), "cannot read the term"),
+    (lambda d: d["terms"][0].update(theta="much"), "not a valid NARX model"),
+    (lambda d: d.update(sample_time_s=-1), "sample_time"),
+    (lambda d: d.update(inputs=3), "not a valid NARX model"),
+])
+def test_a_malformed_file_is_one_clear_error(tmp_path, change, says):
+    path = tmp_path / "narx.json"
+    full_model().save(path)
+    document = json.loads(path.read_text(encoding="utf-8"))
+    change(document)
+    path.write_text(json.dumps(document), encoding="utf-8")
+    with pytest.raises(ModelError, match=says) as caught:
+        NarxModel.load(path)
+    assert "narx.json" in str(caught.value)
+
+
+def test_a_file_that_is_none(tmp_path):
+    with pytest.raises(ModelError, match="no such model file"):
+        NarxModel.load(tmp_path / "absent.json")
+    (tmp_path / "text.json").write_text("not json", encoding="utf-8")
+    with pytest.raises(ModelError, match="JSON"):
+        NarxModel.load(tmp_path / "text.json")
+    (tmp_path / "list.json").write_text("[1]", encoding="utf-8")
+    with pytest.raises(ModelError, match="schema"):
+        NarxModel.load(tmp_path / "list.json")
+
+
+def test_a_recording_that_does_not_suit_is_refused():
+    model = NarxModel.from_terms(TERMS, sample_time=0.1)
+    for recording, says in [(make_recording(sample_time=0.2), "sample time"), (make_recording(n=2), "samples"),
+                            (Recording.from_arrays(np.zeros((2, 9)), np.zeros(9), 0.1), "inputs")]:
+        with pytest.raises(ModelError, match=says):
+            model.simulate(recording)
+
+
+def test_a_model_that_cannot_be_is_refused():
+    with pytest.raises(ModelError, match="only once"):
+        NarxModel.from_terms({"y(k-1)u(k)": 1.0, "u(k)y(k-1)": 1.0}, sample_time=1.0)
+    with pytest.raises(ModelError, match="theta_cov"):
+        NarxModel.from_terms({"y(k-1)": 1.0}, sample_time=1.0, theta_cov=np.eye(2))
+    with pytest.raises(ModelError, match="finite"):
+        NarxModel.from_terms({"y(k-1)": np.nan}, sample_time=1.0)
+
+
+def test_arrays_are_read_only_and_the_model_prints():
+    model = NarxModel.from_terms({"y(k-1)": 0.5, "u(k-1)": -2.0}, sample_time=1.0)
+    with pytest.raises(ValueError):
+        model.theta[0] = 1.0
+    assert str(model) == "y(k) = 0.5 y(k-1) - 2 u(k-1) + e(k)"
+
+
+def test_plot_has_units():
+    pyplot = pytest.importorskip("matplotlib.pyplot")
+    pyplot.switch_backend("Agg")
+    axes = full_model().simulate(make_recording()).plot()
+    assert axes.get_xlabel() == "time (s)" and "(m)" in axes.get_ylabel()
+    pyplot.close("all")
