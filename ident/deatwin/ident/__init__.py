@@ -1,1 +1,1 @@
-"""Identification: recordings -> models -> frequency responses, and recordings against a plant -> diagnosis."""
+"""Identification: recordings -> models -> frequency responses; recordings against a plant -> diagnosis."""

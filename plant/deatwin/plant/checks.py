@@ -12,6 +12,8 @@ from deatwin.plant.rigs.rigfile import DriveSpec
 _HIGHEST_FILM_VOLTAGE = 30e3
 # "Far" outside of the stated range: by more than this share of its width.
 _RANGE_MARGIN = 0.5
+# Film volts drive a film: divided by the gain they use at least this share of the highest command.
+_LEAST_USE = 0.01
 
 
 def require_excitation(recordings: Sequence[Recording]) -> None:
@@ -91,7 +93,7 @@ def check_command_range(recording: Recording, drive: DriveSpec) -> None:
         f"the rig's commands are from {low:g} V to {high:g} V"
     )
     as_command = command / drive.gain
-    if as_command.min() >= floor and as_command.max() <= top:
+    if as_command.min() >= floor and max(low, _LEAST_USE * high) <= as_command.max() <= top:
         text += (
             f"; these look like film volts: {worst:g} V / gain {drive.gain:g} = {worst / drive.gain:g} V, "
             "so divide the column by the gain"

@@ -5,12 +5,13 @@ What counts as even, and why:
 - A time may lie 2.5 % of a sample off the even clock. At 50 Hz that is 0.5 ms, which moves a 1 Hz signal by
   0.3 % of its amplitude: below the noise of the sensors that deatwin is made for.
 - Times that are printed with few digits may lie half a digit off, up to a quarter of a sample: the sampling
-  was even, only its print is rounded.
+  was even, only its print is rounded. Then many steps are a digit off; a few odd ones are not from rounding.
 - Test machines log an extra sample where a segment of the test ends, so that a step is short and the clock
   after it shifted. While such steps are at most 0.5 % of all, the record is interpolated on the even clock:
   the steps in between are no longer than a sample, so nothing is invented. Its provenance says so.
 
-A step longer than 1.6 samples is a gap. More than 1 % of such steps is no record with gaps but an uneven one.
+A step longer than 1.6 samples is a gap. With more than three of them, and more than 1 % of all steps, it is
+no record with gaps but an uneven one.
 """
 
 from collections.abc import Callable, Iterator
@@ -23,13 +24,16 @@ from numpy.typing import NDArray
 from deatwin.plant.errors import DataError
 
 Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 _JITTER = 0.025  # of a sample
 _ROUNDING = 0.25  # of a sample, at most
 _SHORT_STEPS = 0.005  # of all steps
 _LONG_STEPS = 0.01  # of all steps
+_ROUNDED_STEPS = 0.1  # of all steps are unusual where times are rounded, at least
+_FEW_GAPS = 3  # are gaps in a record of any length
 _GAP = 1.6  # samples
-_SLACK = 1.01  # for the last bit of a float
+_SLACK = 1.1  # for the fit of the clock, which rounded times move a little
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -93,29 +97,25 @@ def even_pieces(
         sample = int(np.argmax(steps <= 0.0))
         raise DataError(
             f"{where(sample + 1)}: times do not increase: "
-            f"{timepts[sample + 1]:g} s follows {timepts[sample]:g} s"
+            f"{timepts[sample + 1]:.9g} s follows {timepts[sample]:.9g} s"
         )
     usual = float(np.median(steps))
-    tolerance = _SLACK * max(_JITTER * usual, min(0.5 * _printed_digit(timepts), _ROUNDING * usual))
+    tolerance = _SLACK * max(_JITTER * usual, min(_rounding(timepts, steps, usual), _ROUNDING * usual))
     long = steps > _GAP * usual
     short = steps < usual - 2.0 * tolerance
-    rare = long.sum() <= 1 + _LONG_STEPS * len(steps) and short.sum() <= _SHORT_STEPS * len(steps)
-    if rare and long.any() and not allow_gaps:
-        raise _gap(timepts, steps, long, usual, where)
-
-    if not rare:
-        raise _uneven(timepts, steps, usual, tolerance, where)
-    cuts = [0, *(np.flatnonzero(long | short) + 1), len(timepts)]
-    sample_time = _sample_time(timepts, cuts, usual, float(steps[~(long | short)].mean()), tolerance)
-    if sample_time is None:
-        raise _uneven(timepts, steps, usual, tolerance, where)
+    if long.sum() > max(_FEW_GAPS, _LONG_STEPS * len(steps)) or short.sum() > _SHORT_STEPS * len(steps):
+        raise _odd_step(timepts, np.abs(steps - usual) > 2.0 * tolerance, usual, tolerance, where)
+    if (odd := ~long & (steps > usual + 2.0 * tolerance)).any():
+        raise _odd_step(timepts, odd, usual, tolerance, where)
+    runs = list(pairwise([0, *(np.flatnonzero(long | short) + 1), len(timepts)]))
+    sample_time = _sample_time(timepts, runs, usual, tolerance, where)
+    if long.any() and not allow_gaps:
+        raise _gap(timepts, long, usual, where)
     edges = [0, *(np.flatnonzero(long) + 1), len(timepts)]
     return sample_time, list(_pieces(timepts, edges, short, sample_time))
 
 
-def _pieces(
-    timepts: Floats, edges: list[int], short: NDArray[np.bool_], sample_time: float
-) -> Iterator[Piece]:
+def _pieces(timepts: Floats, edges: list[int], short: Flags, sample_time: float) -> Iterator[Piece]:
     """Yield the pieces between edges; one that holds a short step is to be interpolated."""
     for first, last in pairwise(edges):
         rows = timepts[first:last]
@@ -130,22 +130,31 @@ def _pieces(
         )
 
 
-def _printed_digit(timepts: Floats) -> float:
-    """Return the last printed digit of the times, s: 0.001 for three decimals; 0 if it is finer."""
+def _rounding(timepts: Floats, steps: Floats, usual: float) -> float:
+    """Return how far rounded print moved the times, s: half their last digit; 0 if they are not rounded."""
+    if (np.abs(steps - usual) > 1e-6 * usual).mean() < _ROUNDED_STEPS:
+        return 0.0
     for decimals in range(7):
         if np.allclose(timepts, np.round(timepts, decimals), rtol=1e-14, atol=1e-12):
-            return float(10.0**-decimals)
+            return float(0.5 * 10.0**-decimals)
     return 0.0
 
 
 def _sample_time(
-    timepts: Floats, cuts: list[int], usual: float, mean: float, tolerance: float
-) -> float | None:
-    """Return the even sample time that all runs between cuts keep: the usual step, else the mean one."""
-    for step in (float(f"{usual:.9g}"), mean):
-        if all(_off_clock(timepts[first:last], step).max() <= tolerance for first, last in pairwise(cuts)):
+    timepts: Floats, runs: list[tuple[int, int]], usual: float, tolerance: float, where: Callable[[int], str]
+) -> float:
+    """Return the sample time that all runs keep: the usual step, else the one fitted by least squares."""
+    ranks = np.concatenate([np.arange(last - first) - 0.5 * (last - first - 1) for first, last in runs])
+    fitted = float(ranks @ timepts / (ranks @ ranks))
+    for step in (float(f"{usual:.9g}"), fitted):
+        late = np.concatenate([_off_clock(timepts[first:last], step) for first, last in runs])
+        if late.max() <= tolerance:
             return step
-    return None
+    sample = int(np.argmax(late))
+    raise DataError(
+        f"{where(sample)}: uneven sampling: time {timepts[sample]:g} s is {late[sample]:.3g} s off "
+        f"the even clock of {fitted:g} s (tolerance {tolerance:.2g} s); resample the record evenly"
+    )
 
 
 def _off_clock(timepts: Floats, step: float) -> Floats:
@@ -154,32 +163,25 @@ def _off_clock(timepts: Floats, step: float) -> Floats:
     return np.abs(late - 0.5 * (late.max() + late.min()))
 
 
-def _gap(
-    timepts: Floats, steps: Floats, long: NDArray[np.bool_], usual: float, where: Callable[[int], str]
-) -> DataError:
+def _gap(timepts: Floats, long: Flags, usual: float, where: Callable[[int], str]) -> DataError:
     """Return the error that names the first gap."""
     sample = int(np.argmax(long))
+    before, after = timepts[sample], timepts[sample + 1]
     more = f" ({int(long.sum())} gaps in all)" if long.sum() > 1 else ""
     return DataError(
-        f"{where(sample + 1)}: a gap from {timepts[sample]:g} s to {timepts[sample + 1]:g} s, "
-        f"about {round(steps[sample] / usual) - 1} samples of {usual:g} s{more}; "
+        f"{where(sample + 1)}: a gap from {before:g} s to {after:g} s, missing samples of {usual:g} s: "
+        f"{round((after - before) / usual) - 1}{more}; "
         "fill it, or split the record there (--allow-gaps, in Python allow_gaps=True)"
     )
 
 
-def _uneven(
-    timepts: Floats, steps: Floats, usual: float, tolerance: float, where: Callable[[int], str]
+def _odd_step(
+    timepts: Floats, odd: Flags, usual: float, tolerance: float, where: Callable[[int], str]
 ) -> DataError:
-    """Return the error that names the first row where the sampling is uneven."""
-    odd = np.abs(steps - usual) > 2.0 * tolerance
-    late = _off_clock(timepts, usual)
-    sample = int(np.argmax(odd)) + 1 if odd.any() else int(np.argmax(late > tolerance))
-    found = (
-        f"{steps[sample - 1]:g} s after the row before, where {usual:g} s is usual"
-        if odd.any()
-        else f"{late[sample]:g} s off the even clock of {usual:g} s"
-    )
+    """Return the error that names the first row that comes too late or too early after the one before."""
+    sample = int(np.argmax(odd)) + 1
+    step = timepts[sample] - timepts[sample - 1]
     return DataError(
-        f"{where(sample)}: uneven sampling: time {timepts[sample]:g} s is {found} "
-        f"(tolerance {tolerance:.2g} s); resample the record evenly"
+        f"{where(sample)}: uneven sampling: time {timepts[sample]:g} s is {step:g} s after the row before, "
+        f"where {usual:g} s is usual (tolerance {2.0 * tolerance:.2g} s); resample the record evenly"
     )

@@ -15,6 +15,8 @@ COLUMNS = {
     "force": "force_N",
 }
 _EXTRAS = ("film_voltage", "current", "temperature", "force")
+# A column that would be passed over is refused as a misspelling from this likeness on.
+_MISSPELT = 0.85
 _TIME_NAMES = ("time", "t", "zeit", "temps", "时间")
 
 
@@ -101,7 +103,7 @@ def extra_columns(table: CsvTable, taken: set[int]) -> dict[str, int]:
     for column, header in enumerate(table.headers):
         if column in taken or table.names[column] in COLUMNS:
             continue
-        if hint := nearest(header, absent):
+        if hint := nearest(header, absent, likeness=_MISSPELT):
             raise DataError(f'{table.path}: unknown column "{header}"{hint}')
     return {name: column for name, column in found.items() if column not in taken}
 

@@ -14,7 +14,6 @@ from functools import lru_cache
 from pathlib import Path
 
 import casadi as ca
-import platformdirs
 
 __all__ = ["cache_folder", "compile_functions", "compiler"]
 
@@ -24,6 +23,8 @@ FLAGS = ("-O2", "-fPIC", "-shared")
 
 def cache_folder() -> Path:
     """Where compiled code is kept, made with mode 0700; ``DEATWIN_CACHE`` overrides it."""
+    import platformdirs
+
     folder = Path(os.environ.get("DEATWIN_CACHE") or platformdirs.user_cache_path("deatwin"))
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     folder.chmod(0o700)

@@ -30,7 +30,7 @@ class CsvTable:
     names : tuple of str
         The same without units.
     units : tuple of str
-        The unit of each column, a key of `deatwin.plant.units.UNITS`; an empty text where the file names none.
+        The unit of each column, a key of `deatwin.plant.units.UNITS`; an empty text where there is none.
     lines : list of str
         The lines that hold samples.
     rows : list of int
@@ -138,9 +138,10 @@ class CsvTable:
 def read_table(path: str | Path) -> CsvTable:
     """Read a CSV file.
 
-    The encoding may be UTF-8, UTF-16 with its mark at the start, GBK, or Latin-1; the delimiter comma, semicolon
-    or tab (with the last two also a decimal comma); cells may be quoted. Blank lines are passed over. Of several
-    header lines the last holds the names, unless it holds nothing but units: then the one above does.
+    The encoding may be UTF-8, UTF-16 with its mark at the start, GBK, or Latin-1; the delimiter comma,
+    semicolon or tab (with the last two also a decimal comma); cells may be quoted. Blank lines are passed
+    over. Of several header lines the last holds the names, unless it holds nothing but units: then the one
+    above does.
 
     Parameters
     ----------

@@ -322,19 +322,19 @@ class Builder:
             If an effect acts on a signal that the rig does not have, or equations are missing.
         """
         self._check()
-        x = ca.vertcat(*(s for s, _, _ in self._states.values()))
-        z = ca.vertcat(*(s for s, _ in self._coordinates.values()))
-        d = ca.vertcat(*(s for s, _ in self._held.values()))
-        p = ca.vertcat(*(self._symbols[n] for n in self._parameters.free))
+        x = _column(*(s for s, _, _ in self._states.values()))
+        z = _column(*(s for s, _ in self._coordinates.values()))
+        d = _column(*(s for s, _ in self._held.values()))
+        p = _column(*(self._symbols[n] for n in self._parameters.free))
         known = [n for n in self._parameters if n not in self._parameters.free]
-        c = ca.vertcat(*(self._symbols[n] for n in known), *(s for s, _ in self._constants))
-        f = ca.vertcat(*(self._rates[n][0] for n in self._states))
-        g = ca.vertcat(*self._balances)
-        mass = ca.vertcat(*(self._rates[n][1] for n in self._states))
+        c = _column(*(self._symbols[n] for n in known), *(s for s, _ in self._constants))
+        f = _column(*(self._rates[n][0] for n in self._states))
+        g = _column(*self._balances)
+        mass = _column(*(self._rates[n][1] for n in self._states))
         arguments = [x, z, d, self.command, self.time, p, c]
         unknowns = {**{n: s[0] for n, s in self._states.items()},
                     **{n: s[0] for n, s in self._coordinates.items()}}  # fmt: skip
-        guess = ca.vertcat(*(self._guesses.get(n, 0.0) for n in unknowns))
+        guess = _column(*(self._guesses.get(n, 0.0) for n in unknowns))
         return Equations(
             states=tuple(self._states),
             coordinates=tuple(self._coordinates),
@@ -346,10 +346,10 @@ class Builder:
             dynamics=ca.Function("dynamics", arguments, [ca.vertcat(f, g)]),
             mass=ca.Function("mass", [p, c], [mass]),
             output=ca.Function("output", arguments, [output]),
-            watched=ca.Function("watched", arguments, [ca.vertcat(*self._watched.values())]),
+            watched=ca.Function("watched", arguments, [_column(*self._watched.values())]),
             rest=ca.Function("rest", [x, z, self.command, p, c], [self._rest_residual(f, g, d)]),
             guess=ca.Function("guess", [p, c], [guess]),
-            hold=ca.Function("hold", [x, z, p, c], [ca.vertcat(*(v for _, v in self._held.values()))]),
+            hold=ca.Function("hold", [x, z, p, c], [_column(*(v for _, v in self._held.values()))]),
         )
 
     def _rest_residual(self, f: Symbol, g: Symbol, held: Symbol) -> Symbol:
@@ -357,8 +357,8 @@ class Builder:
             f[row] if start is None else symbol - start
             for row, (symbol, _, start) in enumerate(self._states.values())
         ]
-        residual = ca.vertcat(*rows, g)
-        values = ca.vertcat(*(v for _, v in self._held.values()))
+        residual = _column(*rows, g)
+        values = _column(*(v for _, v in self._held.values()))
         return ca.substitute(ca.substitute(residual, held, values), self.time, 0.0)
 
     def _check(self) -> None:
@@ -375,3 +375,8 @@ class Builder:
             raise RigError(
                 f"{len(self._coordinates)} algebraic coordinates need as many balances, {len(self._balances)} are given"
             )
+
+
+def _column(*parts: Symbol) -> Symbol:
+    """The parts below each other; a column without rows where there are none."""
+    return ca.vertcat(ca.SX(0, 1), *parts)

@@ -24,7 +24,7 @@ class SimulationError(DeatwinError, RuntimeError):
     """A simulation could not be finished, for example for pull-in."""
 
 
-def nearest(name: str, known: Iterable[str]) -> str:
+def nearest(name: str, known: Iterable[str], *, likeness: float = 0.6) -> str:
     """Return the end of an error text that offers the known name nearest to a misspelt one.
 
     Parameters
@@ -33,6 +33,8 @@ def nearest(name: str, known: Iterable[str]) -> str:
         The name that is not known.
     known : iterable of str
         The names that would be right.
+    likeness : float, default 0.6
+        How alike the two must be, from 0 to 1 (the ratio of `difflib.SequenceMatcher`).
 
     Returns
     -------
@@ -47,5 +49,5 @@ def nearest(name: str, known: Iterable[str]) -> str:
     ''
     """
     lowered = {candidate.lower(): candidate for candidate in known}
-    found = difflib.get_close_matches(name.lower(), lowered, n=1)
+    found = difflib.get_close_matches(name.lower(), lowered, n=1, cutoff=likeness)
     return f'; did you mean "{lowered[found[0]]}"?' if found else ""

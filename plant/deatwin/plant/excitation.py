@@ -18,10 +18,10 @@ def band_limited_noise(
 ) -> NDArray[np.float64]:
     """Return Gaussian noise from 0 Hz to a band limit about an operating point.
 
-    In this order: white Gaussian noise is filtered (every line of its spectrum above `band`, and that at 0 Hz,
-    is zero), scaled to `variance` exactly, shifted by `mean`, and limited to `lower` and `upper`. The variance
-    is hence that before the limits; clipping takes a little of it and puts a little power above the band. The
-    defaults are the thesis' excitation.
+    In this order: white Gaussian noise is filtered (every line of its spectrum above `band`, and that at
+    0 Hz, is zero), scaled to `variance` exactly, shifted by `mean`, and limited to `lower` and `upper`. The
+    variance is hence that before the limits; clipping takes a little of it and puts a little power above the
+    band. The defaults are the thesis' excitation.
 
     Parameters
     ----------

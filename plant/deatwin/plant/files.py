@@ -5,7 +5,6 @@ A CSV recording has the columns ``time_s,command_V,displacement_mm``; further ch
 part of a name is its unit and may be another one of the same kind. Inside, everything is in SI units.
 """
 
-import os
 import secrets
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path

@@ -14,7 +14,7 @@ from typing import Any
 import casadi as ca
 
 from deatwin.plant.errors import RigError, nearest
-from deatwin.plant.parameters import Parameter
+from deatwin.plant.parameters import Parameter, Scale
 
 __all__ = ["MATERIALS", "Material", "first_invariant", "gent", "material", "maxwell_branch", "neo_hookean"]
 
@@ -137,26 +137,26 @@ def _vhb(name: str) -> Material:
         energy=gent,
         elastic=(
             Parameter(
-                name="shear_modulus", value=25e3, unit="Pa", lower=5e3, upper=200e3, logarithmic=True,
+                name="shear_modulus", value=25e3, unit="Pa", lower=5e3, upper=200e3, scale=Scale.LOGARITHMIC,
                 source="middle of the published range for VHB at rest, 14 to 45 kPa",
             ),
             Parameter(
-                name="stretch_limit", value=107.0, unit="1", lower=40.0, upper=600.0, logarithmic=True,
+                name="stretch_limit", value=107.0, unit="1", lower=40.0, upper=1e4, scale=Scale.RECIPROCAL,
                 source=f"3(lambda_L^2 - 1) with lambda_L = 5.99, {wang}",
             ),
         ),
         branch=(
             Parameter(
-                name="branch_modulus", value=26.06e3, unit="Pa", lower=1.0, upper=1e6, logarithmic=True,
+                name="branch_modulus", value=26.06e3, unit="Pa", lower=1.0, upper=1e6, scale=Scale.LOGARITHMIC,
                 source=f"first branch, {wang}",
             ),
             Parameter(
-                name="branch_time", value=0.6074, unit="s", lower=0.02, upper=20.0, logarithmic=True,
+                name="branch_time", value=0.6074, unit="s", lower=0.02, upper=20.0, scale=Scale.LOGARITHMIC,
                 source=f"first branch, {wang}",
             ),
         ),
         permittivity=Parameter(
-            name="permittivity", value=4.5, unit="1", lower=1.5, upper=10.0, logarithmic=True,
+            name="permittivity", value=4.5, unit="1", lower=1.5, upper=10.0, scale=Scale.LOGARITHMIC,
             source="published values for stretched VHB lie between 3.5 and 4.7",
         ),
     )  # fmt: skip

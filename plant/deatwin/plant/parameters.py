@@ -4,12 +4,70 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from enum import Enum
 
 import numpy as np
 
 from deatwin.plant.errors import RigError, nearest
 
-__all__ = ["Parameter", "ParameterSet"]
+__all__ = ["Parameter", "ParameterSet", "Scale"]
+
+
+class Scale(Enum):
+    """The coordinate in which a fit moves a parameter, chosen so that the plant is nearly linear in it."""
+
+    LINEAR = "value"
+    LOGARITHMIC = "ln(value)"
+    RECIPROCAL = "1/value"
+
+    def coordinate(self, value: float) -> float:
+        """The coordinate of a value.
+
+        Parameters
+        ----------
+        value : float
+            SI value.
+
+        Returns
+        -------
+        float
+        """
+        if self is Scale.LINEAR:
+            return value
+        return float(np.log(value)) if self is Scale.LOGARITHMIC else 1.0 / value
+
+    def value(self, coordinate: float) -> float:
+        """The value at a coordinate.
+
+        Parameters
+        ----------
+        coordinate : float
+            As `coordinate` gives it.
+
+        Returns
+        -------
+        float
+            SI value.
+        """
+        if self is Scale.LINEAR:
+            return coordinate
+        return float(np.exp(coordinate)) if self is Scale.LOGARITHMIC else 1.0 / coordinate
+
+    def slope(self, value: float) -> float:
+        """Derivative of the value by its coordinate.
+
+        Parameters
+        ----------
+        value : float
+            SI value.
+
+        Returns
+        -------
+        float
+        """
+        if self is Scale.LINEAR:
+            return 1.0
+        return value if self is Scale.LOGARITHMIC else -(value**2)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,8 +86,8 @@ class Parameter:
         Physical range, inclusive.
     source : str
         Where the value comes from.
-    logarithmic : bool
-        A fit moves the logarithm of the value (for scales that span decades); needs ``lower > 0``.
+    scale : Scale
+        The coordinate in which a fit moves it; all but the linear one need ``lower > 0``.
     known : bool
         Measured by the experimenter, so a calibration holds it.
 
@@ -45,7 +103,7 @@ class Parameter:
     lower: float
     upper: float
     source: str = ""
-    logarithmic: bool = False
+    scale: Scale = Scale.LINEAR
     known: bool = False
 
     def __post_init__(self) -> None:
@@ -54,8 +112,8 @@ class Parameter:
                 f"parameter {self.name} = {self.value:g} {self.unit} is out of range: "
                 f"allowed is {self.lower:g} to {self.upper:g} {self.unit}"
             )
-        if self.logarithmic and self.lower <= 0:
-            raise RigError(f"parameter {self.name} has a logarithmic scale: its lower bound must be above 0")
+        if self.scale is not Scale.LINEAR and self.lower <= 0:
+            raise RigError(f"parameter {self.name} moves as {self.scale.value}: its lower bound must be above 0")
 
 
 class ParameterSet(Mapping[str, Parameter]):

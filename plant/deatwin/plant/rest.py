@@ -64,7 +64,7 @@ def rest_state(equations: Equations, command: float, values: np.ndarray) -> Rest
         if not (np.isfinite(residual).all() and np.isfinite(jacobian).all()):
             break
         step = np.linalg.lstsq(jacobian, residual.ravel(), rcond=None)[0]
-        size = np.max(np.abs(step) / equations.scale)
+        size = np.max(np.abs(step) / equations.scale, initial=0.0)
         # A step of a tenth of the unknowns' scale keeps Newton inside the material's range of stretches.
         w = w - step * min(1.0, 0.1 / size if size > 0 else 1.0)
         if size < SETTLED:
@@ -85,9 +85,9 @@ def _functions(equations: Equations) -> tuple[ca.Function, ca.Function, ca.Funct
     u = ca.SX.sym("u")
     p = ca.SX.sym("p", len(equations.parameters.free))
     c = ca.SX.sym("c", equations.constants.size)
-    r = equations.rest(w[:n_x], w[n_x:], u, p, c)
+    r = equations.rest(w[:n_x, :], w[n_x:, :], u, p, c)
     r_w, r_p = ca.jacobian(r, w), ca.jacobian(r, p)
-    d = equations.hold(w[:n_x], w[n_x:], p, c)
+    d = equations.hold(w[:n_x, :], w[n_x:, :], p, c)
     slope_w, slope_p = ca.MX.sym("w", w.numel()), ca.MX.sym("p", p.numel())
     slope_u, slope_c = ca.MX.sym("u"), ca.MX.sym("c", c.numel())
     parts = ca.Function("parts", [w, u, p, c], [ca.densify(r_w), r_p])(slope_w, slope_u, slope_p, slope_c)

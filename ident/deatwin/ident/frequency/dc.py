@@ -1,17 +1,19 @@
-"""Operating points of a NARX model: equilibria, the linear part there, and the model of deviations from it."""
+"""Operating points of a NARX model: equilibria, the linear part there, the model of deviations from it."""
 
 from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterator
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from math import comb
 
 import numpy as np
 from numpy.polynomial import polynomial
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.ident.narx.model import NarxModel, read_only
+from deatwin.ident.frequency.linear import feedback, levels, motion, operating_input_of, poles_of
+from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.operating import read_only
 from deatwin.ident.narx.terms import Term, Variable
 from deatwin.plant.errors import ModelError
 
@@ -52,77 +54,6 @@ class Equilibrium:
         return bool(self.stable[self.chosen])
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class LinearPart:
-    """The linear part about an equilibrium: v(k) = sum_l a_l v(k-l) + sum_l b_l w(k-l).
-
-    Parameters
-    ----------
-    output_lags : ndarray of int, shape (n_a,)
-        Lags of v in samples.
-    a : ndarray, shape (n_a,)
-        Coefficients of v.
-    input_lags : ndarray of int, shape (n_b,)
-        Lags of w in samples.
-    b : ndarray, shape (n_b,)
-        Coefficients of w, output unit by input unit.
-    input_index : ndarray of int, shape (n_b,)
-        Input that each coefficient belongs to.
-    a_theta, b_theta : ndarray, shape (n_a, n_terms) and (n_b, n_terms)
-        Derivatives with respect to the model's parameters; the equilibrium moves along.
-    """
-
-    output_lags: NDArray[np.int64]
-    a: Array
-    input_lags: NDArray[np.int64]
-    b: Array
-    input_index: NDArray[np.int64]
-    a_theta: Array
-    b_theta: Array
-
-    def __post_init__(self) -> None:
-        for item in fields(self):
-            getattr(self, item.name).setflags(write=False)
-
-    @property
-    def poles(self) -> NDArray[np.complex128]:
-        """Poles in the z plane."""
-        order = int(self.output_lags.max(initial=0))
-        denominator = np.zeros(order + 1)
-        denominator[0] = 1.0
-        denominator[self.output_lags] = -self.a
-        return np.asarray(np.roots(denominator), dtype=np.complex128)
-
-    @property
-    def is_stable(self) -> bool:
-        """Whether all poles lie inside the unit circle."""
-        return bool(np.all(np.abs(self.poles) < 1.0))
-
-
-def operating_input_of(model: NarxModel, operating_input: ArrayLike | None) -> Array:
-    """Return the constant inputs at which a model is analysed.
-
-    Parameters
-    ----------
-    model : NarxModel
-        The model.
-    operating_input : array_like, shape () or (n_inputs,), or None
-        In the inputs' units; None for the centre of the training data, 0 when that is unknown.
-
-    Raises
-    ------
-    ModelError
-        If the number of inputs is not the model's.
-    """
-    count = len(model.input_names)
-    if operating_input is None:
-        return np.zeros(count) if model.operating is None else model.operating.input_centre
-    values = np.atleast_1d(np.asarray(operating_input, dtype=np.float64))
-    if values.shape != (count,) or not np.all(np.isfinite(values)):
-        raise ModelError(f"operating_input must be {count} finite number(s); got {operating_input!r}")
-    return values
-
-
 def equilibrium(model: NarxModel, operating_input: ArrayLike | None = None) -> Equilibrium:
     """Find all real equilibria of a model at a constant input.
 
@@ -148,17 +79,31 @@ def equilibrium(model: NarxModel, operating_input: ArrayLike | None = None) -> E
     target = operating_input_of(model, operating_input)
     roots = _real_equilibria(model, target)
     if roots.size == 0:
-        raise ModelError(f"the model has no real equilibrium at the input {target.tolist()} "
-                         f"{'/'.join(model.input_units)}; its free run cannot settle there")
+        raise ModelError(
+            f"the model has no real equilibrium at the input {target.tolist()} "
+            f"{'/'.join(model.input_units)}; its free run cannot settle there"
+        )
+    poles = [poles_of(*feedback(model, levels(model, target, float(output)))) for output in roots]
+    stable = np.array([bool(np.all(np.abs(p) < 1.0)) for p in poles])
+    return Equilibrium(
+        operating_input=read_only(target),
+        outputs=read_only(roots),
+        stable=stable,
+        chosen=_nearest_to_data(model, target, roots),
+    )
+
+
+def _nearest_to_data(model: NarxModel, target: Array, roots: Array) -> int:
+    """Follow the branch that the data are near to the target input; return the root where it ends."""
+    if roots.size == 1:
+        return 0
     start = np.zeros_like(target) if model.operating is None else model.operating.input_centre
     near = 0.0 if model.operating is None else float(model.operating.output_centre[0])
-    for fraction in np.linspace(0.0, 1.0, _PATH_STEPS + 1) if np.any(start != target) else [1.0]:
+    for fraction in np.linspace(0.0, 1.0, _PATH_STEPS, endpoint=False) if np.any(start != target) else ():
         here = _real_equilibria(model, start + fraction * (target - start))
         if here.size:
             near = float(here[np.argmin(np.abs(here - near))])
-    stable = np.array([linear_part(model, target, output).is_stable for output in roots])
-    return Equilibrium(operating_input=read_only(target), outputs=read_only(roots), stable=stable,
-                       chosen=int(np.argmin(np.abs(roots - near))))
+    return int(np.argmin(np.abs(roots - near)))
 
 
 def _real_equilibria(model: NarxModel, inputs: Array) -> Array:
@@ -166,9 +111,12 @@ def _real_equilibria(model: NarxModel, inputs: Array) -> Array:
     is_output = np.array([v.kind == "y" for v in model.table.variables], dtype=bool)
     levels = np.array([1.0 if v.kind == "y" else inputs[v.index] for v in model.table.variables])
     degrees = model.table.exponents[:, is_output].sum(axis=1)
-    coefficients = np.bincount(degrees, weights=model.theta * model.table.at(levels),
-                               minlength=max(int(degrees.max()), 1) + 1)
-    sizes = np.bincount(degrees, weights=np.abs(model.theta * model.table.at(levels)), minlength=coefficients.size)
+    coefficients = np.bincount(
+        degrees, weights=model.theta * model.table.at(levels), minlength=max(int(degrees.max()), 1) + 1
+    )
+    sizes = np.bincount(
+        degrees, weights=np.abs(model.theta * model.table.at(levels)), minlength=coefficients.size
+    )
     coefficients[1] -= 1.0
     sizes[1] += 1.0
     # In units of the data no coefficient is large only because metres are; what cancels to rounding is zero.
@@ -198,61 +146,19 @@ def _newton(coefficients: Array, roots: Array) -> Array:
     slope = polynomial.polyder(coefficients)
     for _ in range(3):
         steepness = polynomial.polyval(roots, slope)
-        roots = roots - np.divide(polynomial.polyval(roots, coefficients), steepness,
-                                  out=np.zeros_like(roots), where=steepness != 0)
+        roots = roots - np.divide(
+            polynomial.polyval(roots, coefficients), steepness, out=np.zeros_like(roots), where=steepness != 0
+        )
     return roots
-
-
-def linear_part(model: NarxModel, operating_input: ArrayLike, output: float) -> LinearPart:
-    """Linearise a model about an equilibrium.
-
-    Parameters
-    ----------
-    model : NarxModel
-        The model.
-    operating_input : array_like, shape () or (n_inputs,)
-        Constant input in the inputs' units.
-    output : float
-        Equilibrium output there, in the output's unit.
-
-    Returns
-    -------
-    LinearPart
-    """
-    inputs = operating_input_of(model, operating_input)
-    variables, exponents = model.table.variables, model.table.exponents
-    is_output = np.array([v.kind == "y" for v in variables], dtype=bool)
-    values = np.array([output if v.kind == "y" else inputs[v.index] for v in variables])
-    first = np.array([_derivative(exponents, values, (j,)) for j in range(len(variables))]).reshape(-1, len(model.terms))
-    slopes = first @ model.theta
-    # The equilibrium moves with the parameters: dy/dtheta = terms / (1 - sum a); and the slopes move with it.
-    moves = model.table.at(values) / (1.0 - slopes[is_output].sum())
-    along = np.array([sum(_derivative(exponents, values, (j, i)) @ model.theta for i in np.flatnonzero(is_output))
-                      for j in range(len(variables))])
-    by_theta = first + np.outer(along, moves)
-    lags = np.array([v.lag for v in variables], dtype=np.int64)
-    index = np.array([v.index for v in variables], dtype=np.int64)
-    return LinearPart(output_lags=lags[is_output], a=slopes[is_output], a_theta=by_theta[is_output],
-                      input_lags=lags[~is_output], b=slopes[~is_output], b_theta=by_theta[~is_output],
-                      input_index=index[~is_output])
-
-
-def _derivative(exponents: NDArray[np.int64], values: Array, by: tuple[int, ...]) -> Array:
-    """Return the partial derivative of every term by the named variables, one after the other."""
-    factor, powers = np.ones(exponents.shape[0]), exponents.copy()
-    for j in by:
-        factor *= powers[:, j]
-        powers[:, j] = np.maximum(powers[:, j] - 1, 0)
-    return np.asarray(factor * np.prod(values ** powers, axis=1), dtype=np.float64)
 
 
 def remove_dc(model: NarxModel, operating_input: ArrayLike | None = None) -> NarxModel:
     """Return the model of the deviations v = y - ybar and w = u - ubar from an equilibrium.
 
     The polynomial is expanded about the equilibrium: parameters change, terms of lower degree appear, and the
-    constant vanishes. (Deleting the constant instead is wrong whenever the model has nonlinear terms.) The free run of
-    the result equals that of the original. The covariance is carried over to first order, the motion of the
-    equilibrium with the parameters included.
+    constant vanishes. (Deleting the constant instead is wrong whenever the model has nonlinear terms.) The
+    free run of the result equals that of the original. The covariance is carried over to first order, the
+    motion of the equilibrium with the parameters included.
 
     Parameters
     ----------
@@ -283,21 +189,31 @@ def remove_dc(model: NarxModel, operating_input: ArrayLike | None = None) -> Nar
         raise ModelError("the model is constant: nothing is left without its operating point")
     terms = tuple(sorted(expansion, key=lambda t: (t.degree, t.factors)))
     matrix = np.array([expansion[term] for term in terms])
-    variables = model.table.variables
-    values = np.array([point.output if v.kind == "y" else point.operating_input[v.index] for v in variables])
-    feedback = linear_part(model, point.operating_input, point.output).a.sum()
-    moves = model.table.at(values) / (1.0 - feedback)
+    moves = motion(model, levels(model, point.operating_input, point.output))
     jacobian = matrix + np.outer(np.array([slope[term] for term in terms]) @ model.theta, moves)
-    at = ", ".join(f"{value:.9g} {unit}".strip() for value, unit in
-                   zip((*point.operating_input, point.output), (*model.input_units, *model.output_units), strict=True))
-    shifted = None if model.operating is None else model.operating.shifted(
-        point.operating_input, np.array([point.output]))
-    return replace(model, terms=terms, theta=matrix @ model.theta, theta_cov=jacobian @ model.theta_cov @ jacobian.T,
-                   operating=shifted, provenance={**model.provenance, "deviations_from": at})
+    at = ", ".join(
+        f"{value:.9g} {unit}".strip()
+        for value, unit in zip(
+            (*point.operating_input, point.output), (*model.input_units, *model.output_units), strict=True
+        )
+    )
+    shifted = (
+        None
+        if model.operating is None
+        else model.operating.shifted(point.operating_input, np.array([point.output]))
+    )
+    return replace(
+        model,
+        terms=terms,
+        theta=matrix @ model.theta,
+        theta_cov=jacobian @ model.theta_cov @ jacobian.T,
+        operating=shifted,
+        provenance={**model.provenance, "deviations_from": at},
+    )
 
 
 def _expand(term: Term, point: Equilibrium) -> Iterator[tuple[Term, float, float]]:
-    """Yield the terms of a product of (value + deviation)^power, each with its weight and d weight / d output."""
+    """Yield the terms of a product of (level + deviation)^power, each with weight and d weight / d output."""
     parts: list[tuple[tuple[Variable, ...], float, float]] = [((), 1.0, 0.0)]
     for variable, power in term.factors:
         is_output = variable.kind == "y"
@@ -305,9 +221,11 @@ def _expand(term: Term, point: Equilibrium) -> Iterator[tuple[Term, float, float
         grown = []
         for kept in range(power + 1):
             rest = power - kept
-            weight = comb(power, kept) * level ** rest
+            weight = comb(power, kept) * level**rest
             change = comb(power, kept) * rest * level ** (rest - 1) if is_output and rest else 0.0
-            grown += [(factors + (variable,) * kept, w * weight, w * change + d * weight) for factors, w, d in parts]
+            grown += [
+                (factors + (variable,) * kept, w * weight, w * change + d * weight) for factors, w, d in parts
+            ]
         parts = grown
     for factors, weight, change in parts:
         yield Term.product(factors), weight, change

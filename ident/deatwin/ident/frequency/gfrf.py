@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.ident.frequency.dc import Equilibrium, LinearPart, equilibrium, linear_part
-from deatwin.ident.narx.model import NarxModel, read_only
+from deatwin.ident.frequency.dc import Equilibrium, equilibrium
+from deatwin.ident.frequency.linear import LinearPart, linear_part
+from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.operating import read_only
 from deatwin.plant.errors import ModelError
 
 if TYPE_CHECKING:
@@ -19,15 +21,19 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_LINEAR_LAW = 4.0  # gains below this many standard deviations (of the longer axis of the ellipse) are not normal
+_LINEAR_LAW = (
+    4.0  # gains below this many standard deviations (of the longer axis of the ellipse) are not normal
+)
 
 
 class FrequencyStatus(Enum):
     """Whether a frequency response can be observed; the value is the advice."""
 
     OK = "the operating point is stable"
-    UNSTABLE = ("the operating point is unstable: the response is that of the linearised model, no experiment "
-                "settles to it; choose another operating input or identify again")
+    UNSTABLE = (
+        "the operating point is unstable: the response is that of the linearised model, no experiment "
+        "settles to it; choose another operating input or identify again"
+    )
 
     @property
     def ok(self) -> bool:
@@ -114,10 +120,10 @@ class FrequencyResponse:
     def band(self, level: float = 0.95) -> Band:
         """Return a pointwise confidence band of the gain.
 
-        The parameters are taken as normal and the gain as linear in them. That fails where the gain is not large
-        against its uncertainty (the gain of a normal complex number near zero is Rice-distributed): where it is less
-        than four standard deviations of the longer axis of the ellipse, ``linear_law`` is False. The lower limit is
-        never below zero.
+        The parameters are taken as normal and the gain as linear in them. That fails where the gain is not
+        large against its uncertainty (the gain of a normal complex number near zero is Rice-distributed):
+        where it is less than four standard deviations of the longer axis of the ellipse, ``linear_law`` is
+        False. The lower limit is never below zero.
 
         Parameters
         ----------
@@ -137,8 +143,12 @@ class FrequencyResponse:
             raise ModelError(f"level = {level}; it must lie between 0 and 1")
         half = NormalDist().inv_cdf(0.5 + level / 2) * self.gain_deviation
         longest = np.sqrt(np.linalg.eigvalsh(self.covariance)[:, -1].clip(min=0.0))
-        return Band(level=level, low=read_only((self.gain - half).clip(min=0.0)), high=read_only(self.gain + half),
-                    linear_law=self.gain >= _LINEAR_LAW * longest)
+        return Band(
+            level=level,
+            low=read_only((self.gain - half).clip(min=0.0)),
+            high=read_only(self.gain + half),
+            linear_law=self.gain >= _LINEAR_LAW * longest,
+        )
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the gain over frequency with its 95 % band.
@@ -156,9 +166,16 @@ class FrequencyResponse:
 
         axes = pyplot.subplots()[1] if ax is None else ax
         band = self.band()
-        line, = axes.plot(self.frequency_Hz, self.gain, label="$|H_1|$")
-        axes.fill_between(self.frequency_Hz, band.low, band.high, color=line.get_color(), alpha=0.25, linewidth=0,
-                          label="95 % band")
+        (line,) = axes.plot(self.frequency_Hz, self.gain, label="$|H_1|$")
+        axes.fill_between(
+            self.frequency_Hz,
+            band.low,
+            band.high,
+            color=line.get_color(),
+            alpha=0.25,
+            linewidth=0,
+            label="95 % band",
+        )
         axes.set_xscale("log")
         axes.set_yscale("log")
         axes.set_xlabel("frequency (Hz)")
@@ -167,8 +184,9 @@ class FrequencyResponse:
         return axes
 
 
-def gfrf(model: NarxModel, order: int, omega: ArrayLike, *,
-         operating_input: ArrayLike | None = None) -> FrequencyResponse:
+def gfrf(
+    model: NarxModel, order: int, omega: ArrayLike, *, operating_input: ArrayLike | None = None
+) -> FrequencyResponse:
     """Compute the generalised frequency response of an order; in this version the first, H_1.
 
     About the equilibrium at the operating input, H_1 = sum_l b_l e^(-j w l T) / (1 - sum_l a_l e^(-j w l T)).
@@ -182,8 +200,8 @@ def gfrf(model: NarxModel, order: int, omega: ArrayLike, *,
     omega : array_like, shape (n,)
         Angular frequencies in rad/s, up to half the sampling rate.
     operating_input : float, optional
-        Constant input about which the model is linearised, in the input's unit; the centre of the training data by
-        default (0 when there is none, as after `remove_dc`).
+        Constant input about which the model is linearised, in the input's unit; the centre of the training
+        data by default (0 when there is none, as after `remove_dc`).
 
     Returns
     -------
@@ -193,7 +211,8 @@ def gfrf(model: NarxModel, order: int, omega: ArrayLike, *,
     Raises
     ------
     ModelError
-        If the order is not available, the model has several inputs or no equilibrium, or a frequency is too high.
+        If the order is not available, the model has several inputs or no equilibrium, or a frequency is too
+        high.
 
     References
     ----------
@@ -205,21 +224,30 @@ def gfrf(model: NarxModel, order: int, omega: ArrayLike, *,
     if order != 1:
         raise ModelError(f"order = {order!r}: this version computes frequency responses of order 1 only")
     if len(model.input_names) != 1:
-        raise ModelError(f"the model has {len(model.input_names)} inputs; "
-                         "this version computes frequency responses of one input")
+        raise ModelError(
+            f"the model has {len(model.input_names)} inputs; "
+            "this version computes frequency responses of one input"
+        )
     frequencies = read_only(np.atleast_1d(np.asarray(omega, dtype=np.float64)))
     nyquist = np.pi / model.sample_time
     if frequencies.ndim != 1 or not np.all(np.abs(frequencies) <= nyquist * (1 + 1e-9)):
-        raise ModelError("omega must be one-dimensional, in rad/s, and not above half the sampling rate, "
-                         f"{nyquist:.6g} rad/s")
+        raise ModelError(
+            "omega must be one-dimensional, in rad/s, and not above half the sampling rate, "
+            f"{nyquist:.6g} rad/s"
+        )
     point = equilibrium(model, operating_input)
     linear = linear_part(model, point.operating_input, point.output)
     values, gradient = _first_order(linear, frequencies * model.sample_time)
     parts = np.stack([gradient.real, gradient.imag], axis=1)
     return FrequencyResponse(
-        values=values, omega=frequencies, gradient=gradient, covariance=parts @ model.theta_cov @ parts.swapaxes(1, 2),
-        point=point, status=FrequencyStatus.OK if point.is_stable else FrequencyStatus.UNSTABLE,
-        unit=_ratio(model.output_units[0], model.input_units[0]))
+        values=values,
+        omega=frequencies,
+        gradient=gradient,
+        covariance=parts @ model.theta_cov @ parts.swapaxes(1, 2),
+        point=point,
+        status=FrequencyStatus.OK if point.is_stable else FrequencyStatus.UNSTABLE,
+        unit=_ratio(model.output_units[0], model.input_units[0]),
+    )
 
 
 def _first_order(linear: LinearPart, angle: Array) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
@@ -228,8 +256,9 @@ def _first_order(linear: LinearPart, angle: Array) -> tuple[NDArray[np.complex12
     delayed_input = np.exp(-1j * np.outer(angle, linear.input_lags))
     denominator = 1.0 - delayed_output @ linear.a
     values = delayed_input @ linear.b / denominator
-    gradient = (delayed_input @ linear.b_theta + values[:, None] * (delayed_output @ linear.a_theta)) \
-        / denominator[:, None]
+    gradient = (
+        delayed_input @ linear.b_theta + values[:, None] * (delayed_output @ linear.a_theta)
+    ) / denominator[:, None]
     return values, gradient
 
 

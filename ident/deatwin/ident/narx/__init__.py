@@ -6,7 +6,8 @@ y(k) = 0.6 y(k-1) + 0.3 u(k-1)^2 + e(k)
 """
 
 from deatwin.ident.narx.frols import Frols
-from deatwin.ident.narx.model import NarxModel, OperatingRange
+from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.operating import OperatingRange
 from deatwin.ident.narx.response import NarxResponse, ResponseStatus
 from deatwin.ident.narx.svb import SvbNarx
 from deatwin.ident.narx.terms import Term, TermTable, Variable, generate_terms

@@ -20,24 +20,27 @@ Array = NDArray[np.float64]
 
 # A candidate whose squared norm has been reduced by this factor is taken as dependent on the chosen ones.
 _DEPENDENT = 1e-12
-# Squared norms and products are updated, not recomputed, until a candidate has lost this share of its squared norm;
-# then the candidate itself is orthogonalised afresh, so that cancellation never costs more than two digits.
+# Squared norms and products are updated, not recomputed, until a candidate has lost this share of its squared
+# norm; then the candidate itself is orthogonalised afresh, so that cancellation never costs more than two
+# digits.
 _REFRESH = 1e-2
 
-CRITERIA: Mapping[str, Callable[[float, int, int], float]] = MappingProxyType({
-    # n samples, k terms, mean squared residual s
-    "bic": lambda s, n, k: n * log(s) + k * log(n),
-    "aic": lambda s, n, k: n * log(s) + 2 * k,
-    "aicc": lambda s, n, k: n * log(s) + 2 * k + (2 * k * (k + 1) / (n - k - 1) if n > k + 1 else inf),
-})
+CRITERIA: Mapping[str, Callable[[float, int, int], float]] = MappingProxyType(
+    {
+        # n samples, k terms, mean squared residual s
+        "bic": lambda s, n, k: n * log(s) + k * log(n),
+        "aic": lambda s, n, k: n * log(s) + 2 * k,
+        "aicc": lambda s, n, k: n * log(s) + 2 * k + (2 * k * (k + 1) / (n - k - 1) if n > k + 1 else inf),
+    }
+)
 
 
 class Frols(NarxIdentifier):
     """Choose terms one by one, each the one that explains most of what is left of the output.
 
     The error reduction ratio of a candidate p, orthogonalised against the chosen terms to w, is
-    ``(w'y)^2 / (w'w y'y)``. Terms are added up to ``max_terms``; the number that an information criterion likes best
-    is kept, and its parameters are estimated by least squares (QR).
+    ``(w'y)^2 / (w'w y'y)``. Terms are added up to ``max_terms``; the number that an information criterion
+    likes best is kept, and its parameters are estimated by least squares (QR).
 
     Parameters
     ----------
@@ -48,7 +51,8 @@ class Frols(NarxIdentifier):
     max_terms : int
         Largest number of terms.
     criterion : str
-        "bic", "aic" or "aicc" choose the number of terms; "none" keeps ``max_terms``.
+        "bic", "aic" or "aicc" choose the number of terms; "none" keeps ``max_terms``. None of them counts how
+        many candidates competed, so that among hundreds of them false terms are kept too.
 
     Attributes
     ----------
@@ -69,8 +73,15 @@ class Frols(NarxIdentifier):
     identification", Int. J. Control 50 (1989) 1873-1896, doi:10.1080/00207178908953472.
     """
 
-    def __init__(self, *, output_lags: Lags = 2, input_lags: Lags = 2, degree: int = 2, max_terms: int = 15,
-                 criterion: str = "bic") -> None:
+    def __init__(
+        self,
+        *,
+        output_lags: Lags = 2,
+        input_lags: Lags = 2,
+        degree: int = 2,
+        max_terms: int = 15,
+        criterion: str = "bic",
+    ) -> None:
         self.output_lags = output_lags
         self.input_lags = input_lags
         self.degree = degree
@@ -96,18 +107,22 @@ class Frols(NarxIdentifier):
             If an argument makes no sense, or there are too few samples.
         """
         if self.criterion not in (*CRITERIA, "none"):
-            raise ModelError(f"criterion = {self.criterion!r}{nearest(self.criterion, [*CRITERIA, 'none'])}; "
-                             f"known are {', '.join(CRITERIA)} and none")
+            raise ModelError(
+                f"criterion = {self.criterion!r}{nearest(self.criterion, [*CRITERIA, 'none'])}; "
+                f"known are {', '.join(CRITERIA)} and none"
+            )
         if self.max_terms < 1:
             raise ModelError(f"max_terms = {self.max_terms}; it must be at least 1")
-        data = Regression.of(recordings, output_lags=self.output_lags, input_lags=self.input_lags, degree=self.degree)
+        data = Regression.of(
+            recordings, output_lags=self.output_lags, input_lags=self.input_lags, degree=self.degree
+        )
         if data.n_samples <= self.max_terms:
-            raise ModelError(f"{data.n_samples} usable samples are too few for up to {self.max_terms} terms; "
-                             f"at least {self.max_terms + 1} are needed")
+            raise ModelError(
+                f"{data.n_samples} usable samples are too few for up to {self.max_terms} terms; "
+                f"at least {self.max_terms + 1} are needed"
+            )
         rows, target = data.matrix()
         path = forward_selection(rows, target, self.max_terms)
-        if not path.chosen:
-            raise ModelError("no candidate explains anything of the output; is it constantly zero?")
         count = self._count(path, target)
         chosen = path.chosen[:count]
         kept = data.only(chosen)
@@ -127,8 +142,9 @@ class Frols(NarxIdentifier):
         # A residual at rounding level carries no information: let it not buy further terms.
         floor = float(np.finfo(float).eps) ** 2 * float(target @ target) / n
         measure = CRITERIA[self.criterion]
-        self.criterion_ = np.array([measure(max(square / n, floor), n, k)
-                                    for k, square in enumerate(path.residual, start=1)])
+        self.criterion_ = np.array(
+            [measure(max(square / n, floor), n, k) for k, square in enumerate(path.residual, start=1)]
+        )
         return int(np.argmin(self.criterion_)) + 1
 
 
@@ -155,7 +171,8 @@ def forward_selection(rows: Array, target: Array, max_terms: int) -> SelectionPa
     """Choose rows one by one by the error reduction ratio.
 
     Each step costs one product of the candidates with the new orthonormal direction. Chosen directions are
-    orthogonalised twice; norms and products of the candidates are updated and refreshed before cancellation hurts.
+    orthogonalised twice; norms and products of the candidates are updated and refreshed before cancellation
+    hurts.
 
     Parameters
     ----------
@@ -185,21 +202,21 @@ def forward_selection(rows: Array, target: Array, max_terms: int) -> SelectionPa
         usable[chosen] = False
         if not usable.any() or power == 0.0:
             break
-        gain = np.divide(products ** 2, norms, out=np.full(norms.size, -1.0), where=usable)
+        gain = np.divide(products**2, norms, out=np.full(norms.size, -1.0), where=usable)
         best = int(np.argmax(gain))
         direction = _orthogonal(rows[best], basis[:step])
         basis[step] = direction / np.linalg.norm(direction)
         explained = float(basis[step] @ left)
         left -= explained * basis[step]
         chosen.append(best)
-        err.append(explained ** 2 / power)
+        err.append(explained**2 / power)
         residual.append(float(left @ left))
 
         along = rows @ basis[step]
-        norms -= along ** 2
+        norms -= along**2
         products -= explained * along
         for j in np.flatnonzero(usable & (norms < _REFRESH * reference)):
-            rows[j] = _orthogonal(rows[j], basis[:step + 1])
+            rows[j] = _orthogonal(rows[j], basis[: step + 1])
             norms[j] = reference[j] = rows[j] @ rows[j]
             products[j] = rows[j] @ left
     return SelectionPath(chosen=tuple(chosen), err=tuple(err), residual=tuple(residual))

@@ -5,83 +5,28 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from deatwin.ident.narx.operating import Array, OperatingRange, read_only
 from deatwin.ident.narx.response import NarxResponse, ResponseStatus, free_run
 from deatwin.ident.narx.terms import Term, TermTable
 from deatwin.plant.errors import ModelError
 from deatwin.plant.files import write_text_atomic
 from deatwin.plant.recording import Recording
 
-Array = NDArray[np.float64]
 SCHEMA = "deatwin/narx/1"
 
-# A free run has diverged when it leaves this many times the outputs of the training data; a model without training
-# data has no scale of its own, so that only what cannot be meant is called divergence.
+# A free run has diverged when it leaves this many times the outputs of the training data; a model without
+# training data has no scale of its own, so that only what cannot be meant is called divergence.
 _DIVERGED_TRAINED = 1e3
 _DIVERGED_UNTRAINED = 1e9
-
-
-def read_only(values: ArrayLike) -> Array:
-    """Return a read-only float copy.
-
-    Parameters
-    ----------
-    values : array_like
-        Any shape.
-    """
-    array = np.array(values, dtype=np.float64)
-    array.setflags(write=False)
-    return array
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class OperatingRange:
-    """Where a model was trained.
-
-    Parameters
-    ----------
-    input_min, input_max : ndarray, shape (n_inputs,)
-        Smallest and largest value of the training inputs, in the inputs' units.
-    input_centre : ndarray, shape (n_inputs,)
-        The operating input: mean of the training inputs, or 0 after the operating point was removed.
-    output_min, output_max, output_centre : ndarray, shape (1,)
-        The same of the output, in its unit.
-    """
-
-    input_min: Array
-    input_max: Array
-    input_centre: Array
-    output_min: Array
-    output_max: Array
-    output_centre: Array
-
-    def __post_init__(self) -> None:
-        for item in fields(self):
-            object.__setattr__(self, item.name, read_only(np.atleast_1d(getattr(self, item.name))))
-
-    def shifted(self, operating_input: Array, operating_output: Array) -> OperatingRange:
-        """Return the range as deviations from an operating point, which becomes the centre.
-
-        Parameters
-        ----------
-        operating_input : ndarray, shape (n_inputs,)
-            In the inputs' units.
-        operating_output : ndarray, shape (1,)
-            In the output's unit.
-        """
-        return OperatingRange(
-            input_min=self.input_min - operating_input, input_max=self.input_max - operating_input,
-            input_centre=np.zeros_like(self.input_centre),
-            output_min=self.output_min - operating_output, output_max=self.output_max - operating_output,
-            output_centre=np.zeros_like(self.output_centre))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -97,8 +42,8 @@ class NarxModel:
     theta_cov : ndarray, shape (n_terms, n_terms)
         Covariance of the parameters.
     theta_dof : float
-        Degrees of freedom of a Student-t posterior with that covariance: the squared scale of the t distribution is
-        ``theta_cov * (theta_dof - 2) / theta_dof``. Infinite for a normal law.
+        Degrees of freedom of a Student-t posterior with that covariance: the squared scale of the t
+        distribution is ``theta_cov * (theta_dof - 2) / theta_dof``. Infinite for a normal law.
     noise_variance : float
         Variance of e(k), square of the output's unit.
     sample_time : float
@@ -135,25 +80,39 @@ class NarxModel:
         object.__setattr__(self, "provenance", MappingProxyType(dict(self.provenance)))
         n = len(self.terms)
         if n == 0 or len(set(self.terms)) != n:
-            raise ModelError("a NARX model needs at least one term, and each only once; "
-                             f"got {', '.join(map(str, self.terms)) or 'none'}")
+            raise ModelError(
+                "a NARX model needs at least one term, and each only once; "
+                f"got {', '.join(map(str, self.terms)) or 'none'}"
+            )
         if self.theta.shape != (n,) or self.theta_cov.shape != (n, n):
-            raise ModelError(f"{n} terms need theta of shape ({n},) and theta_cov of shape ({n}, {n}); "
-                             f"got {self.theta.shape} and {self.theta_cov.shape}")
+            raise ModelError(
+                f"{n} terms need theta of shape ({n},) and theta_cov of shape ({n}, {n}); "
+                f"got {self.theta.shape} and {self.theta_cov.shape}"
+            )
         if not (np.all(np.isfinite(self.theta)) and np.all(np.isfinite(self.theta_cov))):
             raise ModelError("theta and theta_cov must be finite")
         if not self.sample_time > 0 or not self.noise_variance >= 0 or not self.theta_dof > 2:
-            raise ModelError(f"sample_time = {self.sample_time} must be positive, noise_variance = "
-                             f"{self.noise_variance} not negative and theta_dof = {self.theta_dof} above 2")
+            raise ModelError(
+                f"sample_time = {self.sample_time} must be positive, noise_variance = "
+                f"{self.noise_variance} not negative and theta_dof = {self.theta_dof} above 2"
+            )
         if len(self.output_names) != 1 or self.table.channels("y") > 1:
             raise ModelError("a NarxModel has one output in this version")
         if self.table.channels("u") > len(self.input_names):
-            raise ModelError(f"the terms use {self.table.channels('u')} inputs, "
-                             f"but {len(self.input_names)} are named")
+            raise ModelError(
+                f"the terms use {self.table.channels('u')} inputs, but {len(self.input_names)} are named"
+            )
 
     @classmethod
-    def from_terms(cls, terms: Mapping[str, float], *, sample_time: float, theta_cov: ArrayLike | None = None,
-                   noise_variance: float = 0.0, **details: Any) -> Self:
+    def from_terms(
+        cls,
+        terms: Mapping[str, float],
+        *,
+        sample_time: float,
+        theta_cov: ArrayLike | None = None,
+        noise_variance: float = 0.0,
+        **details: Any,
+    ) -> Self:
         """Make a model from written terms.
 
         Parameters
@@ -180,8 +139,14 @@ class NarxModel:
             details.setdefault("input_names", tuple(f"input{i}" for i in range(1, inputs + 1)))
             details.setdefault("input_units", ("",) * inputs)
         cov = np.zeros((len(parsed), len(parsed))) if theta_cov is None else theta_cov
-        return cls(terms=parsed, theta=read_only(list(terms.values())), theta_cov=read_only(cov),
-                   noise_variance=noise_variance, sample_time=sample_time, **details)
+        return cls(
+            terms=parsed,
+            theta=read_only(list(terms.values())),
+            theta_cov=read_only(cov),
+            noise_variance=noise_variance,
+            sample_time=sample_time,
+            **details,
+        )
 
     @cached_property
     def table(self) -> TermTable:
@@ -212,8 +177,9 @@ class NarxModel:
         """
         first = self._check(recording)
         outputs = np.array(recording.outputs, dtype=np.float64)
-        outputs[0, first:] = self.theta @ self.table.rows(recording.inputs, recording.outputs, first,
-                                                          recording.n_samples)
+        outputs[0, first:] = self.theta @ self.table.rows(
+            recording.inputs, recording.outputs, first, recording.n_samples
+        )
         return self._response(recording, outputs, first)
 
     def simulate(self, recording: Recording) -> NarxResponse:
@@ -222,13 +188,14 @@ class NarxModel:
         Parameters
         ----------
         recording : Recording
-            Inputs, and outputs of which the first ``table.max_lag`` samples start the run, in the model's units.
+            Inputs, and outputs of which the first ``table.max_lag`` samples start the run, in the model's
+            units.
 
         Returns
         -------
         NarxResponse
-            With ``.outputs`` of shape (1, n). If the run diverges, ``.status`` says so, ``.failed_at_s`` when, and
-            the outputs from there on hold the last value.
+            With ``.outputs`` of shape (1, n). If the run diverges, ``.status`` says so, ``.failed_at_s``
+            when, and the outputs from there on hold the last value.
 
         Raises
         ------
@@ -236,12 +203,14 @@ class NarxModel:
             If the recording does not suit the model.
         """
         first = self._check(recording)
-        outputs, failed = free_run(self.table, self.theta, recording.inputs, recording.outputs[0],
-                                   self._divergence_limit(recording))
+        outputs, failed = free_run(
+            self.table, self.theta, recording.inputs, recording.outputs[0], self._divergence_limit(recording)
+        )
         if failed is None:
             return self._response(recording, outputs[None], first)
-        return self._response(recording, outputs[None], first, ResponseStatus.DIVERGED,
-                              float(recording.timepts[failed]))
+        return self._response(
+            recording, outputs[None], first, ResponseStatus.DIVERGED, float(recording.timepts[failed])
+        )
 
     def save(self, path: str | Path) -> None:
         """Write the model as JSON ("deatwin/narx/1"), beside the target first and then renamed.
@@ -286,14 +255,20 @@ class NarxModel:
     def _check(self, recording: Recording) -> int:
         """Return the first sample that can be computed, after checking that the recording suits."""
         if not math.isclose(recording.sample_time, self.sample_time, rel_tol=1e-6):
-            raise ModelError(f"the recording has a sample time of {recording.sample_time:g} s, "
-                             f"the model of {self.sample_time:g} s")
+            raise ModelError(
+                f"the recording has a sample time of {recording.sample_time:g} s, "
+                f"the model of {self.sample_time:g} s"
+            )
         if recording.inputs.shape[0] != len(self.input_names) or recording.outputs.shape[0] != 1:
-            raise ModelError(f"the recording has {recording.inputs.shape[0]} inputs and "
-                             f"{recording.outputs.shape[0]} outputs, the model {len(self.input_names)} and 1")
+            raise ModelError(
+                f"the recording has {recording.inputs.shape[0]} inputs and "
+                f"{recording.outputs.shape[0]} outputs, the model {len(self.input_names)} and 1"
+            )
         if recording.n_samples <= self.table.max_lag:
-            raise ModelError(f"the recording has {recording.n_samples} samples; "
-                             f"the model needs at least {self.table.max_lag + 1}")
+            raise ModelError(
+                f"the recording has {recording.n_samples} samples; "
+                f"the model needs at least {self.table.max_lag + 1}"
+            )
         return self.table.max_lag
 
     def _divergence_limit(self, recording: Recording) -> float:
@@ -302,27 +277,48 @@ class NarxModel:
         seen = np.abs([self.operating.output_min, self.operating.output_max])
         return _DIVERGED_TRAINED * max(float(seen.max()), float(np.abs(recording.outputs).max()))
 
-    def _response(self, recording: Recording, outputs: Array, first: int,
-                  status: ResponseStatus = ResponseStatus.OK, failed_at_s: float | None = None) -> NarxResponse:
+    def _response(
+        self,
+        recording: Recording,
+        outputs: Array,
+        first: int,
+        status: ResponseStatus = ResponseStatus.OK,
+        failed_at_s: float | None = None,
+    ) -> NarxResponse:
         outputs.setflags(write=False)
-        return NarxResponse(outputs=outputs, measured=recording.outputs, timepts=recording.timepts, first=first,
-                            status=status, failed_at_s=failed_at_s, unit=self.output_units[0])
+        return NarxResponse(
+            outputs=outputs,
+            measured=recording.outputs,
+            timepts=recording.timepts,
+            first=first,
+            status=status,
+            failed_at_s=failed_at_s,
+            unit=self.output_units[0],
+        )
 
 
 def _to_json(model: NarxModel) -> dict[str, Any]:
     def signals(side: str, names: tuple[str, ...], units: tuple[str, ...]) -> list[dict[str, Any]]:
-        ranges = {key: [None] * len(names) if model.operating is None
-                  else getattr(model.operating, f"{side}_{key}").tolist() for key in ("min", "max", "centre")}
-        return [{"name": name, "unit": unit} | {key: values[i] for key, values in ranges.items()}
-                for i, (name, unit) in enumerate(zip(names, units, strict=True))]
+        ranges = {
+            key: [None] * len(names)
+            if model.operating is None
+            else getattr(model.operating, f"{side}_{key}").tolist()
+            for key in ("min", "max", "centre")
+        }
+        return [
+            {"name": name, "unit": unit} | {key: values[i] for key, values in ranges.items()}
+            for i, (name, unit) in enumerate(zip(names, units, strict=True))
+        ]
 
     return {
         "schema": SCHEMA,
         "sample_time_s": float(model.sample_time),
         "inputs": signals("input", model.input_names, model.input_units),
         "outputs": signals("output", model.output_names, model.output_units),
-        "terms": [{"term": str(term), "theta": float(value)}
-                  for term, value in zip(model.terms, model.theta, strict=True)],
+        "terms": [
+            {"term": str(term), "theta": float(value)}
+            for term, value in zip(model.terms, model.theta, strict=True)
+        ],
         "theta_cov": model.theta_cov.tolist(),
         "theta_dof": float(model.theta_dof) if math.isfinite(model.theta_dof) else None,
         "noise_variance": float(model.noise_variance),
@@ -332,12 +328,18 @@ def _to_json(model: NarxModel) -> dict[str, Any]:
 
 def _from_json(document: Mapping[str, Any]) -> dict[str, Any]:
     sides = {"input": document["inputs"], "output": document["outputs"]}
-    ranges = {f"{side}_{key}": [signal[key] for signal in signals]
-              for side, signals in sides.items() for key in ("min", "max", "centre")}
+    ranges = {
+        f"{side}_{key}": [signal[key] for signal in signals]
+        for side, signals in sides.items()
+        for key in ("min", "max", "centre")
+    }
     known = all(value is not None for values in ranges.values() for value in values)
     dof = document["theta_dof"]
-    names = {f"{side}_{key}s": tuple(str(signal[key]) for signal in signals)
-             for side, signals in sides.items() for key in ("name", "unit")}
+    names = {
+        f"{side}_{key}s": tuple(str(signal[key]) for signal in signals)
+        for side, signals in sides.items()
+        for key in ("name", "unit")
+    }
     return {
         "terms": tuple(Term.parse(item["term"]) for item in document["terms"]),
         "theta": read_only([item["theta"] for item in document["terms"]]),
@@ -345,7 +347,9 @@ def _from_json(document: Mapping[str, Any]) -> dict[str, Any]:
         "theta_dof": math.inf if dof is None else float(dof),
         "noise_variance": float(document["noise_variance"]),
         "sample_time": float(document["sample_time_s"]),
-        "operating": OperatingRange(**{key: read_only(values) for key, values in ranges.items()}) if known else None,
+        "operating": OperatingRange(**{key: read_only(values) for key, values in ranges.items()})
+        if known
+        else None,
         "provenance": {str(key): str(value) for key, value in document["provenance"].items()},
         **names,
     }

@@ -1,4 +1,4 @@
-"""What all NARX estimators share: the regression made from recordings, scaling, and scikit-learn's contract."""
+"""What all NARX estimators share: the regression on recordings, its scaling, and scikit-learn's contract."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.narx.model import NarxModel, OperatingRange
+from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.operating import OperatingRange
 from deatwin.ident.narx.terms import Lags, TermTable, generate_terms
 from deatwin.plant.errors import ModelError, nearest
 from deatwin.plant.recording import Experiment, Recording
@@ -27,7 +28,8 @@ _BLOCK = 4096  # samples evaluated at once: a block of 1000 terms is 32 MB
 class NarxIdentifier(ABC):
     """An estimator of NARX models under scikit-learn's contract.
 
-    Arguments are stored untouched under their names, what is learned ends in ``_``, and ``fit`` returns the estimator.
+    Arguments are stored untouched under their names, what is learned ends in ``_``, and ``fit`` returns the
+    estimator.
     """
 
     model_: NarxModel
@@ -75,7 +77,9 @@ class NarxIdentifier(ABC):
         """
         for name in params:
             if name not in self._names():
-                raise ModelError(f"{type(self).__name__} has no argument {name!r}{nearest(name, self._names())}")
+                raise ModelError(
+                    f"{type(self).__name__} has no argument {name!r}{nearest(name, self._names())}"
+                )
         for name, value in params.items():
             setattr(self, name, value)
         return self
@@ -89,8 +93,8 @@ class NarxIdentifier(ABC):
 class Regression:
     """The regression y = Phi theta + e of candidate terms on recordings, in scaled signals.
 
-    Each signal is divided by the power of two just above its largest magnitude: no regressor exceeds 1, whatever
-    the units, and the way back to physical units is exact in binary arithmetic.
+    Each signal is divided by the power of two just above its largest magnitude: no regressor exceeds 1,
+    whatever the units, and the way back to physical units is exact in binary arithmetic.
 
     Parameters
     ----------
@@ -125,16 +129,24 @@ class Regression:
             If the recordings do not fit together or are too short.
         """
         chosen = flatten(recordings)
-        if len({(r.inputs.shape[0], r.outputs.shape[0], r.sample_time) for r in chosen}) != 1:
+        times = [record.sample_time for record in chosen]
+        channels = {(record.inputs.shape[0], record.outputs.shape[0]) for record in chosen}
+        if len(channels) != 1 or not math.isclose(min(times), max(times), rel_tol=1e-6):
             raise ModelError("the recordings must have the same inputs, outputs and sample time")
         if chosen[0].outputs.shape[0] != 1:
-            raise ModelError(f"the recordings have {chosen[0].outputs.shape[0]} outputs; "
-                             "NARX estimators identify one output in this version")
+            raise ModelError(
+                f"the recordings have {chosen[0].outputs.shape[0]} outputs; "
+                "NARX estimators identify one output in this version"
+            )
         table = TermTable(generate_terms(output_lags, input_lags, degree, n_inputs=chosen[0].inputs.shape[0]))
+        if not any(np.any(record.outputs) for record in chosen):
+            raise ModelError("the output is constantly zero: there is nothing to identify")
         for number, record in enumerate(chosen, start=1):
             if record.n_samples <= table.max_lag:
-                raise ModelError(f"recording {number} has {record.n_samples} samples; "
-                                 f"lags up to {table.max_lag} need at least {table.max_lag + 1}")
+                raise ModelError(
+                    f"recording {number} has {record.n_samples} samples; "
+                    f"lags up to {table.max_lag} need at least {table.max_lag + 1}"
+                )
         return cls(table, chosen, table.max_lag)
 
     def only(self, indices: Iterable[int]) -> Regression:
@@ -165,8 +177,9 @@ class Regression:
     @cached_property
     def term_scales(self) -> Array:
         """Physical size of a parameter of 1 for each term, shape (n_terms,)."""
-        values = np.array([self.output_scale if v.kind == "y" else self.input_scales[v.index]
-                           for v in self.table.variables])
+        values = np.array(
+            [self.output_scale if v.kind == "y" else self.input_scales[v.index] for v in self.table.variables]
+        )
         return self.output_scale / self.table.at(values)
 
     def blocks(self) -> Iterator[tuple[Array, Array]]:
@@ -187,7 +200,7 @@ class Regression:
                 yield self.table.rows(inputs, outputs, start, stop), outputs[0, start:stop]
 
     def matrix(self) -> tuple[Array, Array]:
-        """Return all regressors, transposed to shape (n_terms, n_samples), and outputs, shape (n_samples,); scaled."""
+        """Return scaled regressors, transposed to (n_terms, n_samples), and outputs, shape (n_samples,)."""
         rows = np.empty((len(self.table.terms), self.n_samples))
         target = np.empty(self.n_samples)
         filled = 0
@@ -198,7 +211,7 @@ class Regression:
         return rows, target
 
     def gram(self) -> tuple[Array, Array, float]:
-        """Return Phi'Phi, shape (n_terms, n_terms), Phi'y, shape (n_terms,), and y'y, scaled, built by blocks."""
+        """Return Phi'Phi, (n_terms, n_terms), Phi'y, (n_terms,), and y'y of the scaled signals, by blocks."""
         n = len(self.table.terms)
         gram, moment, power = np.zeros((n, n)), np.zeros(n), 0.0
         for rows, target in self.blocks():
@@ -207,8 +220,15 @@ class Regression:
             power += float(target @ target)
         return gram, moment, power
 
-    def model(self, theta: Array, theta_cov: Array, noise_variance: float, *,
-              identifier: NarxIdentifier, theta_dof: float = math.inf) -> NarxModel:
+    def model(
+        self,
+        theta: Array,
+        theta_cov: Array,
+        noise_variance: float,
+        *,
+        identifier: NarxIdentifier,
+        theta_dof: float = math.inf,
+    ) -> NarxModel:
         """Return the model of all terms of this regression, in physical units.
 
         Parameters
@@ -232,14 +252,23 @@ class Regression:
         record = self.recordings[0]
         files = [r.provenance["file"] for r in self.recordings if "file" in r.provenance]
         return NarxModel(
-            terms=self.table.terms, theta=theta * scale,
-            theta_cov=theta_cov * np.outer(scale, scale), theta_dof=theta_dof,
-            noise_variance=noise_variance * self.output_scale ** 2, sample_time=record.sample_time,
-            input_names=record.input_names, output_names=record.output_names,
-            input_units=record.input_units, output_units=record.output_units,
+            terms=self.table.terms,
+            theta=theta * scale,
+            theta_cov=theta_cov * np.outer(scale, scale),
+            theta_dof=theta_dof,
+            noise_variance=noise_variance * self.output_scale**2,
+            sample_time=record.sample_time,
+            input_names=record.input_names,
+            output_names=record.output_names,
+            input_units=record.input_units,
+            output_units=record.output_units,
             operating=_operating_range(self.recordings),
-            provenance={"identifier": repr(identifier), "samples": str(self.n_samples),
-                        "recordings": ", ".join(files) or str(len(self.recordings))})
+            provenance={
+                "identifier": repr(identifier),
+                "samples": str(self.n_samples),
+                "recordings": ", ".join(files) or str(len(self.recordings)),
+            },
+        )
 
 
 def flatten(recordings: Recordings) -> tuple[Recording, ...]:
@@ -274,5 +303,10 @@ def _operating_range(recordings: tuple[Recording, ...]) -> OperatingRange:
     inputs = np.concatenate([record.inputs for record in recordings], axis=1)
     outputs = np.concatenate([record.outputs for record in recordings], axis=1)
     return OperatingRange(
-        input_min=inputs.min(axis=1), input_max=inputs.max(axis=1), input_centre=inputs.mean(axis=1),
-        output_min=outputs.min(axis=1), output_max=outputs.max(axis=1), output_centre=outputs.mean(axis=1))
+        input_min=inputs.min(axis=1),
+        input_max=inputs.max(axis=1),
+        input_centre=inputs.mean(axis=1),
+        output_min=outputs.min(axis=1),
+        output_max=outputs.max(axis=1),
+        output_centre=outputs.mean(axis=1),
+    )

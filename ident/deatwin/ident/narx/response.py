@@ -21,8 +21,10 @@ class ResponseStatus(Enum):
     """How a prediction or free run ended; the value is the advice."""
 
     OK = "done"
-    DIVERGED = ("the free run diverged; the outputs after that time hold the last value: "
-                "stay within the operating range of the model, or choose another structure")
+    DIVERGED = (
+        "the free run diverged; the outputs after that time hold the last value: "
+        "stay within the operating range of the model, or choose another structure"
+    )
 
     @property
     def ok(self) -> bool:
@@ -37,7 +39,8 @@ class NarxResponse:
     Parameters
     ----------
     outputs : ndarray, shape (1, n)
-        Model outputs in the recording's unit; the samples before ``first`` are the measured ones. Always finite.
+        Model outputs in the recording's unit; the samples before ``first`` are the measured ones. Always
+        finite.
     measured : ndarray, shape (1, n)
         The recording's outputs.
     timepts : ndarray, shape (n,)
@@ -63,12 +66,12 @@ class NarxResponse:
     @property
     def residuals(self) -> Array:
         """Measured minus computed outputs of the computed samples, shape (1, n - first)."""
-        return np.asarray((self.measured - self.outputs)[:, self.first:], dtype=np.float64)
+        return np.asarray((self.measured - self.outputs)[:, self.first :], dtype=np.float64)
 
     @property
     def rms_error(self) -> float:
         """Root mean square of the residuals, in the recording's unit."""
-        return float(np.sqrt(np.mean(self.residuals ** 2)))
+        return float(np.sqrt(np.mean(self.residuals**2)))
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw measured and computed outputs over time.
@@ -93,12 +96,14 @@ class NarxResponse:
         return axes
 
 
-def free_run(table: TermTable, theta: Array, inputs: Array, measured: Array,
-             limit: float) -> tuple[Array, int | None]:
+def free_run(
+    table: TermTable, theta: Array, inputs: Array, measured: Array, limit: float
+) -> tuple[Array, int | None]:
     """Run a model of one output free.
 
-    With the inputs known, y(k) = sum_j c_j(k) m_j(y(k-1), y(k-2), ...): the c_j, one for each monomial m_j of lagged
-    outputs, are computed at once for all samples; only the short sum runs sample by sample, in plain floats.
+    With the inputs known, y(k) = sum_j c_j(k) m_j(y(k-1), y(k-2), ...): the c_j, one for each monomial m_j of
+    lagged outputs, are computed at once for all samples; only the short sum runs sample by sample, in plain
+    floats.
 
     Parameters
     ----------
@@ -122,11 +127,16 @@ def free_run(table: TermTable, theta: Array, inputs: Array, measured: Array,
     """
     first, n = table.max_lag, inputs.shape[1]
     output_parts = [tuple(v.lag for v in term.expanded if v.kind == "y") for term in table.terms]
-    input_parts = TermTable(tuple(Term.product(v for v in term.expanded if v.kind == "u") for term in table.terms))
+    input_parts = TermTable(
+        tuple(Term.product(v for v in term.expanded if v.kind == "u") for term in table.terms)
+    )
     monomials = sorted(set(output_parts))
     coefficients = np.zeros((len(monomials), n - first))
-    np.add.at(coefficients, [monomials.index(part) for part in output_parts],
-              theta[:, None] * input_parts.rows(inputs, measured[None], first, n))
+    np.add.at(
+        coefficients,
+        [monomials.index(part) for part in output_parts],
+        theta[:, None] * input_parts.rows(inputs, measured[None], first, n),
+    )
     run: list[float] = measured.tolist()
     for k, row in enumerate(coefficients.T.tolist(), start=first):
         value = 0.0

@@ -1,7 +1,7 @@
 """Polynomial NARX terms: written, parsed, generated, and evaluated as regressors.
 
-A term is a product of lagged outputs and inputs, written as in the literature: ``y(k-1)u(k-2)^2``; with several
-channels ``y1(k-1)u3(k-2)^2``; the constant term is ``1``.
+A term is a product of lagged outputs and inputs, written as in the literature: ``y(k-1)u(k-2)^2``; with
+several channels ``y1(k-1)u3(k-2)^2``; the constant term is ``1``.
 """
 
 from __future__ import annotations
@@ -104,12 +104,16 @@ class Term:
         while position < len(text):
             match = _FACTOR.match(text, position)
             if match is None:
-                raise ModelError(f"cannot read the term {text!r} from {text[position:]!r} on; "
-                                 "write terms as 1, y(k-1) or y(k-1)u(k-2)^2")
+                raise ModelError(
+                    f"cannot read the term {text!r} from {text[position:]!r} on; "
+                    "write terms as 1, y(k-1) or y(k-1)u(k-2)^2"
+                )
             kind, channel, lag, power = match.groups()
             variable = Variable(kind, int(channel or 0), int(lag or 0))
             if kind == "y" and variable.lag < 1:
-                raise ModelError(f"term {text!r} holds the output at the present sample; its lag must be at least 1")
+                raise ModelError(
+                    f"term {text!r} holds the output at the present sample; its lag must be at least 1"
+                )
             variables += [variable] * int(power or 1)
             position = match.end()
         if not variables:
@@ -153,14 +157,16 @@ def lag_list(lags: Lags, *, smallest: int) -> tuple[int, ...]:
     return tuple(sorted({int(lag) for lag in wanted}))
 
 
-def generate_terms(output_lags: Lags, input_lags: Lags, degree: int, *,
-                   n_inputs: int = 1, n_outputs: int = 1) -> tuple[Term, ...]:
+def generate_terms(
+    output_lags: Lags, input_lags: Lags, degree: int, *, n_inputs: int = 1, n_outputs: int = 1
+) -> tuple[Term, ...]:
     """Return all candidate terms up to a degree, the constant first, then by degree.
 
     Parameters
     ----------
     output_lags, input_lags : int or sequence of int
-        A number n for the lags 1..n, or the lags themselves (an input lag may be 0), in samples; for every channel.
+        A number n for the lags 1..n, or the lags themselves (an input lag may be 0), in samples; for every
+        channel.
     degree : int
         Largest degree of a term, at least 1.
     n_inputs, n_outputs : int
@@ -179,14 +185,19 @@ def generate_terms(output_lags: Lags, input_lags: Lags, degree: int, *,
     if degree < 1:
         raise ModelError(f"degree = {degree}; it must be at least 1")
     variables = []
-    for kind, count, lags in (("y", n_outputs, lag_list(output_lags, smallest=1)),
-                              ("u", n_inputs, lag_list(input_lags, smallest=0))):
+    for kind, count, lags in (
+        ("y", n_outputs, lag_list(output_lags, smallest=1)),
+        ("u", n_inputs, lag_list(input_lags, smallest=0)),
+    ):
         channels = range(1, count + 1) if count > 1 else (0,)
         variables += [Variable(kind, channel, lag) for channel in channels for lag in lags]
     if not variables:
         raise ModelError("no lags at all; give output_lags or input_lags")
-    return tuple(Term.product(chosen) for n in range(degree + 1)
-                 for chosen in combinations_with_replacement(variables, n))
+    return tuple(
+        Term.product(chosen)
+        for n in range(degree + 1)
+        for chosen in combinations_with_replacement(variables, n)
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,7 +245,7 @@ class TermTable:
 
     @cached_property
     def _plan(self) -> tuple[tuple[int | None, tuple[int, ...]], ...]:
-        """For each term the earlier term that it extends by one factor (if there is one), and what to multiply."""
+        """For each term the earlier one that it extends by a factor, if any, and the factors to multiply."""
         column = {variable: j for j, variable in enumerate(self.variables)}
         seen: dict[tuple[Variable, ...], int] = {}
         plan = []
@@ -246,8 +257,9 @@ class TermTable:
             seen.setdefault(factors, position)
         return tuple(plan)
 
-    def rows(self, inputs: NDArray[np.float64], outputs: NDArray[np.float64],
-             start: int, stop: int) -> NDArray[np.float64]:
+    def rows(
+        self, inputs: NDArray[np.float64], outputs: NDArray[np.float64], start: int, stop: int
+    ) -> NDArray[np.float64]:
         """Evaluate all terms over a stretch of samples.
 
         Parameters
@@ -265,7 +277,7 @@ class TermTable:
             The transposed regressor matrix: one row a term, so that each is contiguous in memory.
         """
         signal = {"y": outputs, "u": inputs}
-        lagged = [signal[v.kind][v.index, start - v.lag:stop - v.lag] for v in self.variables]
+        lagged = [signal[v.kind][v.index, start - v.lag : stop - v.lag] for v in self.variables]
         rows = np.empty((len(self.terms), stop - start))
         for row, (parent, rest) in zip(rows, self._plan, strict=True):
             row[:] = 1.0 if parent is None else rows[parent]
@@ -285,4 +297,4 @@ class TermTable:
         -------
         ndarray, shape (n_terms,)
         """
-        return np.asarray(np.prod(values ** self.exponents, axis=1), dtype=np.float64)
+        return np.asarray(np.prod(values**self.exponents, axis=1), dtype=np.float64)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from deatwin.plant.effects.base import Effect, Family, Place
-from deatwin.plant.parameters import Parameter
+from deatwin.plant.parameters import Parameter, Scale
 
 if TYPE_CHECKING:
     from deatwin.plant.equations import Builder
@@ -52,7 +52,7 @@ class Creep(Effect):
     def describe(self) -> tuple[Parameter, ...]:
         return (
             Parameter(name="modulus", value=self.modulus, unit="Pa", lower=0.0, upper=1e6),
-            Parameter(name="time", value=self.time, unit="s", lower=2.0, upper=2000.0, logarithmic=True),
+            Parameter(name="time", value=self.time, unit="s", lower=2.0, upper=2000.0, scale=Scale.LOGARITHMIC),
         )
 
     def rewrite(self, signal: Film, build: Builder) -> Film:

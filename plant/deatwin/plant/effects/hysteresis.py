@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import casadi as ca
 
 from deatwin.plant.effects.base import Effect, Family, Place
-from deatwin.plant.parameters import Parameter
+from deatwin.plant.parameters import Parameter, Scale
 
 if TYPE_CHECKING:
     from deatwin.plant.equations import Builder
@@ -53,7 +53,7 @@ class Hysteresis(Effect):
         return (
             Parameter(name="force", value=self.force, unit="N", lower=0.0, upper=0.05),
             Parameter(
-                name="distance", value=self.distance, unit="m", lower=1e-6, upper=1e-3, logarithmic=True
+                name="distance", value=self.distance, unit="m", lower=1e-6, upper=1e-3, scale=Scale.LOGARITHMIC
             ),
         )
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import casadi as ca
 
 from deatwin.plant.effects.base import Effect, Family, Place
-from deatwin.plant.parameters import Parameter
+from deatwin.plant.parameters import Parameter, Scale
 
 if TYPE_CHECKING:
     from deatwin.plant.equations import Builder
@@ -51,7 +51,7 @@ class PermittivityDrift(Effect):
     def describe(self) -> tuple[Parameter, ...]:
         return (
             Parameter(name="relative_change", value=self.relative_change, unit="1", lower=-0.6, upper=1.5),
-            Parameter(name="time", value=self.time, unit="s", lower=20.0, upper=20e3, logarithmic=True),
+            Parameter(name="time", value=self.time, unit="s", lower=20.0, upper=20e3, scale=Scale.LOGARITHMIC),
         )
 
     def rewrite(self, signal: Any, build: Builder) -> Any:

@@ -19,8 +19,9 @@ from deatwin.plant.effects.base import Place
 from deatwin.plant.equations import Builder
 from deatwin.plant.film import Film, relaxation_stiffness
 from deatwin.plant.material import Material, material
-from deatwin.plant.parameters import Parameter
+from deatwin.plant.parameters import Parameter, Scale
 from deatwin.plant.rigs.base import ReadingTime, Rig, StartProcedure
+from deatwin.plant.rigs.rigfile import RigFile
 
 __all__ = ["Ball", "Diaphragm"]
 
@@ -86,7 +87,7 @@ class Diaphragm(Rig):
         known = {"source": "rig file", "known": True}
         return (
             *self._material.parameters,
-            Parameter(name="damping", value=0.05, unit="N s/m", lower=1e-4, upper=2.0, logarithmic=True,
+            Parameter(name="damping", value=0.05, unit="N s/m", lower=1e-4, upper=2.0, scale=Scale.LOGARITHMIC,
                       source="damping ratio 0.03 to 0.08 of the ball on the film"),
             Parameter(name="zero", value=0.0, unit="m", lower=-1e-3, upper=1e-3, source="sensor offset"),
             Parameter(name="mass", value=self.mass, unit="kg", lower=1e-6, upper=1.0, **known),
@@ -200,6 +201,31 @@ class Diaphragm(Rig):
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
         return cls(**{**data, "reading": ReadingTime(data["reading"])})
+
+    @classmethod
+    def from_rig_file(cls, described: RigFile) -> Self:
+        """The rig that a rig file describes.
+
+        Parameters
+        ----------
+        described : RigFile
+            As `read_rig` gives it. Where it does not say how the film sits on the ball, the rig has a rival.
+
+        Returns
+        -------
+        Diaphragm
+            Its noise includes the rounding to the sensor's resolution.
+        """
+        film, load, drive, sensor = described.film, described.load, described.drive, described.sensor
+        return cls(
+            material=film.material, thickness=film.thickness, prestretch=film.prestretch,
+            frame_radius=film.frame_diameter / 2, electrode_radius=film.electrode_diameter / 2,
+            contact_radius=load.contact_diameter / 2, mass=load.mass, gain=drive.gain,
+            start_ramp=drive.start_ramp, start_hold=drive.start_hold,
+            ball=film.ball or cls.ball, ball_is_known=film.ball is not None,
+            sample_time=1 / sensor.sample_rate,
+            noise=float(np.hypot(sensor.noise, sensor.resolution / np.sqrt(12))),
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -31,7 +31,7 @@ def test_finds_terms_parameters_and_noise():
 
 def test_units_change_nothing_but_the_units():
     plain = Frols(degree=2).fit(bilinear())
-    small = Frols(degree=2).fit(bilinear(units=(2.0 ** 11, 2.0 ** -13)))
+    small = Frols(degree=2).fit(bilinear(units=(2.0**11, 2.0**-13)))
     assert plain.terms_ == small.terms_
     np.testing.assert_array_equal(plain.err_, small.err_)
     powers = {"y(k-1)": 0, "u(k-2)": -24, "y(k-1)u(k-1)": -11}
@@ -73,7 +73,7 @@ def test_blocks_and_whole_agree(monkeypatch):
 def test_forward_selection_against_explicit_projections_on_ill_conditioned_candidates():
     rng = np.random.default_rng(4)
     n, base = 300, rng.normal(size=300)
-    rows = np.array([base + 10.0 ** -power * rng.normal(size=n) for power in (0, 2, 4, 5, 5, 4, 3)])
+    rows = np.array([base + 10.0**-power * rng.normal(size=n) for power in (0, 2, 4, 5, 5, 4, 3)])
     target = rows.T @ np.array([1, 2e2, -1e4, 0, 3e5, 0, 0]) + 1e-3 * rng.normal(size=n)
     path = forward_selection(rows.copy(), target, 5)
     chosen: list[int] = []
@@ -106,7 +106,9 @@ def test_least_squares_survives_unequal_columns():
 
 @pytest.mark.parametrize("criterion", ["bic", "aic", "aicc"])
 def test_noise_free_data_do_not_buy_terms_at_rounding_level(criterion):
-    frols = Frols(output_lags=2, input_lags=2, degree=2, max_terms=8, criterion=criterion).fit(bilinear(noise=0.0))
+    frols = Frols(output_lags=2, input_lags=2, degree=2, max_terms=8, criterion=criterion).fit(
+        bilinear(noise=0.0)
+    )
     true = {"y(k-1)": 0.5, "u(k-2)": 0.8, "y(k-1)u(k-1)": -0.3}
     for term, theta in zip(frols.terms_, frols.model_.theta, strict=True):
         assert theta == pytest.approx(true.get(str(term), 0.0), abs=1e-12)
@@ -126,10 +128,16 @@ def test_scikit_learn_contract():
     assert repr(Frols(degree=3)).startswith("Frols(output_lags=2, input_lags=2, degree=3")
 
 
-@pytest.mark.parametrize(("arguments", "says"), [
-    ({"criterion": "bik"}, 'did you mean "bic"'), ({"max_terms": 0}, "max_terms"), ({"degree": 0}, "degree"),
-    ({"max_terms": 500}, "too few"), ({"output_lags": 400}, "samples"),
-])
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        ({"criterion": "bik"}, 'did you mean "bic"'),
+        ({"max_terms": 0}, "max_terms"),
+        ({"degree": 0}, "degree"),
+        ({"max_terms": 500}, "too few"),
+        ({"output_lags": 400}, "samples"),
+    ],
+)
 def test_senseless_arguments_are_refused(arguments, says):
     with pytest.raises(ModelError, match=says):
         Frols(**arguments).fit(bilinear())
@@ -141,4 +149,4 @@ def test_data_that_say_nothing_are_refused():
     with pytest.raises(ModelError, match="at least one"):
         Frols().fit([])
     with pytest.raises(ModelError, match="sample time"):
-        Frols().fit([bilinear(), Recording.from_arrays(np.ones(50), np.zeros(50), 1.0)])
+        Frols().fit([bilinear(), Recording.from_arrays(np.ones(50), np.ones(50), 1.0)])

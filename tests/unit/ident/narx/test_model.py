@@ -22,16 +22,36 @@ def make_recording(n=200, seed=0, sample_time=0.1):
 def full_model():
     cov = np.random.default_rng(3).normal(size=(6, 6))
     return NarxModel.from_terms(
-        TERMS, sample_time=0.1, theta_cov=cov @ cov.T, noise_variance=1e-3, theta_dof=200.5,
-        input_names=("command",), output_names=("displacement",), input_units=("V",), output_units=("m",),
-        operating=OperatingRange(input_min=[-1], input_max=[1], input_centre=[0.1],
-                                 output_min=[-0.9], output_max=[0.8], output_centre=[0.03]),
-        provenance={"file": "a.csv"})
+        TERMS,
+        sample_time=0.1,
+        theta_cov=cov @ cov.T,
+        noise_variance=1e-3,
+        theta_dof=200.5,
+        input_names=("command",),
+        output_names=("displacement",),
+        input_units=("V",),
+        output_units=("m",),
+        operating=OperatingRange(
+            input_min=[-1],
+            input_max=[1],
+            input_centre=[0.1],
+            output_min=[-0.9],
+            output_max=[0.8],
+            output_centre=[0.03],
+        ),
+        provenance={"file": "a.csv"},
+    )
 
 
 def by_hand(u, y, k):
-    return (0.5 * y[k - 1] - 0.2 * y[k - 2] + 0.3 * u[k - 1] + 0.1 * u[k] ** 2
-            - 0.05 * y[k - 1] ** 2 * u[k - 2] + 0.02)
+    return (
+        0.5 * y[k - 1]
+        - 0.2 * y[k - 2]
+        + 0.3 * u[k - 1]
+        + 0.1 * u[k] ** 2
+        - 0.05 * y[k - 1] ** 2 * u[k - 2]
+        + 0.02
+    )
 
 
 def test_predict_uses_the_measured_past_and_simulate_its_own():
@@ -67,13 +87,13 @@ def test_divergence_is_a_status_with_its_time():
     assert recording.start < run.failed_at_s < recording.end
     assert np.all(np.isfinite(run.outputs))
     failed = round((run.failed_at_s - recording.start) / 0.1)
-    assert np.ptp(run.outputs[0, failed - 1:]) == 0.0
+    assert np.ptp(run.outputs[0, failed - 1 :]) == 0.0
 
 
 def test_a_model_without_lags_is_a_map():
     recording = make_recording()
     run = NarxModel.from_terms({"u(k)^2": 2.0}, sample_time=0.1).simulate(recording)
-    np.testing.assert_allclose(run.outputs, 2 * recording.inputs ** 2)
+    np.testing.assert_allclose(run.outputs, 2 * recording.inputs**2)
 
 
 def test_the_file_keeps_every_digit_and_follows_its_schema(tmp_path):
@@ -82,8 +102,17 @@ def test_the_file_keeps_every_digit_and_follows_its_schema(tmp_path):
     again = NarxModel.load(tmp_path / "narx.json")
     np.testing.assert_array_equal(again.theta, model.theta)
     np.testing.assert_array_equal(again.theta_cov, model.theta_cov)
-    for name in ("terms", "noise_variance", "sample_time", "theta_dof", "input_names", "output_names",
-                 "input_units", "output_units", "provenance"):
+    for name in (
+        "terms",
+        "noise_variance",
+        "sample_time",
+        "theta_dof",
+        "input_names",
+        "output_names",
+        "input_units",
+        "output_units",
+        "provenance",
+    ):
         assert getattr(again, name) == getattr(model, name)
     np.testing.assert_array_equal(again.operating.input_centre, [0.1])
     plain = NarxModel.from_terms({"y(k-1)": 0.5}, sample_time=1.0)
@@ -98,15 +127,18 @@ def test_the_file_keeps_every_digit_and_follows_its_schema(tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["narx.json", "plain.json"]
 
 
-@pytest.mark.parametrize(("change", "says"), [
-    (lambda d: d.update(schema="deatwin/plant/1"), "deatwin/narx/1"),
-    (lambda d: d.pop("terms"), "'terms' is missing"),
-    (lambda d: d["terms"].pop(), "theta_cov"),
-    (lambda d: d["terms"][0].update(term="z(k-1)"), "cannot read the term"),
-    (lambda d: d["terms"][0].update(theta="much"), "not a valid NARX model"),
-    (lambda d: d.update(sample_time_s=-1), "sample_time"),
-    (lambda d: d.update(inputs=3), "not a valid NARX model"),
-])
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (lambda d: d.update(schema="deatwin/plant/1"), "deatwin/narx/1"),
+        (lambda d: d.pop("terms"), "'terms' is missing"),
+        (lambda d: d["terms"].pop(), "theta_cov"),
+        (lambda d: d["terms"][0].update(term="z(k-1)"), "cannot read the term"),
+        (lambda d: d["terms"][0].update(theta="much"), "not a valid NARX model"),
+        (lambda d: d.update(sample_time_s=-1), "sample_time"),
+        (lambda d: d.update(inputs=3), "not a valid NARX model"),
+    ],
+)
 def test_a_malformed_file_is_one_clear_error(tmp_path, change, says):
     path = tmp_path / "narx.json"
     full_model().save(path)
@@ -131,8 +163,11 @@ def test_a_file_that_is_none(tmp_path):
 
 def test_a_recording_that_does_not_suit_is_refused():
     model = NarxModel.from_terms(TERMS, sample_time=0.1)
-    for recording, says in [(make_recording(sample_time=0.2), "sample time"), (make_recording(n=2), "samples"),
-                            (Recording.from_arrays(np.zeros((2, 9)), np.zeros(9), 0.1), "inputs")]:
+    for recording, says in [
+        (make_recording(sample_time=0.2), "sample time"),
+        (make_recording(n=2), "samples"),
+        (Recording.from_arrays(np.zeros((2, 9)), np.zeros(9), 0.1), "inputs"),
+    ]:
         with pytest.raises(ModelError, match=says):
             model.simulate(recording)
 

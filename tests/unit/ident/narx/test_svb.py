@@ -8,7 +8,7 @@ from scipy import integrate
 from scipy.special import gammaln
 
 from deatwin.ident.narx import SvbNarx
-from deatwin.ident.narx.svb import Priors, Statistics, fit_relevance, posterior
+from deatwin.ident.narx.bayes import Priors, Statistics, fit_relevance, posterior
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
@@ -45,9 +45,12 @@ def test_with_relevances_held_the_posterior_is_the_closed_form():
 @pytest.mark.parametrize("seed", range(25))
 def test_the_bound_never_falls(seed):
     rng = np.random.default_rng(seed)
-    phi, y = problem(seed, n=int(rng.integers(5, 200)), m=int(rng.integers(1, 30)), noise=10 ** rng.uniform(-4, 1))
-    fit = fit_relevance(statistics(phi, y), Priors(), np.full(phi.shape[1], 100.0), tolerance=0.0,
-                        max_iterations=200)
+    phi, y = problem(
+        seed, n=int(rng.integers(5, 200)), m=int(rng.integers(1, 30)), noise=10 ** rng.uniform(-4, 1)
+    )
+    fit = fit_relevance(
+        statistics(phi, y), Priors(), np.full(phi.shape[1], 100.0), tolerance=0.0, max_iterations=200
+    )
     bounds = np.array(fit.bounds)
     assert np.all(np.diff(bounds) >= -1e-9 * np.abs(bounds[1:]))
 
@@ -63,9 +66,17 @@ def test_the_bound_lies_just_below_the_evidence():
     def density(log_alpha):
         alpha = math.exp(log_alpha)
         q = posterior(data, np.array([alpha]), priors)
-        given = (-20 * math.log(2 * math.pi) + 0.5 * (log_alpha + q.log_det) + priors.a0 * math.log(priors.b0)
-                 - gammaln(priors.a0) + gammaln(q.a) - q.a * math.log(q.b))
-        prior = (priors.c0 * math.log(priors.d0) - gammaln(priors.c0) + priors.c0 * log_alpha - priors.d0 * alpha)
+        given = (
+            -20 * math.log(2 * math.pi)
+            + 0.5 * (log_alpha + q.log_det)
+            + priors.a0 * math.log(priors.b0)
+            - gammaln(priors.a0)
+            + gammaln(q.a)
+            - q.a * math.log(q.b)
+        )
+        prior = (
+            priors.c0 * math.log(priors.d0) - gammaln(priors.c0) + priors.c0 * log_alpha - priors.d0 * alpha
+        )
         return math.exp(given + prior)
 
     evidence = math.log(integrate.quad(density, -25, 8, limit=400)[0])
@@ -92,8 +103,11 @@ def test_pruning_goes_down_to_one_term_and_the_largest_bound_is_chosen():
     assert svb.terms_ == best.terms
     assert {str(term) for term in svb.terms_} == {"y(k-1)", "u(k-2)", "y(k-1)u(k-1)"}
     for before, after in zip(svb.path_, svb.path_[1:], strict=False):
-        kept = {term for term, value in zip(before.terms, before.relevance, strict=True)
-                if value > before.threshold * (1 + 1e-9)}
+        kept = {
+            term
+            for term, value in zip(before.terms, before.relevance, strict=True)
+            if value > before.threshold * (1 + 1e-9)
+        }
         assert kept <= set(after.terms) < set(before.terms)
 
 
@@ -111,7 +125,7 @@ def test_posterior_of_the_model_is_close_to_least_squares():
 
 
 def test_units_change_nothing_but_the_units():
-    plain, small = SvbNarx().fit(bilinear()), SvbNarx().fit(bilinear(units=(2.0 ** 11, 2.0 ** -13)))
+    plain, small = SvbNarx().fit(bilinear()), SvbNarx().fit(bilinear(units=(2.0**11, 2.0**-13)))
     assert plain.terms_ == small.terms_ and plain.lower_bound_ == small.lower_bound_
     volts = {"y(k-1)": 0, "u(k-2)": -24, "y(k-1)u(k-1)": -11}
     factors = np.array([2.0 ** volts[str(term)] for term in plain.terms_])
@@ -125,7 +139,9 @@ def test_scikit_learn_contract():
     assert not [name for name in vars(svb) if name.endswith("_")]
 
 
-@pytest.mark.parametrize("arguments", [{"resolution": 1.0}, {"b0": 0.0}, {"max_iterations": 0}, {"degree": 0}])
+@pytest.mark.parametrize(
+    "arguments", [{"resolution": 1.0}, {"b0": 0.0}, {"max_iterations": 0}, {"degree": 0}]
+)
 def test_senseless_arguments_are_refused(arguments):
     with pytest.raises(ModelError):
         SvbNarx(**arguments).fit(bilinear())

@@ -1,0 +1,333 @@
+"""Output-error calibration of a plant on recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from deatwin.plant.errors import DataError
+from deatwin.plant.model import Plant
+from deatwin.plant.parameters import Parameter
+from deatwin.plant.recording import Experiment
+from deatwin.plant.timeline import Timeline
+
+__all__ = ["Calibration", "FitStatus", "Part", "Problem", "calibrate"]
+
+EVALUATIONS = 40
+TOLERANCE = 1e-5
+"""Relative change of the cost at which a fit has settled: far below what a likelihood ratio of 1 is of 10,000."""
+
+
+class FitStatus(Enum):
+    """How a calibration ended; the text is the advice."""
+
+    SETTLED = "the fit settled"
+    STOPPED = "the fit used up its evaluations: its parameters may still move"
+    IMPOSSIBLE = "the plant cannot be simulated at its starting values: it pulls in or finds no state of rest"
+
+    @property
+    def ok(self) -> bool:
+        """Whether the fit can be used."""
+        return self is not FitStatus.IMPOSSIBLE
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Part:
+    """Which samples of which experiment count.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        Recordings on one clock.
+    masks : tuple of ndarray of bool
+        For each recording, the samples that count.
+    """
+
+    experiment: Experiment
+    masks: tuple[np.ndarray, ...]
+
+    def __post_init__(self) -> None:
+        sizes = [r.n_samples for r in self.experiment.recordings]
+        if [m.size for m in self.masks] != sizes:
+            raise DataError(f"masks have {[m.size for m in self.masks]} samples, the recordings {sizes}")
+
+    @classmethod
+    def whole(cls, experiment: Experiment) -> Part:
+        """All samples of an experiment.
+
+        Parameters
+        ----------
+        experiment : Experiment
+            Recordings on one clock.
+
+        Returns
+        -------
+        Part
+        """
+        masks = tuple(np.ones(r.n_samples, dtype=bool) for r in experiment.recordings)
+        return cls(experiment=experiment, masks=masks)
+
+    @property
+    def measured(self) -> np.ndarray:
+        """Readings that count, one after another, shape (n,), SI."""
+        records = zip(self.experiment.recordings, self.masks, strict=True)
+        return np.concatenate([r.outputs[0, m] for r, m in records])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Calibration:
+    """A plant whose free parameters were fitted.
+
+    Parameters
+    ----------
+    plant : Plant
+        With the fitted values.
+    names : tuple of str
+        The fitted parameters.
+    covariance : ndarray, shape (n, n)
+        Of the fitted coordinates, each in its parameter's `Scale`.
+    residuals : ndarray, shape (m,)
+        Measured minus simulated at the samples that count, SI.
+    jacobian : ndarray, shape (m, n)
+        Derivative of the simulated readings by the fitted coordinates, SI.
+    status : FitStatus
+        How it ended.
+    at_bound : tuple of str
+        Parameters that ended on a bound of their range.
+    evaluations : int
+        Simulations made.
+    """
+
+    plant: Plant
+    names: tuple[str, ...]
+    covariance: np.ndarray
+    residuals: np.ndarray
+    jacobian: np.ndarray
+    status: FitStatus
+    at_bound: tuple[str, ...]
+    evaluations: int
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the residuals, SI."""
+        return float(np.sqrt(np.mean(self.residuals**2)))
+
+    def interval(self, name: str, deviations: float = 1.959964) -> tuple[float, float]:
+        """Confidence interval of a parameter, inside its physical range.
+
+        Parameters
+        ----------
+        name : str
+            A fitted parameter.
+        deviations : float
+            Half width in standard deviations of the fitted coordinate; 95 % by default.
+
+        Returns
+        -------
+        tuple of float
+            Lower and upper end, SI.
+        """
+        k = self.names.index(name)
+        parameter = self.plant.parameters[name]
+        half = deviations * float(np.sqrt(self.covariance[k, k]))
+        limits = sorted((parameter.scale.coordinate(parameter.lower), parameter.scale.coordinate(parameter.upper)))
+        centre = parameter.scale.coordinate(parameter.value)
+        ends = np.clip([centre - half, centre + half], *limits)
+        low, high = sorted(parameter.scale.value(float(end)) for end in ends)
+        return low, high
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Problem:
+    """Residuals of a plant on the counted samples, as a function of the fitted coordinates.
+
+    Parameters
+    ----------
+    plant : Plant
+        Where the fit starts.
+    parts : tuple of Part
+        What counts.
+    names : tuple of str
+        Parameters to be fitted; the other free ones stay.
+    """
+
+    plant: Plant
+    parts: tuple[Part, ...]
+    names: tuple[str, ...]
+
+    def start(self) -> np.ndarray:
+        """Coordinates of the plant's present values, shape (n,)."""
+        return np.array([p.scale.coordinate(p.value) for p in self._fitted])
+
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper coordinates of the physical range, shape (n,) each."""
+        ends = np.array([[p.scale.coordinate(end) for end in (p.lower, p.upper)] for p in self._fitted])
+        return ends.min(axis=1), ends.max(axis=1)
+
+    def values(self, coordinates: np.ndarray) -> dict[str, float]:
+        """SI values of coordinates, held inside the physical range against rounding."""
+        pairs = zip(self._fitted, coordinates, strict=True)
+        return {p.name: min(max(p.scale.value(float(x)), p.lower), p.upper) for p, x in pairs}
+
+    @property
+    def _fitted(self) -> list[Parameter]:
+        return [self.plant.parameters[name] for name in self.names]
+
+    def evaluate(self, coordinates: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+        """Residuals (m,) and derivative of the readings (m, n), SI; None if the plant fails.
+
+        Parameters
+        ----------
+        coordinates : ndarray, shape (n,)
+            Of the fitted parameters.
+
+        Returns
+        -------
+        tuple of ndarray, or None
+        """
+        plant = self.plant.with_values(self.values(coordinates))
+        free = plant.parameters.free
+        columns = [free.index(n) for n in self.names]
+        slope = np.array([p.scale.slope(p.value) for p in (plant.parameters[n] for n in self.names)])
+        residuals, jacobians = [], []
+        for part in self.parts:
+            timeline = plant.timeline(part.experiment)
+            counted = np.concatenate(
+                [r[m] for r, m in zip(timeline.readings, part.masks, strict=True)]
+            )
+            run = plant.simulator.run_with_sensitivities(
+                timeline.commands[: counted.max() + 1], start=timeline.start, sample_time=timeline.sample_time,
+                rest_command=plant.rig.start.rest_command, values=plant.free_values,
+            )  # fmt: skip
+            if not run.status.ok or run.sensitivities is None:
+                return None
+            residuals.append(part.measured - run.outputs[counted + 1])
+            jacobians.append(run.sensitivities[counted + 1][:, columns] * slope)
+        return np.concatenate(residuals), np.vstack(jacobians)
+
+
+def calibrate(
+    plant: Plant,
+    parts: Sequence[Part],
+    *,
+    names: Sequence[str] | None = None,
+    evaluations: int = EVALUATIONS,
+) -> Calibration:
+    """Fit a plant's free parameters to recordings by output error.
+
+    The simulation runs free from the rest state; the squared difference between measured and simulated readings
+    is minimised by a trust-region Gauss-Newton method with exact derivatives inside the physical ranges.
+
+    Parameters
+    ----------
+    plant : Plant
+        With starting values.
+    parts : sequence of Part
+        Samples that count; each experiment starts from rest.
+    names : sequence of str, optional
+        Parameters to be fitted; all free ones by default.
+    evaluations : int
+        Largest number of simulations.
+
+    Returns
+    -------
+    Calibration
+        With `status` saying how it ended.
+
+    References
+    ----------
+    Ljung, System Identification (1999), section 5.5; Branch, Coleman & Li, SIAM J. Sci. Comput. 21 (1999) 1,
+    doi:10.1137/S1064827595289108.
+    """
+    problem = Problem(plant=plant, parts=tuple(parts), names=tuple(names or plant.parameters.free))
+    cost = _Memory(problem)
+    start, (lower, upper) = problem.start(), problem.bounds()
+    first = cost(start)
+    if first is None:
+        return _impossible(problem)
+    margin = 1e-9 * np.maximum(1.0, np.abs(upper - lower))
+    solution = least_squares(
+        cost.residuals, np.clip(start, lower + margin, upper - margin), jac=cost.jacobian,
+        bounds=(lower, upper), x_scale="jac", method="trf", ftol=TOLERANCE, xtol=1e-7, gtol=1e-12,
+        max_nfev=evaluations,
+    )  # fmt: skip
+    found = cost(solution.x)
+    if found is None:
+        return _impossible(problem)
+    residuals, jacobian = found
+    span = 1e-4 * (upper - lower)
+    near = (solution.x - lower < span) | (upper - solution.x < span)
+    return Calibration(
+        plant=plant.with_values(problem.values(solution.x)),
+        names=problem.names,
+        covariance=_covariance(residuals, jacobian),
+        residuals=residuals,
+        jacobian=jacobian,
+        status=FitStatus.SETTLED if solution.status > 0 else FitStatus.STOPPED,
+        at_bound=tuple(n for n, hit in zip(problem.names, near, strict=True) if hit),
+        evaluations=cost.evaluations,
+    )
+
+
+class _Memory:
+    """Residuals and Jacobian of one simulation, kept for the solver's second question."""
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+        self.evaluations = 0
+        self._last: tuple[np.ndarray, tuple[np.ndarray, np.ndarray] | None] | None = None
+        self._best: tuple[np.ndarray, np.ndarray] | None = None
+
+    def __call__(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+        if self._last is None or not np.array_equal(self._last[0], x):
+            self.evaluations += 1
+            self._last = x.copy(), self.problem.evaluate(x)
+            if self._last[1] is not None:
+                self._best = self._last[1]
+        return self._last[1]
+
+    def residuals(self, x: np.ndarray) -> np.ndarray:
+        found = self(x)
+        if found is not None:
+            return found[0]
+        # A trial point at which the plant pulls in: so bad that the solver takes a shorter step.
+        if self._best is None:
+            raise RuntimeError("a fit was asked for residuals before a point that can be simulated")
+        return 1e3 * (np.abs(self._best[0]) + 1e-3)
+
+    def jacobian(self, x: np.ndarray) -> np.ndarray:
+        found = self(x)
+        if found is None:
+            raise RuntimeError("the solver accepted a point that cannot be simulated")
+        return -found[1]
+
+
+def _covariance(residuals: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
+    """Covariance of least squares under residuals that are correlated in time.
+
+    The variance is taken at zero frequency over lags up to the square root of the record (Newey-West), which
+    model errors need: they are slow, and white-noise formulas would make the intervals far too narrow.
+    """
+    scale = np.linalg.norm(jacobian, axis=0)
+    scale[scale == 0] = 1.0
+    scaled = jacobian / scale
+    bread = np.linalg.pinv(scaled.T @ scaled, rcond=1e-12)
+    scores = scaled * residuals[:, None]
+    meat = scores.T @ scores
+    lags = int(np.sqrt(residuals.size))
+    for lag in range(1, lags + 1):
+        gamma = scores[lag:].T @ scores[:-lag]
+        meat += (1 - lag / (lags + 1)) * (gamma + gamma.T)
+    return bread @ meat @ bread / np.outer(scale, scale)
+
+
+def _impossible(problem: Problem) -> Calibration:
+    n = len(problem.names)
+    return Calibration(
+        plant=problem.plant, names=problem.names, covariance=np.full((n, n), np.nan), residuals=np.empty(0),
+        jacobian=np.empty((0, n)), status=FitStatus.IMPOSSIBLE, at_bound=(), evaluations=1,
+    )  # fmt: skip

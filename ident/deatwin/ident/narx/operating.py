@@ -1,0 +1,68 @@
+"""Where a model was trained: the ranges and the centre of its data."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+def read_only(values: ArrayLike) -> Array:
+    """Return a read-only float copy.
+
+    Parameters
+    ----------
+    values : array_like
+        Any shape.
+    """
+    array = np.array(values, dtype=np.float64)
+    array.setflags(write=False)
+    return array
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class OperatingRange:
+    """Where a model was trained.
+
+    Parameters
+    ----------
+    input_min, input_max : ndarray, shape (n_inputs,)
+        Smallest and largest value of the training inputs, in the inputs' units.
+    input_centre : ndarray, shape (n_inputs,)
+        The operating input: mean of the training inputs, or 0 after the operating point was removed.
+    output_min, output_max, output_centre : ndarray, shape (1,)
+        The same of the output, in its unit.
+    """
+
+    input_min: Array
+    input_max: Array
+    input_centre: Array
+    output_min: Array
+    output_max: Array
+    output_centre: Array
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            object.__setattr__(self, item.name, read_only(np.atleast_1d(getattr(self, item.name))))
+
+    def shifted(self, operating_input: Array, operating_output: Array) -> OperatingRange:
+        """Return the range as deviations from an operating point, which becomes the centre.
+
+        Parameters
+        ----------
+        operating_input : ndarray, shape (n_inputs,)
+            In the inputs' units.
+        operating_output : ndarray, shape (1,)
+            In the output's unit.
+        """
+        return OperatingRange(
+            input_min=self.input_min - operating_input,
+            input_max=self.input_max - operating_input,
+            input_centre=np.zeros_like(self.input_centre),
+            output_min=self.output_min - operating_output,
+            output_max=self.output_max - operating_output,
+            output_centre=np.zeros_like(self.output_centre),
+        )

@@ -1,0 +1,175 @@
+"""Equilibria, the linear part, and the model of deviations."""
+
+import numpy as np
+import pytest
+
+from deatwin.ident.frequency import equilibrium, linear_part, remove_dc
+from deatwin.ident.narx import NarxModel, OperatingRange
+from deatwin.plant.errors import ModelError
+from deatwin.plant.recording import Recording
+
+NONLINEAR = {
+    "1": 0.1,
+    "y(k-1)": 0.5,
+    "y(k-2)^2": -0.2,
+    "y(k-1)u(k-1)": 0.15,
+    "u(k-1)": 0.4,
+    "u(k-2)^3": 0.1,
+    "y(k-1)y(k-2)u(k)": -0.05,
+}
+
+
+def near(output, input_centre=0.0, size=2.0):
+    return OperatingRange(
+        input_min=[input_centre - 1],
+        input_max=[input_centre + 1],
+        input_centre=[input_centre],
+        output_min=[output - size],
+        output_max=[output + size],
+        output_centre=[output],
+    )
+
+
+def test_linear_model_has_one_equilibrium():
+    point = equilibrium(NarxModel.from_terms({"y(k-1)": 0.6, "u(k-1)": 2.0, "1": 1.0}, sample_time=1.0), 3.0)
+    np.testing.assert_allclose(point.outputs, [7.0 / 0.4], rtol=1e-14)
+    assert point.is_stable
+
+
+def test_all_equilibria_with_stability_and_the_one_near_the_data():
+    """y = 1.5 y - 0.5 y^3: at 0 unstable (slope 1.5), at ±1 stable (slope 0)."""
+    terms = {"y(k-1)": 1.5, "y(k-1)^3": -0.5, "u(k-1)": 1.0}
+    for output, chosen in [(-0.8, -1.0), (0.1, 0.0), (0.9, 1.0)]:
+        point = equilibrium(NarxModel.from_terms(terms, sample_time=1.0, operating=near(output)), 0.0)
+        np.testing.assert_allclose(point.outputs, [-1, 0, 1], atol=1e-14)
+        np.testing.assert_array_equal(point.stable, [True, False, True])
+        assert point.output == pytest.approx(chosen, abs=1e-14)
+
+
+def test_the_equilibrium_is_followed_from_the_data_to_the_operating_input():
+    """y^2 = u has the branches ±sqrt(u); from (4, -2) the lower one leads to -3 at 9."""
+    model = NarxModel.from_terms(
+        {"y(k-1)": 1.0, "y(k-1)^2": 0.1, "u(k-1)": -0.1}, sample_time=1.0, operating=near(-2.0, 4.0)
+    )
+    assert equilibrium(model).output == pytest.approx(-2.0, rel=1e-12)
+    assert equilibrium(model, 9.0).output == pytest.approx(-3.0, rel=1e-12)
+
+
+def test_equilibria_do_not_depend_on_the_unit():
+    scale = 1e-6
+    model = NarxModel.from_terms(
+        {"y(k-1)": 1.5, "y(k-1)^3": -0.5 / scale**2, "u(k-1)": 1.0},
+        sample_time=1.0,
+        operating=near(0.9 * scale, size=scale),
+    )
+    np.testing.assert_allclose(equilibrium(model, 0.0).outputs, [-scale, 0, scale], atol=1e-13 * scale)
+
+
+def test_no_equilibrium_and_every_output_one():
+    with pytest.raises(ModelError, match="no real equilibrium"):
+        equilibrium(
+            NarxModel.from_terms({"y(k-1)": 1.0, "y(k-1)^2": 1.0, "u(k-1)": 1.0}, sample_time=1.0), 1.0
+        )
+    integrator = NarxModel.from_terms({"y(k-1)": 0.3, "y(k-2)": 0.7, "u(k-1)": 1.0}, sample_time=1.0)
+    with pytest.raises(ModelError, match="integrates"):
+        equilibrium(integrator, 0.0)
+    with pytest.raises(ModelError, match="no real equilibrium"):
+        equilibrium(integrator, 1.0)
+    with pytest.raises(ModelError, match="operating_input"):
+        equilibrium(integrator, [1.0, 2.0])
+
+
+def test_where_two_equilibria_meet_there_is_no_derivative():
+    fold = NarxModel.from_terms({"y(k-1)": 1.0, "y(k-1)^2": 1.0, "u(k-1)": 1.0}, sample_time=1.0)
+    point = equilibrium(fold, 0.0)
+    assert point.output == 0.0 and not point.is_stable
+    with pytest.raises(ModelError, match="two equilibria meet"):
+        linear_part(fold, 0.0, point.output)
+
+
+def test_a_constant_model_rests_at_its_constant():
+    model = NarxModel.from_terms({"1": 2.5}, sample_time=1.0)
+    assert equilibrium(model).output == 2.5 and equilibrium(model).is_stable
+    with pytest.raises(ModelError, match="nothing is left"):
+        remove_dc(model)
+
+
+def test_linear_part_and_its_derivatives_against_differences():
+    model = NarxModel.from_terms(NONLINEAR, sample_time=1.0)
+
+    def coefficients(theta):
+        moved = NarxModel.from_terms(dict(zip(NONLINEAR, theta, strict=True)), sample_time=1.0)
+        part = linear_part(moved, 0.7, equilibrium(moved, 0.7).output)
+        return np.concatenate([part.a, part.b])
+
+    part = linear_part(model, 0.7, equilibrium(model, 0.7).output)
+    by_theta = np.concatenate([part.a_theta, part.b_theta])
+    for m in range(len(NONLINEAR)):
+        step = 1e-5 * np.eye(len(NONLINEAR))[m]
+        differences = (coefficients(model.theta + step) - coefficients(model.theta - step)) / 2e-5
+        np.testing.assert_allclose(by_theta[:, m], differences, rtol=1e-6, atol=1e-8)
+
+
+def test_poles():
+    part = linear_part(NarxModel.from_terms({"y(k-1)": 1.1, "y(k-2)": -0.3}, sample_time=1.0), 0.0, 0.0)
+    np.testing.assert_allclose(np.sort(part.poles.real), [0.5, 0.6], rtol=1e-12)
+
+
+@pytest.mark.parametrize("operating_input", [0.0, 0.7, -0.5])
+def test_the_free_run_of_the_deviations_is_that_of_the_model(operating_input):
+    model = NarxModel.from_terms(NONLINEAR, sample_time=1.0)
+    shifted = remove_dc(model, operating_input)
+    assert "1" not in map(str, shifted.terms)
+    ybar = equilibrium(model, operating_input).output
+    rng = np.random.default_rng(0)
+    recording = Recording.from_arrays(rng.uniform(-1, 1, 300), rng.uniform(-0.5, 0.5, 300), 1.0)
+    deviations = Recording.from_arrays(recording.inputs - operating_input, recording.outputs - ybar, 1.0)
+    np.testing.assert_allclose(
+        shifted.simulate(deviations).outputs + ybar, model.simulate(recording).outputs, rtol=0, atol=1e-12
+    )
+
+
+def test_deleting_the_constant_instead_is_wrong():
+    """The counterexample: y(k) = 1 + 0.5 y(k-1) - 0.1 y(k-1)^2 + u(k-1), at rest at ybar = 1.531."""
+    model = NarxModel.from_terms({"1": 1.0, "y(k-1)": 0.5, "y(k-1)^2": -0.1, "u(k-1)": 1.0}, sample_time=1.0)
+    deleted = NarxModel.from_terms({"y(k-1)": 0.5, "y(k-1)^2": -0.1, "u(k-1)": 1.0}, sample_time=1.0)
+    shifted = remove_dc(model, 0.0)
+    ybar = equilibrium(model, 0.0).output
+    assert ybar == pytest.approx((-5 + 65**0.5) / 2, rel=1e-13)
+    found = dict(zip(map(str, shifted.terms), shifted.theta, strict=True))
+    assert found == pytest.approx({"y(k-1)": 0.5 - 0.2 * ybar, "u(k-1)": 1.0, "y(k-1)^2": -0.1}, rel=1e-13)
+
+    u = 0.5 * np.sin(0.3 * np.arange(200))
+    truth = model.simulate(Recording.from_arrays(u, np.full(200, ybar), 1.0)).outputs - ybar
+    rest = Recording.from_arrays(u, np.zeros(200), 1.0)
+    np.testing.assert_allclose(shifted.simulate(rest).outputs, truth, rtol=0, atol=1e-13)
+    assert np.abs(deleted.simulate(rest).outputs - truth).max() > 0.3
+
+
+def test_covariance_of_the_deviations_by_differences():
+    root = np.random.default_rng(1).normal(size=(7, 7))
+    model = NarxModel.from_terms(NONLINEAR, sample_time=1.0, theta_cov=root @ root.T)
+    shifted = remove_dc(model, 0.7)
+    jacobian = np.empty((len(shifted.terms), 7))
+    for m, step in enumerate(1e-5 * np.eye(7)):
+        sides = [
+            remove_dc(
+                NarxModel.from_terms(
+                    dict(zip(NONLINEAR, model.theta + sign * step, strict=True)), sample_time=1.0
+                ),
+                0.7,
+            )
+            for sign in (1, -1)
+        ]
+        assert sides[0].terms == shifted.terms
+        jacobian[:, m] = (sides[0].theta - sides[1].theta) / 2e-5
+    np.testing.assert_allclose(shifted.theta_cov, jacobian @ root @ root.T @ jacobian.T, rtol=1e-6, atol=1e-8)
+
+
+def test_the_operating_range_moves_along():
+    model = NarxModel.from_terms({"y(k-1)": 0.5, "u(k-1)": 1.0}, sample_time=1.0, operating=near(4.0, 2.0))
+    shifted = remove_dc(model)
+    assert shifted.operating.input_min == [-1] and shifted.operating.input_max == [1]
+    assert shifted.operating.input_centre == shifted.operating.output_centre == [0]
+    assert shifted.operating.output_max == [2]
+    assert equilibrium(shifted).output == pytest.approx(0.0, abs=1e-15)

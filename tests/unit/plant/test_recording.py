@@ -1,0 +1,157 @@
+"""Recordings, experiments, and the checks before they are used."""
+
+import dataclasses
+import pickle
+
+import numpy as np
+import pytest
+
+from deatwin.plant.checks import check_command_range, require_excitation, require_samples
+from deatwin.plant.errors import DataError, ModelError
+from deatwin.plant.recording import Experiment, Recording
+from deatwin.plant.rigs.rigfile import DriveSpec
+
+
+def ramp(n: int = 100, start: float = 0.0, sample_time: float = 0.02) -> Recording:
+    values = np.linspace(1.0, 2.0, n)
+    return Recording.from_arrays(values, 1e-4 * values, sample_time, start=start)
+
+
+def rest(n: int = 100, start: float = 0.0) -> Recording:
+    return Recording.from_arrays(np.full(n, 2.4), np.linspace(0.0, 1e-4, n), 0.02, start=start)
+
+
+DRIVE = DriveSpec(gain=800.0, start_ramp=2.0, start_hold=3.0, command_min=1.1, command_max=3.75)
+DRIVE_WITHOUT_RANGE = DriveSpec(gain=800.0, start_ramp=2.0, start_hold=3.0)
+
+
+class TestRecording:
+    def test_one_dimensional_arrays_become_a_row_with_the_usual_names(self) -> None:
+        recording = ramp()
+        assert recording.inputs.shape == recording.outputs.shape == (1, 100)
+        assert recording.input_names == ("command",) and recording.input_units == ("V",)
+        assert recording.output_names == ("displacement",) and recording.output_units == ("m",)
+
+    def test_several_rows_are_numbered(self) -> None:
+        recording = Recording.from_arrays(np.zeros((2, 5)), np.zeros((3, 5)), 1.0)
+        assert recording.input_names == ("input_1", "input_2")
+        assert recording.output_units == ("", "", "")
+
+    def test_clock(self) -> None:
+        recording = ramp(start=240.0)
+        assert recording.n_samples == 100
+        assert recording.timepts[0] == 240.0
+        assert recording.timepts[-1] == pytest.approx(241.98, abs=1e-9)
+        assert recording.duration == pytest.approx(2.0)
+        assert recording.end == pytest.approx(242.0)
+
+    def test_section_keeps_the_clock_and_cuts_every_channel(self) -> None:
+        whole = dataclasses.replace(ramp(start=240.0), extras={"temperature": np.arange(100.0)})
+        section = whole.section(30, 50)
+        assert section.start == pytest.approx(240.6)
+        np.testing.assert_array_equal(section.inputs, whole.inputs[:, 30:50])
+        np.testing.assert_array_equal(section.extras["temperature"], np.arange(30.0, 50.0))
+
+    @pytest.mark.parametrize(("first", "last"), [(-1, 5), (5, 5), (90, 101)])
+    def test_section_outside_is_an_error(self, first: int, last: int) -> None:
+        with pytest.raises(DataError, match=r"record of 100 samples"):
+            ramp().section(first, last)
+
+    def test_arrays_are_read_only_and_apart_from_the_caller_s(self) -> None:
+        values = np.ones((1, 4))
+        recording = Recording.from_arrays(values, values, 1.0)
+        values[:] = 7.0
+        assert (recording.inputs == 1.0).all()
+        with pytest.raises(ValueError, match="read-only"):
+            recording.outputs[0, 0] = 3.0
+
+    def test_survives_the_way_to_another_process(self) -> None:
+        copy = pickle.loads(pickle.dumps(ramp()))
+        np.testing.assert_array_equal(copy.outputs, ramp().outputs)
+
+    def test_repr_is_three_lines(self) -> None:
+        assert repr(ramp()).splitlines() == [
+            "<Recording: 100 samples, every 0.02 s",
+            "  clock 0 to 2 s",
+            "  command [V], displacement [m]>",
+        ]
+
+    def test_value_that_is_not_finite_is_named(self) -> None:
+        with pytest.raises(DataError, match=r'channel "displacement" is nan at sample 2'):
+            Recording.from_arrays([1.0, 2.0, 3.0], [0.0, 0.0, np.nan], 1.0)
+
+    @pytest.mark.parametrize("sample_time", [0.0, -1.0, np.inf, np.nan])
+    def test_sample_time_must_be_positive(self, sample_time: float) -> None:
+        with pytest.raises(DataError, match=r"sample time .* must be positive"):
+            Recording.from_arrays([1.0], [1.0], sample_time)
+
+    def test_lengths_must_agree(self) -> None:
+        with pytest.raises(DataError, match=r"outputs have the shape \(1, 4\)"):
+            Recording.from_arrays(np.ones(5), np.ones(4), 1.0)
+
+    def test_each_row_needs_a_name(self) -> None:
+        with pytest.raises(DataError, match="2 inputs, 1 names"):
+            Recording.from_arrays(np.ones((2, 5)), np.ones(5), 1.0, input_names=["command"])
+
+    def test_extras_must_have_the_length_of_the_record(self) -> None:
+        with pytest.raises(DataError, match=r'extra channel "force" has the shape \(3,\)'):
+            Recording.from_arrays(np.ones(5), np.ones(5), 1.0, extras={"force": np.ones(3)})
+
+
+class TestExperiment:
+    def test_puts_recordings_in_order_of_the_clock(self) -> None:
+        experiment = Experiment(recordings=(ramp(start=2.0), ramp(start=0.0)))
+        assert [recording.start for recording in experiment.recordings] == [0.0, 2.0]
+        assert (experiment.start, experiment.n_samples, experiment.sample_time) == (0.0, 200, 0.02)
+        assert experiment.end == pytest.approx(4.0)
+
+    def test_overlap_is_an_error_that_says_what_to_do(self) -> None:
+        with pytest.raises(DataError, match=r"overlap between 1.5 s and 2 s.*--experiment"):
+            Experiment(recordings=(ramp(start=0.0), ramp(start=1.5)))
+
+    def test_one_sample_time(self) -> None:
+        with pytest.raises(DataError, match=r"sample times 0.02 s and 0.01 s"):
+            Experiment(recordings=(ramp(), ramp(start=9.0, sample_time=0.01)))
+
+    def test_one_set_of_signals(self) -> None:
+        other = dataclasses.replace(ramp(start=9.0), output_names=("force",), output_units=("N",))
+        with pytest.raises(DataError, match="output names differ: displacement and force"):
+            Experiment(recordings=(ramp(), other))
+
+    def test_needs_a_recording(self) -> None:
+        with pytest.raises(DataError, match="at least one recording"):
+            Experiment(recordings=())
+
+
+class TestChecks:
+    def test_all_constant_is_an_error(self) -> None:
+        with pytest.raises(DataError, match="the input is constant throughout"):
+            require_excitation([rest(), rest(start=2.0)])
+
+    def test_levels_that_differ_between_constant_records_do_not_help(self) -> None:
+        other = dataclasses.replace(rest(start=2.0), inputs=np.full((1, 100), 3.0))
+        with pytest.raises(DataError, match="constant"):
+            require_excitation([rest(), other])
+
+    def test_one_rest_among_others_is_fine(self) -> None:
+        require_excitation([rest(), ramp(start=2.0)])
+
+    def test_too_few_samples(self) -> None:
+        require_samples(ramp(100), 100, "a NARX model")
+        with pytest.raises(ModelError, match="100 samples, but a NARX model needs at least 101"):
+            require_samples(ramp(100), 101, "a NARX model")
+
+    @pytest.mark.parametrize("drive", [DRIVE, DRIVE_WITHOUT_RANGE])
+    def test_film_volts_as_command(self, drive: DriveSpec) -> None:
+        recording = Recording.from_arrays([1200.0, 2400.0], [0.0, 0.0], 0.02)
+        with pytest.raises(DataError, match=r"command 2400 V.*look like film volts: 2400 V / gain 800 = 3 V"):
+            check_command_range(recording, drive)
+
+    def test_far_outside_but_no_film_volts(self) -> None:
+        recording = Recording.from_arrays([2.0, -9.0], [0.0, 0.0], 0.02)
+        with pytest.raises(DataError, match=r"command -9 V, first outside at 0.02 s.*from 1.1 V to 3.75 V$"):
+            check_command_range(recording, DRIVE)
+
+    @pytest.mark.parametrize("drive", [DRIVE, DRIVE_WITHOUT_RANGE])
+    def test_commands_in_and_little_outside_of_the_range(self, drive: DriveSpec) -> None:
+        check_command_range(Recording.from_arrays([0.0, 2.4, 4.2], np.zeros(3), 0.02), drive)

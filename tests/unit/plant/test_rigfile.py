@@ -1,0 +1,146 @@
+"""Rig files: every key checked, one clear error for each fault."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from deatwin.plant.errors import RigError
+from deatwin.plant.rigs.rigfile import RigFile, read_rig
+
+RIG = """\
+[film]
+material = "VHB 4905"
+thickness_mm = 0.5
+prestretch = 3.5
+frame_diameter_mm = 80.0
+electrode_diameter_mm = 35.0
+
+[load]
+mass_g = 3
+contact_diameter_mm = 6.0
+
+[drive]
+gain = 800.0
+start_ramp_s = 2.0
+start_hold_s = 3.0
+
+[sensor]
+sample_rate_Hz = 50.0
+noise_um = 2.0
+zero = "displacement at zero volts"
+"""
+OPTIONAL = (
+    RIG.replace("prestretch = 3.5", 'prestretch = 3.5\nball = "sliding"')
+    .replace("gain = 800.0", "gain = 800.0\ncommand_min_V = 1.1\ncommand_max_V = 3.75")
+    .replace("noise_um = 2.0", "noise_um = 2.0\nresolution_um = 1.2")
+)
+
+
+def read(tmp_path: Path, text: str) -> RigFile:
+    path = tmp_path / "rig.toml"
+    path.write_text(text, encoding="utf-8")
+    return read_rig(path)
+
+
+def test_si_inside(tmp_path: Path) -> None:
+    rig = read(tmp_path, RIG)
+    assert rig.film.material == "VHB 4905"
+    assert (rig.film.thickness, rig.film.frame_diameter, rig.film.electrode_diameter) == (0.5e-3, 0.08, 0.035)
+    assert (rig.load.mass, rig.load.contact_diameter) == (3e-3, 6e-3)
+    assert (rig.drive.gain, rig.drive.start_ramp, rig.drive.start_hold) == (800.0, 2.0, 3.0)
+    assert (rig.sensor.sample_rate, rig.sensor.noise) == (50.0, 2e-6)
+    assert rig.source.endswith("rig.toml")
+
+
+def test_defaults_of_what_may_be_left_out(tmp_path: Path) -> None:
+    rig = read(tmp_path, RIG)
+    assert (rig.film.ball, rig.drive.command_min, rig.drive.command_max) == (None, None, None)
+    assert rig.sensor.resolution == 0.0
+
+
+def test_optional_keys(tmp_path: Path) -> None:
+    rig = read(tmp_path, OPTIONAL)
+    assert (rig.film.ball, rig.drive.command_min, rig.drive.command_max) == ("sliding", 1.1, 3.75)
+    assert rig.sensor.resolution == pytest.approx(1.2e-6)
+
+
+@pytest.mark.parametrize("text", [RIG, OPTIONAL])
+def test_round_trip_through_json(tmp_path: Path, text: str) -> None:
+    rig = read(tmp_path, text)
+    data = json.loads(json.dumps(rig.to_dict()))
+    assert data["film"]["electrode_diameter_mm"] == 35.0
+    assert RigFile.from_dict(data, rig.source) == rig
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("prestretch =", "prestrech =", r'\[film\]: unknown key "prestrech"; did you mean "prestretch"\?'),
+        ("mass_g = 3", "mass_g = 3\nlid = 1", r'unknown key "lid"; known are mass_g, contact_diameter_mm'),
+        ("mass_g = 3", "mass_g = 3\ngain = 1", r'unknown key "gain"; it belongs into \[drive\]'),
+        ("[sensor]", "[senser]", r'unknown section \[senser\]; did you mean "sensor"\?'),
+        ("gain = 800.0\n", "", r'\[drive\]: the key "gain" is missing'),
+        ("prestretch = 3.5", 'prestretch = "3.5"', r'prestretch: "3.5" is a text; it must be a number'),
+        ("prestretch = 3.5", "prestretch = true", r"prestretch: true is a truth value; it must be a number"),
+        ("prestretch = 3.5", "prestretch = [3.5]", r"is a list; it must be a number"),
+        ('"VHB 4905"', "4905", r"material: 4905 is a number; it must be a text in quotes"),
+        ('"VHB 4905"', '" "', r"material: the text is empty"),
+        ("prestretch = 3.5", "prestretch = 350", r"prestretch: 350 is out of range; it must be from 1 to 10"),
+        ("gain = 800.0", "gain = nan", r"gain: nan is out of range; it must be from 1 to 100000"),
+        ("noise_um = 2.0", "noise_um = -2.0", r"noise_um: -2.0 is out of range; it must be from 0 to 10000"),
+        (
+            "prestretch = 3.5",
+            'prestretch = 3.5\nball = "glued"',
+            r'ball: "glued" is not known; it must be "bonded" or',
+        ),
+        (
+            "at zero volts",
+            "at rest",
+            r'"displacement at rest" is not known; it must be "displacement at zero',
+        ),
+        (
+            "electrode_diameter_mm = 35.0",
+            "electrode_diameter_mm = 90.0",
+            r"must be below frame_diameter_mm, 80",
+        ),
+        ("contact_diameter_mm = 6.0", "contact_diameter_mm = 36.0", r"below electrode_diameter_mm, 35"),
+        (
+            "gain = 800.0",
+            "gain = 800.0\ncommand_min_V = 4\ncommand_max_V = 3",
+            r"command_min_V: 4 is out of range; it must be below command_max_V, 3",
+        ),
+        ("gain = 800.0", "gain 800.0", r"not TOML: .*line 13"),
+    ],
+)
+def test_faults(tmp_path: Path, old: str, new: str, message: str) -> None:
+    assert RIG.count(old) == 1
+    with pytest.raises(RigError, match=message) as caught:
+        read(tmp_path, RIG.replace(old, new))
+    assert "rig.toml" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_section_is_missing(tmp_path: Path) -> None:
+    text = RIG.split("[sensor]")[0]
+    with pytest.raises(
+        RigError, match=r"section \[sensor\] is missing; it must hold sample_rate_Hz, noise_um, zero"
+    ):
+        read(tmp_path, text)
+
+
+def test_section_is_a_value(tmp_path: Path) -> None:
+    with pytest.raises(RigError, match=r"film is a number; it must be a section \[film\]"):
+        read(tmp_path, "film = 3\n")
+
+
+def test_file_is_missing(tmp_path: Path) -> None:
+    with pytest.raises(RigError, match=r"nowhere.toml: the rig file cannot be read: No such file"):
+        read_rig(tmp_path / "nowhere.toml")
+
+
+def test_file_is_not_utf8(tmp_path: Path) -> None:
+    path = tmp_path / "rig.toml"
+    path.write_bytes(RIG.replace("VHB", "VHB µ").encode("latin-1"))
+    with pytest.raises(RigError, match="not UTF-8 text at byte"):
+        read_rig(path)
