@@ -1,9 +1,10 @@
 """Radau IIA collocation and one implicit step of a DAE, with its sensitivities.
 
-The scheme is L-stable and stiffly accurate: algebraic equations hold at the end of each step, and a state whose
-mass is zero is an algebraic one. One step solves
+The scheme is L-stable and stiffly accurate: algebraic equations hold at the end of each step, and a state
+whose mass is zero is an algebraic one. One step solves
 
-.. math:: M\\sum_j (A^{-1})_{ij}(X_j - x_0) = h f(X_i, Z_i, u, t + c_i h), \\qquad 0 = g(X_i, Z_i, u, t + c_i h)
+.. math::
+    M\\sum_j (A^{-1})_{ij}(X_j - x_0) = h f(X_i, Z_i, u, t + c_i h), \\qquad 0 = g(X_i, Z_i, u, t + c_i h)
 
 by Newton's method, and its derivatives follow from the implicit function theorem.
 
@@ -27,11 +28,12 @@ __all__ = ["STAGES", "StepFunctions", "radau", "step_functions"]
 STAGES = 5
 """Stages of a step; the order is ``2 * STAGES - 1``. At 50 samples a second four follow the ringing
 of a 16 Hz ball mode after a step to 0.2 µm, five to 0.003 µm, for a third more time (tests/validation)."""
-UPDATES = (2, 1, 1, 10)
-"""Newton updates: the first number for every sample, each further one only while the last update is not small."""
+UPDATES = (1, 1, 1, 10)
+"""Newton updates after the tangent step: the first number for every sample, each further one only while the
+last update is large."""
 SETTLED = 1e-5
-"""Size of the last update, against each unknown's scale, below which Newton's quadratic convergence has finished:
-what is left is of the order of its square."""
+"""Size of the last update, against each unknown's scale, below which Newton's quadratic convergence has
+finished: what is left is of the order of its square."""
 
 
 def radau(stages: int) -> tuple[np.ndarray, np.ndarray]:
@@ -71,7 +73,7 @@ class StepFunctions:
     Parameters
     ----------
     plain : casadi.Function
-        ``(x, z, d, u, t, h, p, c) -> (x, z, y, watched, update)``; `update` is the size of the last Newton update.
+        ``(x, z, d, u, t, h, p, c) -> (x, z, y, watched, update)`` with the size of Newton's last update.
     sensitive : casadi.Function
         ``(x, z, X, D, d, u, t, h, p, c) -> (x, z, X, y, Y, update)`` with X = dx/dp, D = dd/dp, Y = dy/dp.
     """
@@ -190,7 +192,7 @@ class _Stage:
         return ca.Function("defect", [ca.vec(w), *values, x, mass, h], [ca.vertcat(*rows)])
 
     def tangent(self, count: int) -> ca.Function:
-        """``(w, F_d F_p of each stage, x, dx, dd, M, dM/dp, h) -> `` right side of the implicit function theorem."""
+        """``(w, F_d F_p of each stage, x, dx, dd, M, dM/dp, h) -> `` right side of the tangent system."""
         inverse = np.linalg.inv(radau(count)[1])
         n = self.n_x + self.n_z
         w, x = ca.SX.sym("w", n, count), ca.SX.sym("x", self.n_x)
@@ -242,6 +244,12 @@ def _newton(equations: Equations, stage: _Stage) -> ca.Function:
     change = ca.solve(stage.assembly(STAGES)(*jacobians, mass, h), defect, "qr")
     update = ca.Function("newton_update", [w, *step], [w - change, ca.norm_inf(change / scale)])
 
+    # All stages start from the same point, so that the first step needs the plant's Jacobian there only once.
+    start = ca.repmat(ca.vertcat(x, z), STAGES, 1)
+    value, jacobian = stage.jacobian(ca.vertcat(x, z), d, u, t, p, c)
+    defect = stage.defect(STAGES)(start, *[value] * STAGES, x, mass, h)
+    tangent = start - ca.solve(stage.assembly(STAGES)(*[jacobian] * STAGES, mass, h), defect, "qr")
+
     def iterate(start: ca.MX, count: int) -> list[ca.MX]:
         size = ca.MX(0)
         for _ in range(count):
@@ -250,7 +258,7 @@ def _newton(equations: Equations, stage: _Stage) -> ca.Function:
 
     size = ca.MX.sym("size")
     done = ca.Function("done", [size, w, *step], [w, size])
-    found, last = iterate(ca.repmat(ca.vertcat(x, z), STAGES, 1), UPDATES[0])
+    found, last = iterate(tangent, UPDATES[0])
     for number, count in enumerate(UPDATES[1:]):
         more = ca.Function(f"more_{number}", [size, w, *step], iterate(w, count))
         found, last = ca.Function.if_else(f"refine_{number}", more, done)(last > SETTLED, last, found, *step)

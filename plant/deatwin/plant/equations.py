@@ -1,10 +1,11 @@
 """From a rig and its effects to one semi-explicit, index-1 differential-algebraic equation (DAE).
 
-.. math:: M(p)\\,\\dot x = f(x, z, d, u, t, p), \\qquad 0 = g(x, z, d, u, t, p), \\qquad y = h(x, z, d, u, t, p)
+.. math::
+    M(p)\\,\\dot x = f(x, z, d, u, t, p), \\qquad 0 = g(x, z, d, u, t, p), \\qquad y = h(x, z, d, u, t, p)
 
 with states *x*, algebraic coordinates *z*, quantities *d* held at their value at rest, command *u*, clock *t*
-and parameters *p*. A zero on the diagonal of *M* turns a state into an algebraic one, so that a vanishing time
-constant is exact.
+and parameters *p*. A zero on the diagonal of *M* turns a state into an algebraic one, so that a vanishing
+time constant is exact.
 """
 
 from __future__ import annotations
@@ -366,14 +367,15 @@ class Builder:
             if (effect.place, effect.signal) not in self._offered:
                 names = [n for place, n in self._offered if place is effect.place]
                 raise RigError(
-                    f"effect {effect.name} acts on {effect.place.value} signal {effect.signal!r}, which this rig "
-                    f"does not have{nearest(effect.signal, names)}"
+                    f"effect {effect.name} acts on {effect.place.value} signal {effect.signal!r}, which this "
+                    f"rig does not have{nearest(effect.signal, names)}"
                 )
         if missing := set(self._states) - set(self._rates):
             raise RigError(f"no rate is given for state {', '.join(sorted(missing))}")
         if len(self._balances) != len(self._coordinates):
             raise RigError(
-                f"{len(self._coordinates)} algebraic coordinates need as many balances, {len(self._balances)} are given"
+                f"{len(self._coordinates)} algebraic coordinates need as many balances, "
+                f"{len(self._balances)} are given"
             )
 
 

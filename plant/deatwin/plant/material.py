@@ -77,7 +77,8 @@ def gent(stretch_1: Symbol, stretch_2: Symbol, shear_modulus: Symbol, stretch_li
     Gent, Rubber Chem. Technol. 69 (1996) 59, doi:10.5254/1.3538357.
     """
     extension = first_invariant(stretch_1, stretch_2) - 3
-    return -shear_modulus * stretch_limit / 2 * ca.log(1 - extension / stretch_limit)
+    # The root has no value beyond the limit, so neither has a stress there; that of the logarithm alone has.
+    return -shear_modulus * stretch_limit * ca.log(ca.sqrt(1 - extension / stretch_limit))
 
 
 def maxwell_branch(elastic_1: Symbol, elastic_2: Symbol) -> Symbol:

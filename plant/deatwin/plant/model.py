@@ -169,7 +169,28 @@ class Plant:
     @property
     def equations(self) -> Equations:
         """The plant's DAE."""
-        return self.simulator.equations
+        return _equations(_Structure(self))
+
+    def accepts(self, effect: Effect) -> bool:
+        """Whether an effect can be built into this plant.
+
+        Parameters
+        ----------
+        effect : Effect
+            To be added.
+
+        Returns
+        -------
+        bool
+            False where the rig lacks the signal on which the effect acts, or the plant already has the effect.
+        """
+        if effect.name in self.effect_names:
+            return False
+        try:
+            self.with_effects(effect).equations  # noqa: B018
+        except RigError:
+            return False
+        return True
 
     @property
     def simulator(self) -> Simulator:
@@ -298,11 +319,16 @@ class _Structure:
         return isinstance(other, _Structure) and self._key == other._key
 
 
-@lru_cache(maxsize=64)
-def _simulator(structure: _Structure) -> Simulator:
+@lru_cache(maxsize=256)
+def _equations(structure: _Structure) -> Equations:
     plant = structure.plant
     build = Builder(plant.parameters, plant.effects)
-    return Simulator(build.finish(plant.rig.write(build)))
+    return build.finish(plant.rig.write(build))
+
+
+@lru_cache(maxsize=64)
+def _simulator(structure: _Structure) -> Simulator:
+    return Simulator(_equations(structure))
 
 
 def _simulation(run: Run, timeline: Timeline, names: Sequence[str]) -> Simulation:

@@ -20,7 +20,7 @@ class Scale(Enum):
     LOGARITHMIC = "ln(value)"
     RECIPROCAL = "1/value"
 
-    def coordinate(self, value: float) -> float:
+    def to_coordinate(self, value: float) -> float:
         """The coordinate of a value.
 
         Parameters
@@ -36,13 +36,13 @@ class Scale(Enum):
             return value
         return float(np.log(value)) if self is Scale.LOGARITHMIC else 1.0 / value
 
-    def value(self, coordinate: float) -> float:
+    def to_value(self, coordinate: float) -> float:
         """The value at a coordinate.
 
         Parameters
         ----------
         coordinate : float
-            As `coordinate` gives it.
+            As `to_coordinate` gives it.
 
         Returns
         -------

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import casadi as ca
 import numpy as np
 
 from deatwin.plant.equations import Equations
 
-__all__ = ["RestState", "rest_state"]
+__all__ = ["RestState", "has_equilibrium", "rest_state"]
 
 UPDATES = 60
+CONTINUATION = 20
 SETTLED = 1e-11
 
 
@@ -38,7 +40,9 @@ class RestState:
     d_p: np.ndarray
 
 
-def rest_state(equations: Equations, command: float, values: np.ndarray) -> RestState:
+def rest_state(
+    equations: Equations, command: float, values: np.ndarray, *, guess: np.ndarray | None = None
+) -> RestState:
     """Find the state of rest by a damped Newton method.
 
     Parameters
@@ -49,6 +53,8 @@ def rest_state(equations: Equations, command: float, values: np.ndarray) -> Rest
         The command at rest, in its unit.
     values : ndarray, shape (n_p,)
         Free parameters, SI.
+    guess : ndarray, shape (n_x + n_z,), optional
+        Where to start; the rig's own guess by default.
 
     Returns
     -------
@@ -57,7 +63,7 @@ def rest_state(equations: Equations, command: float, values: np.ndarray) -> Rest
     """
     functions = _functions(equations)
     constants = equations.constants
-    w = np.asarray(equations.guess(values, constants)).ravel()
+    w = np.asarray(equations.guess(values, constants)).ravel() if guess is None else guess
     found = False
     for _ in range(UPDATES):
         residual, jacobian = (np.asarray(v) for v in functions[0](w, command, values, constants))
@@ -78,6 +84,36 @@ def rest_state(equations: Equations, command: float, values: np.ndarray) -> Rest
     )
 
 
+def has_equilibrium(
+    equations: Equations, rest: RestState, rest_command: float, command: float, values: np.ndarray
+) -> bool:
+    """Whether the plant, brought slowly from rest to a command, has an equilibrium there.
+
+    Parameters
+    ----------
+    equations : Equations
+        The plant's DAE.
+    rest : RestState
+        At the rest command.
+    rest_command, command : float
+        From and to, in the command's unit.
+    values : ndarray, shape (n_p,)
+        Free parameters, SI.
+
+    Returns
+    -------
+    bool
+    """
+    state = rest
+    for share in np.linspace(0.0, 1.0, CONTINUATION + 1)[1:]:
+        at = rest_command + share * (command - rest_command)
+        state = rest_state(equations, at, values, guess=np.concatenate([state.x, state.z]))
+        if not state.found:
+            return False
+    return True
+
+
+@lru_cache(maxsize=64)
 def _functions(equations: Equations) -> tuple[ca.Function, ca.Function, ca.Function]:
     """Residual with its Jacobian, slope of the solution, and held quantities with their derivatives."""
     n_x = len(equations.states)
@@ -90,9 +126,10 @@ def _functions(equations: Equations) -> tuple[ca.Function, ca.Function, ca.Funct
     d = equations.hold(w[:n_x, :], w[n_x:, :], p, c)
     slope_w, slope_p = ca.MX.sym("w", w.numel()), ca.MX.sym("p", p.numel())
     slope_u, slope_c = ca.MX.sym("u"), ca.MX.sym("c", c.numel())
-    parts = ca.Function("parts", [w, u, p, c], [ca.densify(r_w), r_p])(slope_w, slope_u, slope_p, slope_c)
+    arguments = [slope_w, slope_u, slope_p, slope_c]
+    parts = ca.Function("parts", [w, u, p, c], [ca.densify(r_w), r_p])(*arguments)
     return (
         ca.Function("rest_residual", [w, u, p, c], [r, ca.densify(r_w)]),
-        ca.Function("rest_slope", [slope_w, slope_u, slope_p, slope_c], [-ca.solve(parts[0], parts[1], "qr")]),
+        ca.Function("rest_slope", arguments, [-ca.solve(parts[0], parts[1], "qr")]),
         ca.Function("held", [w, p, c], [d, ca.densify(ca.jacobian(d, w)), ca.densify(ca.jacobian(d, p))]),
     )

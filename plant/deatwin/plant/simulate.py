@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -12,9 +13,10 @@ import numpy as np
 from deatwin.plant.collocation import SETTLED, step_functions
 from deatwin.plant.compiled import compile_functions
 from deatwin.plant.equations import Equations
-from deatwin.plant.rest import rest_state
+from deatwin.plant.errors import SimulationError
+from deatwin.plant.rest import RestState, has_equilibrium, rest_state
 
-__all__ = ["Run", "RunStatus", "Simulator"]
+__all__ = ["Run", "RunStatus", "Simulator", "Stepper"]
 
 CHUNK = 200
 """Samples in one call of compiled code."""
@@ -27,7 +29,8 @@ class RunStatus(Enum):
 
     DONE = "the simulation reached its end"
     NO_REST = "no state of rest was found: the film is too soft for its load, or a parameter is far off"
-    PULL_IN = "no equilibrium of the film in reach (pull-in or loss of tension): lower the voltage or stiffen the film"
+    PULL_IN = "no equilibrium is in reach (pull-in or loss of tension): lower the voltage or stiffen the film"
+    NOT_SOLVED = "the equations of a sample could not be solved: a parameter may be far off, or sample faster"
 
     @property
     def ok(self) -> bool:
@@ -72,6 +75,7 @@ class Simulator:
     def __init__(self, equations: Equations) -> None:
         self.equations = equations
         step = step_functions(equations)
+        self._plain = step.plain
         marches = {
             "plain_march": step.plain.mapaccum("plain_march", CHUNK, [0, 1], [0, 1]),
             "sensitive_march": step.sensitive.mapaccum("sensitive_march", CHUNK, [0, 1, 2], [0, 1, 2]),
@@ -112,7 +116,8 @@ class Simulator:
         """
         rest = rest_state(self.equations, rest_command, values)
         if not rest.found:
-            return Run(status=RunStatus.NO_REST, outputs=np.empty(0), sensitivities=None, watched=None, failed_at=0)
+            return _run(RunStatus.NO_REST, [np.empty(0)], None, None)
+        status = RunStatus.DONE
         first = float(self._reading(rest.x, rest.z, rest.d, rest_command, start, values))
         state = [rest.x, rest.z]
         outputs, watched = [np.array([first])], []
@@ -125,13 +130,11 @@ class Simulator:
             if progress is not None:
                 progress((begin + count) / commands.size)
             if good < count:
-                return self._failed(begin + good, outputs, None, np.hstack(watched))
+                status = self._why(rest, rest_command, commands[begin + good], values)
+                break
             state = [x[:, -1], z[:, -1]]
         signals = np.hstack(watched) if watched else np.empty((len(self.equations.signals), 0))
-        return Run(
-            status=RunStatus.DONE, outputs=np.concatenate(outputs), sensitivities=None, watched=signals,
-            failed_at=None,
-        )  # fmt: skip
+        return _run(status, outputs, None, signals)
 
     def run_with_sensitivities(
         self, commands: np.ndarray, *, start: float, sample_time: float, rest_command: float, values: np.ndarray
@@ -150,7 +153,8 @@ class Simulator:
         """
         rest = rest_state(self.equations, rest_command, values)
         if not rest.found:
-            return Run(status=RunStatus.NO_REST, outputs=np.empty(0), sensitivities=None, watched=None, failed_at=0)
+            return _run(RunStatus.NO_REST, [np.empty(0)], None, None)
+        status = RunStatus.DONE
         n_p = values.size
         point = (rest.x, rest.z, rest.d, rest_command, start, values, self.equations.constants)
         first = float(self.equations.output(*point))
@@ -163,12 +167,44 @@ class Simulator:
             outputs.append(np.asarray(y).ravel()[:good])
             slopes.append(np.asarray(dy).reshape(CHUNK, n_p)[:good])
             if good < count:
-                return self._failed(begin + good, outputs, np.vstack(slopes), None)
+                status = self._why(rest, rest_command, commands[begin + good], values)
+                break
             state = [x[:, -1], z[:, -1], dx[:, -n_p:]]
-        return Run(
-            status=RunStatus.DONE, outputs=np.concatenate(outputs), sensitivities=np.vstack(slopes),
-            watched=None, failed_at=None,
+        return _run(status, outputs, np.vstack(slopes), None)
+
+    def stepper(
+        self, values: np.ndarray, *, rest_command: float, start: float, sample_time: float
+    ) -> Stepper:
+        """A plant at rest that takes one command at a time, for a controller in the loop.
+
+        Parameters
+        ----------
+        values : ndarray, shape (n_p,)
+            Free parameters, SI.
+        rest_command : float
+            Command at rest.
+        start : float
+            Clock time of the first command, s.
+        sample_time : float
+            s.
+
+        Returns
+        -------
+        Stepper
+            With the status `RunStatus.NO_REST` where no state of rest was found.
+        """
+        rest = rest_state(self.equations, rest_command, values)
+        first = self._reading(rest.x, rest.z, rest.d, rest_command, start, values)
+        fixed = (sample_time, values, self.equations.constants)
+        return Stepper(
+            self._step, rest, float(first), start=start, fixed=fixed,
+            why=lambda command: self._why(rest, rest_command, command, values),
         )  # fmt: skip
+
+    @cached_property
+    def _step(self) -> ca.Function:
+        """One sample, compiled only for those who step: the marches hold their own copy."""
+        return compile_functions({"plain_step": self._plain})["plain_step"]
 
     def _chunks(self, commands: np.ndarray, start: float, sample_time: float, values: np.ndarray):  # type: ignore[no-untyped-def]
         """Commands in pieces of `CHUNK`, the last one filled up with its last command."""
@@ -195,13 +231,93 @@ class Simulator:
                   (names[0], names[1], names[2], names[5])]  # fmt: skip
         return slopes[0] @ x_p + slopes[1] @ z_p + slopes[2] @ d_p + slopes[3]
 
-    def _failed(
-        self, sample: int, outputs: list[np.ndarray], slopes: np.ndarray | None, watched: np.ndarray | None
-    ) -> Run:
-        return Run(
-            status=RunStatus.PULL_IN, outputs=np.concatenate(outputs), sensitivities=slopes, watched=watched,
-            failed_at=sample,
-        )  # fmt: skip
+    def _why(self, rest: RestState, rest_command: float, command: float, values: np.ndarray) -> RunStatus:
+        """Why a sample could not be solved: the plant has no equilibrium there, or the step was too hard."""
+        exists = has_equilibrium(self.equations, rest, rest_command, float(command), values)
+        return RunStatus.NOT_SOLVED if exists else RunStatus.PULL_IN
+
+
+def _run(
+    status: RunStatus, outputs: list[np.ndarray], sensitivities: np.ndarray | None, watched: np.ndarray | None
+) -> Run:
+    readings = np.concatenate(outputs)
+    return Run(
+        status=status, outputs=readings, sensitivities=sensitivities, watched=watched,
+        failed_at=None if status.ok else max(readings.size - 1, 0),
+    )  # fmt: skip
+
+
+class Stepper:
+    """A plant that is simulated sample by sample; `Simulator.stepper` makes it.
+
+    Parameters
+    ----------
+    step : casadi.Function
+        One sample, as `StepFunctions.plain`.
+    rest : RestState
+        Where it begins.
+    reading : float
+        At rest, SI.
+    start : float
+        Clock time of the first command, s.
+    fixed : tuple
+        Sample time in s, free parameters and constants.
+    why : callable
+        Says why a command could not be followed.
+    """
+
+    def __init__(
+        self, step: ca.Function, rest: RestState, reading: float, *, start: float,
+        fixed: tuple[float, np.ndarray, np.ndarray], why: Callable[[float], RunStatus],
+    ) -> None:  # fmt: skip
+        self._step, self._fixed, self._why = step, fixed, why
+        self._x, self._z, self._held = rest.x, rest.z, rest.d
+        self._reading, self._start, self._count = reading, start, 0
+        self._status = RunStatus.DONE if rest.found else RunStatus.NO_REST
+
+    @property
+    def status(self) -> RunStatus:
+        """Whether all samples so far are valid."""
+        return self._status
+
+    @property
+    def time(self) -> float:
+        """Clock time of `reading`, s."""
+        return self._start + self._count * self._fixed[0]
+
+    @property
+    def reading(self) -> float:
+        """The present noise-free reading, SI; after a failure the last valid one.
+
+        Raises
+        ------
+        SimulationError
+            If there was not even a state of rest.
+        """
+        if self._status is RunStatus.NO_REST:
+            raise SimulationError(self._status.value)
+        return self._reading
+
+    def advance(self, command: float) -> RunStatus:
+        """Hold a command for one sample.
+
+        Parameters
+        ----------
+        command : float
+            In its unit.
+
+        Returns
+        -------
+        RunStatus
+            A plant that has failed stays as it was before that sample.
+        """
+        if self._status.ok:
+            x, z, y, _, update = self._step(self._x, self._z, self._held, command, self.time, *self._fixed)
+            if _valid(update, y, 1):
+                self._x, self._z, self._reading, self._count = x, z, float(y), self._count + 1
+            else:
+                self._status = self._why(command)
+        return self._status
 
 
 def _valid(update: ca.DM, reading: ca.DM, count: int) -> int:

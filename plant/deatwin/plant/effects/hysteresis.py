@@ -25,7 +25,7 @@ class Hysteresis(Effect):
     (:math:`A = 1, \beta = 1, \gamma = 0`). One state :math:`\zeta` (1) between -1 and 1. Typical: force 1 to
     5 % of the ball's weight, distance 10 to 100 µm. Signature: the width of the loop stays as the frequency
     falls. Off at :math:`F_h = 0`. The magnitude is smoothed, :math:`|v| \approx \sqrt{v^2 + v_0^2} - v_0` with
-    :math:`v_0` = 1 µm/s, so that the force has a derivative.
+    :math:`v_0` = 10 µm/s, so that the force has a derivative.
 
     Parameters
     ----------
@@ -53,13 +53,13 @@ class Hysteresis(Effect):
         return (
             Parameter(name="force", value=self.force, unit="N", lower=0.0, upper=0.05),
             Parameter(
-                name="distance", value=self.distance, unit="m", lower=1e-6, upper=1e-3, scale=Scale.LOGARITHMIC
+                name="distance", value=self.distance, unit="m", lower=5e-6, upper=1e-3, scale=Scale.LOGARITHMIC
             ),
         )
 
     def rewrite(self, signal: Any, build: Builder) -> Any:
         memory = build.state("hysteresis_memory", scale=1.0, start=0.0)
-        slow = 1e-6
+        slow = 1e-5
         velocity = build.signal("velocity")
         speed = ca.sqrt(velocity**2 + slow**2) - slow
         build.rate(memory, velocity - speed * memory, mass=self.own("distance", build))

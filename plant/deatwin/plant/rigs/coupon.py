@@ -58,8 +58,7 @@ class Coupon(Rig):
     output_unit: ClassVar[str] = "N"
     model_error: ClassVar[float] = 0.05
     """5 % of the 1 N with which a strip of 10 mm² resists: what good phenomenological models of VHB leave
-    (Zou & Gu: 4.5 % rms), here for the clamps, between which the stretch is not uniform, and for the form of W.
-    """
+    (Zou & Gu: 4.5 % rms), here for clamps, between which the stretch is not uniform, and the form of W."""
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:

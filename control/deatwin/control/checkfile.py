@@ -1,0 +1,86 @@
+"""A check as plain data, "deatwin/check/1", and back."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from math import inf, isfinite
+from typing import TYPE_CHECKING, Any
+
+from deatwin.control.design import PiController
+from deatwin.control.linearise import LinearStatus
+from deatwin.control.loop import ClosedLoop
+from deatwin.control.promise import LoopMargins, OperatingPoint
+from deatwin.control.verdict import Finding, Verdict
+
+if TYPE_CHECKING:
+    from deatwin.control.check import Check
+
+__all__ = ["SCHEMA", "from_document", "to_document"]
+
+SCHEMA = "deatwin/check/1"
+_PLAIN = ("excited_band_Hz", "sine_predicted")
+_RUNS = ("steps", "sine")
+_ALWAYS = ("rms_error", "saturated_share", "effort")
+_MEASURES = {"steps": (*_ALWAYS, "overshoot", "steady_error", "ripple"), "sine": _ALWAYS}
+
+
+def to_document(check: Check) -> dict[str, Any]:
+    """A check as JSON can hold it; an infinite margin is null.
+
+    Parameters
+    ----------
+    check : Check
+
+    Returns
+    -------
+    dict
+    """
+    runs = {name: run for name in _RUNS if (run := getattr(check, name)) is not None}
+    return {
+        "schema": SCHEMA,
+        "verdict": check.verdict.value,
+        "worst_case": check.worst_case.subject,
+        "reason": check.reason,
+        "sentence": check.sentence,
+        **{name: getattr(check, name) for name in _PLAIN},
+        "operating": {**asdict(check.operating), "status": check.operating.status.name.lower()},
+        "controller": None if check.controller is None else asdict(check.controller),
+        "margins": None if check.margins is None else _finite(asdict(check.margins)),
+        "measures": {name: {m: getattr(run, m) for m in _MEASURES[name]} for name, run in runs.items()},
+        "findings": [_finite({**asdict(f), "verdict": f.verdict.value}) for f in check.findings],
+        **{name: runs[name].to_dict() if name in runs else None for name in _RUNS},
+    }
+
+
+def from_document(document: Mapping[str, Any]) -> dict[str, Any]:
+    """The fields of the check that `to_document` described.
+
+    Parameters
+    ----------
+    document : mapping
+        Of the right schema.
+
+    Returns
+    -------
+    dict
+        Arguments of `Check`.
+    """
+    operating, controller, margins = (document[name] for name in ("operating", "controller", "margins"))
+    status = LinearStatus[operating["status"].upper()]
+    return {
+        **{name: document[name] for name in _PLAIN},
+        "findings": tuple(Finding(**{**f, "verdict": Verdict(f["verdict"])}) for f in document["findings"]),
+        "operating": OperatingPoint(**{**operating, "status": status}),
+        "controller": None if controller is None else PiController(**controller),
+        "margins": None if margins is None else LoopMargins(**_infinite(margins)),
+        **{name: None if document[name] is None else ClosedLoop.from_dict(document[name]) for name in _RUNS},
+    }
+
+
+def _finite(values: dict[str, Any]) -> dict[str, Any]:
+    return {k: None if isinstance(v, float) and not isfinite(v) else v for k, v in values.items()}
+
+
+def _infinite(values: Mapping[str, Any]) -> dict[str, Any]:
+    return {k: inf if v is None else v for k, v in values.items()}

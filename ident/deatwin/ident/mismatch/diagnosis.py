@@ -1,0 +1,246 @@
+"""The result of a diagnosis: a verdict with its evidence, as data and as the file ``diagnosis.json``."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+from typing import Any, Self
+
+from deatwin.ident.mismatch.evidence import Evidence
+from deatwin.plant.calibrated import CalibratedPlant
+from deatwin.plant.errors import ModelError
+from deatwin.plant.files import write_text_atomic
+
+__all__ = ["SCHEMA", "Cause", "Diagnosis", "Interval", "Verdict"]
+
+SCHEMA = "deatwin/diagnosis/1"
+
+
+class Verdict(Enum):
+    """What a diagnosis concludes; the advice says what to do with it."""
+
+    NONE = "none"
+    PARAMETERS = "parameters"
+    NAMED = "named"
+    AMBIGUOUS = "ambiguous"
+    UNKNOWN = "unknown"
+    DISTURBANCE = "disturbance"
+    DATA_FAULT = "data_fault"
+    NOT_TESTABLE = "not_testable"
+
+    @property
+    def advice(self) -> str:
+        """What the verdict means for the user."""
+        return _ADVICE[self]
+
+
+_ADVICE: Mapping[Verdict, str] = {
+    Verdict.NONE: "no physics is missing beyond the sensor's noise and the plant's own model error",
+    Verdict.PARAMETERS: "only the parameters were off: use the calibrated plant",
+    Verdict.NAMED: "use the amended plant",
+    Verdict.AMBIGUOUS: "something is missing, but these recordings cannot tell the rivals apart",
+    Verdict.UNKNOWN: "something is missing that no effect of the catalogue explains: do not trust the plant there",
+    Verdict.DISTURBANCE: "the mismatch does not repeat with input and state: look for a disturbance",
+    Verdict.DATA_FAULT: "the recording is at fault: repeat it, or use the sound part",
+    Verdict.NOT_TESTABLE: "the input is too poor to test anything: excite more",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Interval:
+    """A parameter with its 95 % interval.
+
+    Parameters
+    ----------
+    value, low, high : float
+        SI.
+    unit : str
+        SI unit.
+    """
+
+    value: float
+    low: float
+    high: float
+    unit: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cause:
+    """An effect that the recordings ask for.
+
+    Parameters
+    ----------
+    effect, family : str
+        Canonical names.
+    probability : float
+        Of this effect being part of the explanation, among the explanations compared.
+    share_explained : float
+        Share of the mismatch's energy that goes with it, from 0 to 1.
+    parameters : mapping of str to Interval
+        The effect's own parameters.
+    """
+
+    effect: str
+    family: str
+    probability: float
+    share_explained: float
+    parameters: Mapping[str, Interval]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Diagnosis:
+    """A verdict with its evidence. Amplitudes are in the unit that `output` names.
+
+    Parameters
+    ----------
+    output : mapping
+        ``name`` and ``unit`` of the reading.
+    verdict : Verdict
+        The conclusion.
+    noise, model_error : float
+        Rms of the sensor's noise and of the plant's own model error.
+    detect, locate : mapping
+        As in the file: p-value, excess and smallest detectable size; time, frequency, region and place.
+    causes : tuple of Cause
+        What is built into the amended plant.
+    names : tuple of str
+        Effects that could be the explanation (``set`` in the file).
+    indistinguishable : tuple of mapping
+        Pairs of explanations with their distance d².
+    sentence : str
+        The conclusion in plain words; each number in it is a field of the file.
+    fit : mapping
+        Rms residual before and after, on the fitted and on the unseen part.
+    next_experiment, free_form : mapping or None
+        Advice and free-form remainder, where there are any.
+    warnings : tuple of str
+        What the user should know besides.
+    model : CalibratedPlant or None
+        The calibrated, amended plant; in a file of its own.
+    evidence : Evidence or None
+        Recordings beside simulations; not in the file.
+    """
+
+    output: Mapping[str, str]
+    verdict: Verdict
+    noise: float
+    model_error: float
+    detect: Mapping[str, Any]
+    locate: Mapping[str, Any]
+    sentence: str
+    fit: Mapping[str, Any]
+    causes: tuple[Cause, ...] = ()
+    names: tuple[str, ...] = ()
+    indistinguishable: tuple[Mapping[str, Any], ...] = ()
+    next_experiment: Mapping[str, Any] | None = None
+    free_form: Mapping[str, Any] | None = None
+    warnings: tuple[str, ...] = ()
+    model: CalibratedPlant | None = None
+    evidence: Evidence | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """The content of ``diagnosis.json``."""
+        return {
+            "schema": SCHEMA,
+            "output": dict(self.output),
+            "verdict": self.verdict.value,
+            "noise": self.noise,
+            "model_error": self.model_error,
+            "detect": dict(self.detect),
+            "locate": dict(self.locate),
+            "causes": [_cause_to_dict(cause) for cause in self.causes],
+            "set": list(self.names),
+            "indistinguishable": [dict(pair) for pair in self.indistinguishable],
+            "next_experiment": self.next_experiment,
+            "free_form": self.free_form,
+            "sentence": self.sentence,
+            "fit": dict(self.fit),
+            "warnings": list(self.warnings),
+        }
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Self:
+        """The diagnosis that `to_dict` described.
+
+        Parameters
+        ----------
+        data : mapping
+            Content of ``diagnosis.json``.
+
+        Returns
+        -------
+        Diagnosis
+
+        Raises
+        ------
+        ModelError
+            If the schema is another one or a field is missing.
+        """
+        if data.get("schema") != SCHEMA:
+            raise ModelError(f"schema {data.get('schema')!r} is not {SCHEMA!r}")
+        try:
+            causes = tuple(_cause_from_dict(cause) for cause in data["causes"])
+            same = ("output", "noise", "model_error", "detect", "locate", "sentence", "fit", "next_experiment",
+                    "free_form")  # fmt: skip
+            return cls(
+                verdict=Verdict(data["verdict"]), causes=causes, names=tuple(data["set"]),
+                indistinguishable=tuple(data["indistinguishable"]), warnings=tuple(data["warnings"]),
+                **{name: data[name] for name in same},
+            )  # fmt: skip
+        except (KeyError, TypeError, ValueError) as error:
+            raise ModelError(f"malformed diagnosis: {error!r}") from None
+
+    def save(self, path: Path | str) -> None:
+        """Write ``diagnosis.json``.
+
+        Parameters
+        ----------
+        path : path
+            File to write; replaced as a whole.
+        """
+        write_text_atomic(path, json.dumps(self.to_dict(), indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+
+    @classmethod
+    def load(cls, path: Path | str) -> Self:
+        """Read what `save` wrote.
+
+        Parameters
+        ----------
+        path : path
+            A ``diagnosis.json``.
+
+        Returns
+        -------
+        Diagnosis
+
+        Raises
+        ------
+        ModelError
+            If it is no such file.
+        """
+        try:
+            data = json.loads(Path(path).read_text(encoding="utf-8"))
+            return cls.from_dict(data)
+        except (OSError, UnicodeDecodeError, json.JSONDecodeError, ModelError, AttributeError) as error:
+            raise ModelError(f"{path}: not a {SCHEMA} file: {error}") from None
+
+
+def _cause_to_dict(cause: Cause) -> dict[str, Any]:
+    return {
+        "effect": cause.effect,
+        "family": cause.family,
+        "probability": cause.probability,
+        "share_explained": cause.share_explained,
+        "parameters": {
+            name: {"value": p.value, "low": p.low, "high": p.high, "unit": p.unit}
+            for name, p in cause.parameters.items()
+        },
+    }
+
+
+def _cause_from_dict(data: Mapping[str, Any]) -> Cause:
+    parameters = {name: Interval(**p) for name, p in data["parameters"].items()}
+    return Cause(**{**data, "parameters": parameters})

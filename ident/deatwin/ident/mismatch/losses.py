@@ -1,0 +1,99 @@
+"""Squared residuals in blocks: the units in which a diagnosis counts evidence.
+
+Samples of a residual that is more than white noise are not independent. Blocks of about a second are nearly so,
+and every test of the mismatch engine counts blocks, never samples.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.stats import norm
+
+__all__ = ["BLOCK_SAMPLES", "block_losses", "bootstrap_gain", "evidence", "exceeds"]
+
+BLOCK_SAMPLES = 50
+RESAMPLES = 2000
+
+
+def block_losses(residuals: np.ndarray) -> np.ndarray:
+    """Mean square of a residual in consecutive blocks.
+
+    Parameters
+    ----------
+    residuals : ndarray, shape (n,)
+        In order.
+
+    Returns
+    -------
+    ndarray, shape (b,)
+        Squares of the residual's unit; at least eight blocks where there are as many samples.
+    """
+    size = max(1, min(BLOCK_SAMPLES, residuals.size // 8))
+    count = residuals.size // size
+    return (residuals[: count * size] ** 2).reshape(count, size).mean(axis=1)
+
+
+def exceeds(losses: np.ndarray, floor: float) -> float:
+    """Test that the mean loss is no larger than a floor.
+
+    Parameters
+    ----------
+    losses : ndarray, shape (b,)
+        Block losses.
+    floor : float
+        What noise and model error account for, in the same unit.
+
+    Returns
+    -------
+    float
+        One-sided p-value of a mean of correlated blocks (Newey-West with the cube root of b lags).
+    """
+    centred = losses - losses.mean()
+    lags = round(losses.size ** (1 / 3))
+    variance = np.mean(centred**2)
+    for lag in range(1, lags + 1):
+        variance += 2 * (1 - lag / (lags + 1)) * np.mean(centred[lag:] * centred[:-lag])
+    deviation = np.sqrt(max(variance, 1e-300) / losses.size)
+    return float(norm.sf((losses.mean() - floor) / deviation))
+
+
+def evidence(losses: np.ndarray, parameters: int) -> float:
+    """Logarithm of the evidence for a model, by Schwarz' approximation with one observation a block.
+
+    Parameters
+    ----------
+    losses : ndarray, shape (b,)
+        Block losses of the model.
+    parameters : int
+        Number of its fitted parameters.
+
+    Returns
+    -------
+    float
+        In nats; only differences mean anything.
+
+    References
+    ----------
+    Schwarz, Ann. Statist. 6 (1978) 461, doi:10.1214/aos/1176344136.
+    """
+    return float(-losses.size / 2 * np.log(losses.mean()) - parameters / 2 * np.log(losses.size))
+
+
+def bootstrap_gain(before: np.ndarray, after: np.ndarray, rng: np.random.Generator) -> float:
+    """Lower 95 % bound of how much the rms error falls, by a paired bootstrap over blocks.
+
+    Parameters
+    ----------
+    before, after : ndarray, shape (b,)
+        Block losses of two models on the same samples.
+    rng : numpy.random.Generator
+        Source of the resampling.
+
+    Returns
+    -------
+    float
+        In the residual's unit.
+    """
+    picks = rng.integers(0, before.size, size=(RESAMPLES, before.size))
+    gains = np.sqrt(before[picks].mean(axis=1)) - np.sqrt(after[picks].mean(axis=1))
+    return float(np.quantile(gains, 0.05))

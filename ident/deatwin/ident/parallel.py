@@ -1,0 +1,82 @@
+"""A minimal runner for independent jobs: one generator a job, one BLAS thread a worker, results in order."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any, TypeVar
+
+import numpy as np
+
+__all__ = ["run_jobs", "spawn_generators"]
+
+Result = TypeVar("Result")
+
+
+def spawn_generators(seed: int, count: int) -> list[np.random.Generator]:
+    """Independent generators, the same for the same seed however the jobs are spread.
+
+    Parameters
+    ----------
+    seed : int
+        Of the whole study.
+    count : int
+        How many.
+
+    Returns
+    -------
+    list of numpy.random.Generator
+    """
+    return [np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(count)]
+
+
+def run_jobs(
+    function: Callable[..., Result],
+    jobs: Iterable[tuple[Any, ...]],
+    *,
+    workers: int = 1,
+    finished: Callable[[int], None] | None = None,
+) -> list[Result]:
+    """Call a function once for each tuple of arguments.
+
+    The user's ``joblib.parallel_config`` is respected: no backend is set here.
+
+    Parameters
+    ----------
+    function : callable
+        Importable by name, so that worker processes find it.
+    jobs : iterable of tuple
+        Its arguments.
+    workers : int
+        Processes; 1 runs in this one, -1 takes all cores.
+    finished : callable, optional
+        Called with the number of finished jobs after each one.
+
+    Returns
+    -------
+    list
+        In the order of `jobs`.
+    """
+    tasks = list(jobs)
+    results: list[Result] = []
+    if workers == 1:
+        for task in tasks:
+            results.append(_alone(function, task))
+            if finished is not None:
+                finished(len(results))
+        return results
+    from joblib import Parallel, delayed
+
+    stream = Parallel(n_jobs=workers, return_as="generator")(delayed(_alone)(function, task) for task in tasks)
+    for result in stream:
+        results.append(result)
+        if finished is not None:
+            finished(len(results))
+    return results
+
+
+def _alone(function: Callable[..., Result], task: tuple[Any, ...]) -> Result:
+    """Run a job with one BLAS thread: workers must not fight for the cores, nor round differently."""
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(1):
+        return function(*task)

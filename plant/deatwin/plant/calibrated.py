@@ -1,0 +1,187 @@
+"""A calibrated plant: the plant, what is known of its parameters and its errors, and its file ``model.json``."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+
+from deatwin.plant.errors import DeatwinError, ModelError
+from deatwin.plant.files import write_text_atomic
+from deatwin.plant.model import Plant
+from deatwin.plant.recording import Experiment
+from deatwin.plant.simulate import RunStatus
+
+__all__ = ["SCHEMA", "CalibratedPlant", "Prediction"]
+
+SCHEMA = "deatwin/plant/1"
+TWO_SIDED_95 = 1.959964
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Prediction:
+    """Readings that a calibrated plant expects, with their predictive band.
+
+    Parameters
+    ----------
+    mean : tuple of ndarray, each of shape (n,)
+        Of each recording, SI.
+    deviation : tuple of ndarray, each of shape (n,)
+        Standard deviation of a reading: sensor noise, model error and parameters together, SI.
+    status : RunStatus
+        How the simulation ended; readings after a failure are NaN.
+    failed_at : float or None
+        Clock time of a failure, s.
+    failed_command : float or None
+        Command at that time, in its unit.
+    """
+
+    mean: tuple[np.ndarray, ...]
+    deviation: tuple[np.ndarray, ...]
+    status: RunStatus
+    failed_at: float | None
+    failed_command: float | None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CalibratedPlant:
+    """A plant whose parameters were fitted, with what is known of its errors.
+
+    Parameters
+    ----------
+    plant : Plant
+        With the fitted values.
+    noise : float
+        Standard deviation of the sensor's noise, SI.
+    model_error : float
+        Rms of what is left besides noise on data that were not fitted, SI.
+    names : tuple of str
+        Fitted parameters.
+    covariance : ndarray, shape (n, n)
+        Of their coordinates, each in its parameter's `Scale`.
+    provenance : mapping of str to str
+        Where it comes from.
+    """
+
+    plant: Plant
+    noise: float
+    model_error: float
+    names: tuple[str, ...] = ()
+    covariance: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
+    provenance: Mapping[str, str] = field(default_factory=dict)
+
+    @classmethod
+    def nominal(cls, plant: Plant) -> Self:
+        """A plant as its rig file and published values have it, its parameters taken as exact.
+
+        Parameters
+        ----------
+        plant : Plant
+            Not calibrated.
+
+        Returns
+        -------
+        CalibratedPlant
+        """
+        return cls(plant=plant, noise=plant.rig.noise, model_error=plant.rig.model_error)
+
+    def predict(self, experiment: Experiment) -> Prediction:
+        """Simulate an experiment from rest, with the standard deviation of each reading.
+
+        Parameters
+        ----------
+        experiment : Experiment
+            Only the commands are used.
+
+        Returns
+        -------
+        Prediction
+        """
+        plant = self.plant
+        timeline = plant.timeline(experiment)
+        run = plant.simulator.run_with_sensitivities(
+            timeline.commands, start=timeline.start, sample_time=timeline.sample_time,
+            rest_command=plant.rig.start.rest_command, values=plant.free_values,
+        )  # fmt: skip
+        n_rows = timeline.commands.size + 1
+        mean, variance = np.full(n_rows, np.nan), np.full(n_rows, np.nan)
+        mean[: run.outputs.size] = run.outputs
+        if run.sensitivities is not None:
+            variance[: run.outputs.size] = self._variance(run.sensitivities)
+        failed = run.failed_at
+        return Prediction(
+            mean=tuple(mean[r + 1] for r in timeline.readings),
+            deviation=tuple(np.sqrt(variance[r + 1]) for r in timeline.readings),
+            status=run.status,
+            failed_at=None if failed is None else timeline.start + failed * timeline.sample_time,
+            failed_command=None if failed is None else float(timeline.commands[failed]),
+        )
+
+    def _variance(self, sensitivities: np.ndarray) -> np.ndarray:
+        parameters = self.plant.parameters
+        columns = [parameters.free.index(n) for n in self.names]
+        slopes = np.array([parameters[n].scale.slope(parameters[n].value) for n in self.names])
+        jacobian = sensitivities[:, columns] * slopes
+        spread = np.einsum("ij,jk,ik->i", jacobian, self.covariance, jacobian)
+        return np.maximum(spread, 0.0) + self.noise**2 + self.model_error**2
+
+    def to_dict(self) -> dict[str, Any]:
+        """The content of ``model.json``; it carries no code."""
+        return {
+            "schema": SCHEMA,
+            "deatwin": version("deatwin"),
+            **self.plant.to_dict(),
+            "noise": self.noise,
+            "model_error": self.model_error,
+            "calibration": {"names": list(self.names), "covariance": self.covariance.tolist()},
+            "provenance": dict(self.provenance),
+        }
+
+    def save(self, path: Path | str) -> None:
+        """Write ``model.json``.
+
+        Parameters
+        ----------
+        path : path
+            File to write; replaced as a whole.
+        """
+        write_text_atomic(path, json.dumps(self.to_dict(), indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+
+    @classmethod
+    def load(cls, path: Path | str) -> Self:
+        """Read what `save` wrote.
+
+        Parameters
+        ----------
+        path : path
+            A ``model.json``.
+
+        Returns
+        -------
+        CalibratedPlant
+
+        Raises
+        ------
+        ModelError
+            If it is no such file, or names a rig or effect that is not installed.
+        """
+        try:
+            data = json.loads(Path(path).read_text(encoding="utf-8"))
+            if data.get("schema") != SCHEMA:
+                raise ModelError(f"schema {data.get('schema')!r} is not {SCHEMA!r}")
+            names = tuple(data["calibration"]["names"])
+            covariance = np.array(data["calibration"]["covariance"], dtype=float).reshape(len(names), len(names))
+            return cls(
+                plant=Plant.from_dict(data), noise=float(data["noise"]), model_error=float(data["model_error"]),
+                names=names, covariance=covariance, provenance=data["provenance"],
+            )  # fmt: skip
+        except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+            raise ModelError(f"{path}: cannot be read as JSON: {error}") from None
+        except (AttributeError, KeyError, TypeError, ValueError, DeatwinError) as error:
+            text = str(error) if isinstance(error, DeatwinError) else f"malformed: {error!r}"
+            raise ModelError(f"{path}: not a {SCHEMA} file: {text}") from None

@@ -1,0 +1,62 @@
+"""The command line. Each command stands in a module of its own and imports what it needs when it runs."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+
+import typer
+
+from deatwin.scenarios.commands.check import check
+from deatwin.scenarios.commands.demo import demo
+from deatwin.scenarios.commands.diagnose import diagnose
+from deatwin.scenarios.commands.doctor import doctor
+from deatwin.scenarios.commands.frequency import frequency
+from deatwin.scenarios.commands.identify import identify
+from deatwin.scenarios.commands.scenario import scenario, scenarios
+from deatwin.scenarios.commands.simulate import simulate
+from deatwin.scenarios.options import fold_experiments
+from deatwin.scenarios.voice import complain
+
+__all__ = ["app", "main"]
+
+DONE, WRONG_INPUT, INTERRUPTED = 0, 1, 130
+
+app = typer.Typer(
+    help="Simulate, identify and diagnose dielectric elastomer actuators.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+)
+for command in (demo, simulate, identify, frequency, diagnose, check, scenario, scenarios, doctor):
+    app.command()(command)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        Without the program's name; by default those of this process.
+
+    Returns
+    -------
+    int
+        Exit status: 0 done, 1 an error in what was given, 2 wrong usage, 130 interrupted.
+    """
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        app(args=fold_experiments(given), prog_name="deatwin", obj=["deatwin", *given])
+    except SystemExit as stop:
+        return stop.code if isinstance(stop.code, int) else DONE
+    except KeyboardInterrupt:
+        complain("interrupted")
+        return INTERRUPTED
+    except Exception as error:
+        from deatwin.plant.errors import DeatwinError
+
+        if not isinstance(error, DeatwinError):
+            raise  # a fault of deatwin's own: the traceback is what its authors need
+        complain(str(error))
+        return WRONG_INPUT
+    return DONE

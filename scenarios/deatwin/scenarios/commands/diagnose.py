@@ -1,0 +1,82 @@
+"""``deatwin diagnose``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from deatwin.scenarios.options import (
+    AllowGaps,
+    Experiments,
+    InputColumn,
+    Jobs,
+    Json,
+    OutFolder,
+    OutputColumn,
+    Quiet,
+    RigSource,
+    Seed,
+    unfold_experiment,
+)
+from deatwin.scenarios.voice import Voice, complain
+
+__all__ = ["diagnose"]
+
+Recordings = Annotated[
+    list[Path] | None,
+    typer.Argument(metavar="REC.csv...", help="Recordings of one experiment, on one running clock."),
+]
+
+
+def diagnose(
+    context: typer.Context,
+    rig: RigSource,
+    out: OutFolder,
+    recordings: Recordings = None,
+    experiment: Experiments = None,
+    input_column: InputColumn = None,
+    output_column: OutputColumn = None,
+    allow_gaps: AllowGaps = False,
+    jobs: Jobs = 1,
+    seed: Seed = 0,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Find what physics a plant leaves out, given recordings, and amend it.
+
+    Writes diagnosis.json, model.json, report.html, the figures' data and run.json into DIR.
+
+    Example: deatwin diagnose rig.toml noise.csv steps.csv --out result
+
+    Several experiments: deatwin diagnose rig.toml --experiment a.csv b.csv --experiment c.csv --out result
+    """
+    groups = [[str(path) for path in recordings]] if recordings else []
+    groups += [unfold_experiment(value) for value in experiment or []]
+    if not groups:
+        raise typer.BadParameter("give at least one recording", param_hint="REC.csv")
+    from deatwin.scenarios.diagnosing import DiagnosisTask
+    from deatwin.scenarios.folder import ResultFolder
+    from deatwin.scenarios.given import GivenPlant
+
+    voice = Voice(as_json=as_json, quiet=quiet)
+    plant = GivenPlant.load(rig, input_column=input_column, output_column=output_column)
+    task = DiagnosisTask(
+        plant=plant.model.plant,
+        experiments=[plant.experiment(files, allow_gaps=allow_gaps) for files in groups],
+        files=[rig, *(file for files in groups for file in files)],
+        command=context.obj, jobs=jobs, seed=seed,
+    )  # fmt: skip
+    folder = ResultFolder(out)
+    try:
+        with voice.progress("reading") as progress:
+            diagnosis = task.run(folder, progress)
+    except KeyboardInterrupt:
+        complain(f"interrupted; {folder.summary}")
+        raise typer.Exit(130) from None
+    voice.say(f"{diagnosis.verdict.value}: {diagnosis.sentence}")
+    for warning in diagnosis.warnings:
+        voice.say(f"note: {warning}")
+    voice.say(f"report: {folder.path / 'report.html'}")
+    voice.result(diagnosis.to_dict())

@@ -1,0 +1,138 @@
+"""``deatwin identify``."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from deatwin.scenarios.options import AllowGaps, InputColumn, Json, OutputColumn, Quiet
+from deatwin.scenarios.voice import Voice
+
+if TYPE_CHECKING:
+    from deatwin.ident.narx import Frols, NarxModel, SvbNarx
+    from deatwin.plant.recording import Recording
+
+__all__ = ["Method", "identify"]
+
+HELD_OUT = 0.3
+"""Share at the end of each recording that judges the model and is not fitted."""
+
+
+class Method(StrEnum):
+    """How terms are chosen."""
+
+    SVB = "svb"
+    FROLS = "frols"
+
+
+Recordings = Annotated[
+    list[Path], typer.Argument(metavar="REC.csv...", help="Recordings of one sample time.")
+]
+ModelFile = Annotated[Path, typer.Option("--out", metavar="NARX.json", help="The model.")]
+MethodOption = Annotated[
+    Method, typer.Option(help="svb: sparse variational Bayes; frols: forward regression.")
+]
+MaxTerms = Annotated[int, typer.Option(min=1, help="Largest number of terms (frols only).")]
+
+
+def identify(
+    recordings: Recordings,
+    out: ModelFile,
+    method: MethodOption = Method.SVB,
+    output_lags: Annotated[int, typer.Option(min=1, help="Lags 1 to this of the output.")] = 2,
+    input_lags: Annotated[int, typer.Option(min=1, help="Lags 1 to this of the input.")] = 2,
+    degree: Annotated[int, typer.Option(min=1, help="Largest degree of a term.")] = 2,
+    max_terms: MaxTerms = 15,
+    input_column: InputColumn = None,
+    output_column: OutputColumn = None,
+    allow_gaps: AllowGaps = False,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Identify a polynomial NARX model; its errors are those on the last 30 % of each recording.
+
+    Example: deatwin identify noise.csv --method svb --out narx.json
+    """
+    from deatwin.plant.checks import require_excitation
+    from deatwin.plant.files import read_csv
+
+    voice = Voice(as_json=as_json, quiet=quiet)
+    records = [
+        record
+        for path in recordings
+        for record in read_csv(
+            path, input_column=input_column, output_column=output_column, allow_gaps=allow_gaps
+        )
+    ]
+    require_excitation(records)
+    identifier = _identifier(method, output_lags, input_lags, degree, max_terms)
+    with voice.progress("choosing terms") as progress:
+        progress(0.0, "choosing terms")
+        pieces = [_split(record) for record in records]
+        model = _with_band(identifier.fit([fitted for fitted, _ in pieces]).model_, records)
+    errors = [_errors(model, unseen) for _, unseen in pieces]
+    model.save(out)
+    unit = f" {model.output_units[0]}" if model.output_units[0] else ""
+    for term, value, variance in zip(model.terms, model.theta, model.theta_cov.diagonal(), strict=True):
+        voice.say(f"{value:>14.6g} ± {1.96 * variance**0.5:<12.3g} {term}")
+    for path, error in zip(_labels(records), errors, strict=True):
+        free = (
+            f"{error['free_run']:.4g}{unit}"
+            if error["finished"]
+            else f"{error['free_run']:.4g}{unit} (diverged)"
+        )
+        voice.say(f"{path}, unseen part: one step {error['one_step']:.4g}{unit} rms, free run {free} rms")
+    voice.say(f"model: {out}")
+    terms = {str(term): float(value) for term, value in zip(model.terms, model.theta, strict=True)}
+    voice.result({"out": str(out), "terms": terms, "unseen": errors})
+
+
+def _identifier(
+    method: Method, output_lags: int, input_lags: int, degree: int, max_terms: int
+) -> SvbNarx | Frols:
+    from deatwin.ident.narx import Frols, SvbNarx
+
+    if method is Method.SVB:
+        return SvbNarx(output_lags=output_lags, input_lags=input_lags, degree=degree)
+    return Frols(output_lags=output_lags, input_lags=input_lags, degree=degree, max_terms=max_terms)
+
+
+def _with_band(model: NarxModel, records: list[Recording]) -> NarxModel:
+    """The model with the band that its recordings excited, which `deatwin check` asks for."""
+    from dataclasses import replace
+
+    import numpy as np
+
+    from deatwin.control.check import BAND_KEY
+    from deatwin.control.margins import excited_band
+
+    band = max(excited_band(record) for record in records if np.ptp(record.inputs[0]) > 0)
+    return replace(model, provenance={**model.provenance, BAND_KEY: f"{band:.6g}"})
+
+
+def _split(record: Recording) -> tuple[Recording, Recording]:
+    """The part that is fitted and the part that is held out."""
+    from deatwin.plant.checks import require_samples
+
+    require_samples(record, 10, "identification with a held-out part")
+    cut = round(record.n_samples * (1 - HELD_OUT))
+    return record.section(0, cut), record.section(cut, record.n_samples)
+
+
+def _errors(model: NarxModel, unseen: Recording) -> dict[str, Any]:
+    free = model.simulate(unseen)
+    return {
+        "one_step": model.predict(unseen).rms_error,
+        "free_run": free.rms_error,
+        "finished": free.status.ok,
+        "unit": model.output_units[0],
+    }
+
+
+def _labels(records: list[Recording]) -> list[str]:
+    from deatwin.plant.recording import label
+
+    return [label(record) for record in records]

@@ -1,0 +1,62 @@
+"""``deatwin scenario`` and ``deatwin scenarios``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from deatwin.scenarios.options import Jobs, Json, Quiet, Seed
+from deatwin.scenarios.voice import Voice, complain
+
+__all__ = ["scenario", "scenarios"]
+
+OutFolder = Annotated[
+    Path | None, typer.Option("--out", metavar="DIR", help="Folder for the results; by default deatwin-NAME.")
+]
+DataFolder = Annotated[
+    Path | None, typer.Option("--data", metavar="FOLDER", help="Public recordings; by default $DEATWIN_DATA.")
+]
+
+
+def scenario(
+    context: typer.Context,
+    name: Annotated[str, typer.Argument(metavar="NAME", help="One of `deatwin scenarios`.")],
+    out: OutFolder = None,
+    data: DataFolder = None,
+    jobs: Jobs = 1,
+    seed: Seed = 0,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Run a story and write its figures, tables and report."""
+    from deatwin.scenarios.folder import ResultFolder
+    from deatwin.scenarios.stories import Setting, story
+
+    voice = Voice(as_json=as_json, quiet=quiet)
+    chosen = story(name)
+    folder = ResultFolder(out or Path(f"deatwin-{name}"))
+    try:
+        with voice.progress(name) as progress:
+            result = chosen.run(
+                Setting(
+                    folder=folder, data=data, command=context.obj, jobs=jobs, seed=seed, progress=progress
+                )
+            )
+    except KeyboardInterrupt:
+        complain(f"interrupted; {folder.summary}")
+        raise typer.Exit(130) from None
+    voice.say(str(result["sentence"]))
+    voice.say(folder.summary)
+    voice.result(result)
+
+
+def scenarios(as_json: Json = False, quiet: Quiet = False) -> None:
+    """List the stories with the time that each takes."""
+    from deatwin.scenarios.stories import STORIES
+
+    voice = Voice(as_json=as_json, quiet=quiet)
+    for entry in STORIES.values():
+        voice.say(f"{entry.name:14} {entry.minutes:g} min  {entry.line}")
+    voice.result({entry.name: {"line": entry.line, "minutes": entry.minutes} for entry in STORIES.values()})

@@ -1,0 +1,119 @@
+"""``deatwin simulate``."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from deatwin.scenarios.options import InputColumn, Json, Quiet, RigSource
+from deatwin.scenarios.voice import Voice
+
+if TYPE_CHECKING:
+    from deatwin.plant.calibrated import CalibratedPlant, Prediction
+    from deatwin.plant.recording import Experiment, Recording
+    from deatwin.scenarios.given import GivenPlant
+
+__all__ = ["simulate"]
+
+TWO_SIDED_95 = 1.959964
+
+InputFile = Annotated[
+    Path, typer.Argument(metavar="INPUT.csv", help="Columns time_s,command_V; a reading is ignored.")
+]
+Effects = Annotated[
+    list[str] | None, typer.Option("--effect", metavar="NAME", help="Add a catalogue effect; repeatable.")
+]
+History = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--history", metavar="REC.csv", help="An earlier recording of the same experiment; repeatable."
+    ),
+]
+OutFile = Annotated[Path, typer.Option("--out", metavar="OUT.csv", help="Readings with their 95 % band.")]
+
+
+def simulate(
+    rig: RigSource,
+    commands: InputFile,
+    out: OutFile,
+    effect: Effects = None,
+    history: History = None,
+    input_column: InputColumn = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Predict the readings of an experiment, from rest through its history up to the end of the input file.
+
+    Example: deatwin simulate result/model.json check.csv --history noise.csv --out predicted.csv
+    """
+    from deatwin.plant.files import write_csv
+    from deatwin.scenarios.given import GivenPlant, reading_column
+
+    voice = Voice(as_json=as_json, quiet=quiet)
+    given = GivenPlant.load(rig, input_column=input_column)
+    model = _with_effects(given.model, effect or [])
+    wanted = given.commands(commands)
+    experiment = _experiment(given, wanted, history or [])
+    prediction = _finished(model.predict(experiment), model)
+    at = next(k for k, record in enumerate(experiment.recordings) if record is wanted)
+    header, per_si = reading_column(model.plant.rig)
+    name, _, unit = header.rpartition("_")
+    mean, half = prediction.mean[at] * per_si, TWO_SIDED_95 * prediction.deviation[at] * per_si
+    digits = 3 - math.floor(math.log10(half.min()))  # three digits below the width of the band
+    columns = {header: mean, f"low_{unit}": mean - half, f"high_{unit}": mean + half}
+    write_csv(
+        out,
+        {
+            "time_s": wanted.timepts.round(9),
+            **{name: values.round(digits) for name, values in columns.items()},
+        },
+    )
+    voice.say(f"{out}: {wanted.n_samples} samples of {name} with a 95 % predictive band")
+    voice.result({"out": str(out), "samples": wanted.n_samples, "effects": list(model.plant.effect_names)})
+
+
+def _with_effects(model: CalibratedPlant, names: list[str]) -> CalibratedPlant:
+    """The model with further effects at their typical strength."""
+    from dataclasses import replace
+
+    from deatwin.plant.effects import effect_named
+
+    return replace(model, plant=model.plant.with_effects(*(effect_named(name) for name in names)))
+
+
+def _experiment(given: GivenPlant, wanted: Recording, history: list[Path]) -> Experiment:
+    from deatwin.plant.errors import DataError
+    from deatwin.plant.recording import Experiment
+
+    earlier = [given.commands(path) for path in history]
+    for record, path in zip(earlier, history, strict=True):
+        if record.start > wanted.start:
+            raise DataError(
+                f"{path}: starts at {record.start:g} s, after the input's {wanted.start:g} s; "
+                "a history record comes before the input file on the same clock"
+            )
+    return Experiment(recordings=(*earlier, wanted))
+
+
+def _finished(prediction: Prediction, model: CalibratedPlant) -> Prediction:
+    """The prediction, if it reached its end; else an error that says when and at what voltage."""
+    from deatwin.plant.errors import SimulationError
+
+    if prediction.status.ok:
+        return prediction
+    rig = model.plant.rig
+    if prediction.failed_at is None or prediction.failed_command is None:
+        raise SimulationError(f"the simulation stopped: {prediction.status.value}")
+    parameters = model.plant.parameters
+    film = (
+        f" ({prediction.failed_command * parameters['gain'].value:.0f} V on the film)"
+        if "gain" in parameters
+        else ""
+    )
+    raise SimulationError(
+        f"the simulation stopped at {prediction.failed_at:.2f} s and a {rig.input_name} of "
+        f"{prediction.failed_command:.3f} {rig.input_unit}{film}: {prediction.status.value}"
+    )

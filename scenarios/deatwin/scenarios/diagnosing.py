@@ -1,0 +1,86 @@
+"""A diagnosis from files to files: what `deatwin diagnose`, the demo and the scenarios share."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from deatwin.ident.mismatch import Diagnosis, diagnose
+from deatwin.plant.effects import Effect
+from deatwin.plant.model import Plant
+from deatwin.plant.recording import Experiment
+from deatwin.scenarios.folder import ResultFolder
+from deatwin.scenarios.provenance import RunRecord, hashes
+from deatwin.scenarios.report import Origin, write_report
+from deatwin.scenarios.voice import Progress
+
+__all__ = ["DiagnosisTask"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DiagnosisTask:
+    """Everything that a diagnosis starts from.
+
+    Parameters
+    ----------
+    plant : Plant
+        Nominal or amended.
+    experiments : sequence of Experiment
+        Each from rest.
+    files : sequence of path
+        What the plant and the recordings were read from.
+    command : sequence of str
+        For ``run.json``.
+    effects : sequence of Effect, optional
+        Those considered; the catalogue by default.
+    jobs : int
+        Worker processes.
+    seed : int
+        Of everything random.
+    """
+
+    plant: Plant
+    experiments: Sequence[Experiment]
+    files: Sequence[str | Path]
+    command: Sequence[str]
+    effects: Sequence[Effect] | None = None
+    jobs: int = 1
+    seed: int = 0
+
+    def run(self, folder: ResultFolder, progress: Progress) -> Diagnosis:
+        """Diagnose, and write diagnosis, model, report, figures' data and the record of the run.
+
+        Parameters
+        ----------
+        folder : ResultFolder
+            Where to.
+        progress : callable
+            Takes the share that is done and what is being done.
+
+        Returns
+        -------
+        Diagnosis
+
+        Raises
+        ------
+        DeatwinError
+            If the recordings cannot be used at all.
+        """
+        inputs = hashes(self.files)
+        record = RunRecord(command=self.command, inputs=inputs, seed=self.seed, jobs=self.jobs)
+        diagnosis = diagnose(
+            self.plant,
+            self.experiments,
+            effects=self.effects,
+            jobs=self.jobs,
+            seed=self.seed,
+            progress=progress,
+        )
+        folder.save("diagnosis.json", diagnosis.save)
+        if diagnosis.model is not None:
+            folder.save("model.json", diagnosis.model.save)
+        write_report(folder, diagnosis, Origin(inputs=inputs, seed=self.seed))
+        folder.text("run.json", json.dumps(record.finished([*folder.written, "run.json"]), indent=1) + "\n")
+        return diagnosis

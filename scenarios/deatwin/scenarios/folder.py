@@ -1,0 +1,88 @@
+"""A folder of results that remembers what was written into it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from numpy.typing import ArrayLike
+
+from deatwin.plant.errors import DataError
+from deatwin.plant.files import write_csv, write_text_atomic
+
+__all__ = ["ResultFolder"]
+
+
+class ResultFolder:
+    """A folder into which files appear whole or not at all.
+
+    Parameters
+    ----------
+    path : path
+        Made if absent.
+
+    Raises
+    ------
+    DataError
+        If it cannot be made.
+    """
+
+    def __init__(self, path: Path | str) -> None:
+        self.path = Path(path)
+        self.written: list[str] = []
+        self._make(self.path)
+
+    def text(self, name: str, text: str) -> None:
+        """Write a text file.
+
+        Parameters
+        ----------
+        name : str
+            Inside the folder; may name a folder below it.
+        text : str
+            Its content.
+        """
+        self.save(name, lambda path: write_text_atomic(path, text))
+
+    def csv(self, name: str, columns: Mapping[str, ArrayLike]) -> None:
+        """Write a table.
+
+        Parameters
+        ----------
+        name : str
+            Inside the folder.
+        columns : mapping of str to (n,) array_like
+            Headers with their unit, and values.
+        """
+        self.save(name, lambda path: write_csv(path, columns))
+
+    def save(self, name: str, write: Callable[[Path], None]) -> None:
+        """Let something write itself.
+
+        Parameters
+        ----------
+        name : str
+            Inside the folder.
+        write : callable
+            Takes the path.
+        """
+        target = self.path / name
+        self._make(target.parent)
+        write(target)
+        self.written.append(name)
+
+    @property
+    def summary(self) -> str:
+        """What was written, in words."""
+        return (
+            f"{self.path} holds {', '.join(self.written)}"
+            if self.written
+            else f"nothing was written to {self.path}"
+        )
+
+    @staticmethod
+    def _make(path: Path) -> None:
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise DataError(f"{path}: the folder cannot be made: {error.strerror}") from None

@@ -1,0 +1,129 @@
+"""What a command was given: the plant, and the recordings that go with it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from deatwin.plant.calibrated import CalibratedPlant
+from deatwin.plant.columns import COLUMNS
+from deatwin.plant.files import read_commands, read_experiment
+from deatwin.plant.recording import Experiment, Recording
+from deatwin.plant.rigs.base import Rig
+from deatwin.plant.rigs.rigfile import RigFile, read_rig
+from deatwin.plant.sources import load_plant
+from deatwin.plant.units import UNITS, split_unit
+
+__all__ = ["GivenPlant", "reading_column"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GivenPlant:
+    """A plant as the command line named it.
+
+    Parameters
+    ----------
+    source : str
+        Rig file, ``model.json`` or ``module:function``.
+    model : CalibratedPlant
+        What it is.
+    described : RigFile or None
+        The rig file, whose command range is checked.
+    input_column, output_column : str or None
+        Columns asked for; by default those with the names of the plant's own signals.
+    """
+
+    source: str
+    model: CalibratedPlant
+    described: RigFile | None
+    input_column: str | None
+    output_column: str | None
+
+    @classmethod
+    def load(
+        cls, source: str, *, input_column: str | None = None, output_column: str | None = None
+    ) -> GivenPlant:
+        """Load the plant.
+
+        Parameters
+        ----------
+        source : str
+            As in the class.
+        input_column, output_column : str, optional
+            As in the class.
+
+        Returns
+        -------
+        GivenPlant
+
+        Raises
+        ------
+        RigError, ModelError
+            If the source does not give a plant.
+        """
+        model = load_plant(source)
+        rig = model.plant.rig
+        return cls(
+            source=source,
+            model=model,
+            described=read_rig(source) if source.endswith(".toml") else None,
+            input_column=input_column or _own_column(rig.input_name),
+            output_column=output_column or _own_column(rig.output_name),
+        )
+
+    def experiment(self, files: Iterable[str | Path], *, allow_gaps: bool = False) -> Experiment:
+        """Read recordings of one experiment.
+
+        Parameters
+        ----------
+        files : iterable of path
+            On one clock.
+        allow_gaps : bool
+            Split records at gaps; else a gap is an error.
+
+        Returns
+        -------
+        Experiment
+        """
+        return read_experiment(
+            files, input_column=self.input_column, output_column=self.output_column, allow_gaps=allow_gaps,
+            rig=self.described,
+        )  # fmt: skip
+
+    def commands(self, file: str | Path) -> Recording:
+        """Read the commands of a file; readings in it are not looked at.
+
+        Parameters
+        ----------
+        file : path
+            CSV.
+
+        Returns
+        -------
+        Recording
+        """
+        return read_commands(file, input_column=self.input_column, rig=self.described)
+
+
+def reading_column(rig: Rig) -> tuple[str, float]:
+    """Column header for a rig's readings, and how many of its units one SI unit is.
+
+    Parameters
+    ----------
+    rig : Rig
+        Any.
+
+    Returns
+    -------
+    tuple of str and float
+        For example ``("displacement_mm", 1000.0)``.
+    """
+    header = COLUMNS.get(rig.output_name, f"{rig.output_name}_{rig.output_unit}")
+    unit = UNITS.get(split_unit(header)[1], UNITS[""])
+    return header, unit.denominator / unit.numerator
+
+
+def _own_column(name: str) -> str | None:
+    """A signal that recordings do not usually have is looked for under its own name."""
+    return None if name in ("command", "displacement") else name

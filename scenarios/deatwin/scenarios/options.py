@@ -1,0 +1,117 @@
+"""The arguments that several commands share, each written once."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+__all__ = [
+    "AllowGaps",
+    "Experiments",
+    "InputColumn",
+    "Jobs",
+    "Json",
+    "OutFolder",
+    "OutputColumn",
+    "Quiet",
+    "RigSource",
+    "Seed",
+    "fold_experiments",
+    "unfold_experiment",
+]
+
+RigSource = Annotated[
+    str,
+    typer.Argument(
+        metavar="RIG", help="Rig file (.toml), amended model.json, or module:function that returns a Plant."
+    ),
+]
+OutFolder = Annotated[
+    Path, typer.Option("--out", metavar="DIR", help="Folder for the results; made if absent.")
+]
+InputColumn = Annotated[
+    str | None,
+    typer.Option(metavar="NAME", help="Header of the input column, or its place: #2 is the second."),
+]
+OutputColumn = Annotated[
+    str | None,
+    typer.Option(metavar="NAME", help="Header of the output column, or its place."),
+]
+AllowGaps = Annotated[
+    bool, typer.Option("--allow-gaps", help="Split a record at its gaps and keep the clock.")
+]
+Experiments = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--experiment",
+        metavar="FILES...",
+        help="The recordings of one experiment, from rest; give it once for each experiment.",
+    ),
+]
+Jobs = Annotated[int, typer.Option(help="Worker processes; -1 takes all cores.")]
+Seed = Annotated[int, typer.Option(min=0, help="Seed of everything that is random.")]
+Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
+Quiet = Annotated[
+    bool, typer.Option("--quiet", help="Print nothing but errors and, with --json, the result.")
+]
+
+_BETWEEN = "\x1f"  # the unit separator: no file name holds it
+
+
+def fold_experiments(arguments: list[str]) -> list[str]:
+    """Gather the files behind each ``--experiment`` into its one value.
+
+    Option parsers take a fixed number of values for an option. The files of an experiment reach up to the
+    next option, so they are joined here, and taken apart by `unfold_experiment`.
+
+    Parameters
+    ----------
+    arguments : list of str
+        As the shell gives them, without the program's name.
+
+    Returns
+    -------
+    list of str
+
+    Examples
+    --------
+    >>> folded = fold_experiments(["diagnose", "rig.toml", "--experiment", "a.csv", "b.csv", "--out", "d"])
+    >>> [unfold_experiment(value) for value in folded][3]
+    ['a.csv', 'b.csv']
+    >>> folded[4:]
+    ['--out', 'd']
+    """
+    folded: list[str] = []
+    gathering = False
+    for argument in arguments:
+        if argument == "--experiment":
+            folded.append(argument)
+            gathering = True
+        elif argument.startswith("--experiment="):
+            folded.extend(["--experiment", argument.partition("=")[2]])
+            gathering = True
+        elif argument.startswith("-"):
+            folded.append(argument)
+            gathering = False
+        elif gathering and folded[-1] != "--experiment":
+            folded[-1] += _BETWEEN + argument
+        else:
+            folded.append(argument)
+    return folded
+
+
+def unfold_experiment(value: str) -> list[str]:
+    """The files of one ``--experiment``.
+
+    Parameters
+    ----------
+    value : str
+        As `fold_experiments` made it.
+
+    Returns
+    -------
+    list of str
+    """
+    return value.split(_BETWEEN)

@@ -1,0 +1,118 @@
+"""``run.json``: everything about a run that may differ between equal runs."""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+import time
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+__all__ = ["SCHEMA", "RunRecord", "hashes", "versions"]
+
+SCHEMA = "deatwin/run/1"
+PACKAGES = (
+    "deatwin",
+    "numpy",
+    "scipy",
+    "casadi",
+    "scikit-learn",
+    "pysindy",
+    "control",
+    "joblib",
+    "matplotlib",
+)
+
+
+def versions(packages: Iterable[str] = PACKAGES) -> dict[str, str]:
+    """Versions of installed packages and of Python; absent packages are left out.
+
+    Parameters
+    ----------
+    packages : iterable of str
+        Names as an installer knows them.
+
+    Returns
+    -------
+    dict of str to str
+    """
+    found = {"python": platform.python_version()}
+    for name in packages:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return found
+
+
+def hashes(files: Iterable[str | Path]) -> list[dict[str, str]]:
+    """Names and SHA-256 of the files that went into a run; what is no file is left out.
+
+    Parameters
+    ----------
+    files : iterable of path
+        Inputs in order.
+
+    Returns
+    -------
+    list of dict
+        ``file`` and ``sha256``.
+    """
+    existing = [Path(file) for file in files if Path(file).is_file()]
+    return [{"file": str(f), "sha256": hashlib.sha256(f.read_bytes()).hexdigest()} for f in existing]
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunRecord:
+    """A run: made when it starts, turned into data when it ends.
+
+    Parameters
+    ----------
+    command : sequence of str
+        The command line.
+    inputs : sequence of dict
+        As `hashes` gives them.
+    seed, jobs : int
+        As given.
+    started : datetime
+        When.
+    """
+
+    command: Sequence[str]
+    inputs: Sequence[dict[str, str]]
+    seed: int
+    jobs: int
+    started: datetime = field(default_factory=lambda: datetime.now(UTC))
+    _tick: float = field(default_factory=time.monotonic)
+
+    def finished(self, outputs: Sequence[str]) -> dict[str, Any]:
+        """The content of ``run.json``.
+
+        Parameters
+        ----------
+        outputs : sequence of str
+            Files written, inside the folder of results.
+
+        Returns
+        -------
+        dict
+        """
+        from deatwin.plant.compiled import compiler
+
+        return {
+            "schema": SCHEMA,
+            "command": list(self.command),
+            "started": self.started.isoformat(timespec="seconds"),
+            "seconds": round(time.monotonic() - self._tick, 2),
+            "seed": self.seed,
+            "jobs": self.jobs,
+            "versions": versions(),
+            "platform": platform.platform(),
+            "compiler": compiler(),
+            "inputs": list(self.inputs),
+            "outputs": list(outputs),
+        }

@@ -1,0 +1,119 @@
+"""The page of a diagnosis."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from deatwin.plant.units import UNITS
+from deatwin.scenarios.folder import ResultFolder
+from deatwin.scenarios.provenance import versions
+from deatwin.scenarios.report.figures import drawings
+from deatwin.scenarios.report.quantities import three_digits, with_interval
+from deatwin.scenarios.report.svg import COLOURS
+
+if TYPE_CHECKING:
+    from deatwin.ident.mismatch import Diagnosis
+
+__all__ = ["Origin", "write_report"]
+
+
+LEAST_SHARE = 0.05
+"""A stretch of time with less of the mismatch is not listed."""
+MOST_LINES = 6
+
+
+@dataclass(frozen=True, kw_only=True)
+class Origin:
+    """Where a result comes from, as far as equal runs share it.
+
+    Parameters
+    ----------
+    inputs : sequence of dict
+        ``file`` and ``sha256`` of each input.
+    seed : int
+        Of everything random.
+    """
+
+    inputs: Sequence[Mapping[str, str]]
+    seed: int
+
+
+def write_report(folder: ResultFolder, diagnosis: Diagnosis, origin: Origin) -> None:
+    """Write ``report.html`` and the data of its figures.
+
+    Parameters
+    ----------
+    folder : ResultFolder
+        Where to.
+    diagnosis : Diagnosis
+        With its evidence, if there is any.
+    origin : Origin
+        For the end of the page.
+    """
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    figures, files = drawings(diagnosis)
+    for name, columns in files.items():
+        folder.csv(name, columns)
+    environment = Environment(
+        loader=PackageLoader("deatwin.scenarios.report"), autoescape=True, undefined=StrictUndefined,
+        trim_blocks=True, lstrip_blocks=True,
+    )  # fmt: skip
+    environment.filters["number"] = three_digits
+    unit = diagnosis.output["unit"]
+    page = environment.get_template("diagnosis.html.j2").render(
+        diagnosis=diagnosis,
+        unit="µm" if unit == "um" else unit,
+        figures=figures,
+        causes=_causes(diagnosis),
+        candidates=_candidates(diagnosis),
+        located=_located(diagnosis.locate),
+        colours=COLOURS,
+        origin=origin,
+        versions=versions(),
+    )
+    folder.text("report.html", page)
+
+
+def _causes(diagnosis: Diagnosis) -> list[dict[str, Any]]:
+    """Rows of the table of causes: one for each parameter."""
+    rows = []
+    for cause in diagnosis.causes:
+        values = {n: with_interval(p.value, p.low, p.high, p.unit) for n, p in cause.parameters.items()}
+        rows.append({"cause": cause, "parameters": values, "rows": max(1, len(values))})
+    return rows
+
+
+def _located(found: Mapping[str, Any]) -> dict[str, list[Any]]:
+    """The entries worth a line: the file has them all."""
+    windows = [w for w in found.get("time") or [] if w["score"] >= LEAST_SHARE]
+    regions = sorted(found.get("region") or [], key=lambda r: -abs(r["mean_residual"]))
+    return {
+        "time": windows,
+        "frequency": list(found.get("frequency") or [])[:MOST_LINES],
+        "region": regions[:MOST_LINES],
+        "place": list(found.get("place") or []),
+    }
+
+
+def _candidates(diagnosis: Diagnosis) -> list[dict[str, Any]]:
+    """Rows of the table of candidates, the best on unseen data first."""
+    evidence = diagnosis.evidence
+    if evidence is None:
+        return []
+    unit = UNITS.get(diagnosis.output["unit"], UNITS[""])
+    chosen = {cause.effect for cause in diagnosis.causes}
+    rows = [
+        {
+            "effects": " + ".join(c.effects) or "none: the calibrated plant",
+            "fitted": float(unit.from_si(np.array(c.fitted))),
+            "unseen": float(unit.from_si(np.array(c.unseen))),
+            "chosen": set(c.effects) == chosen,
+        }
+        for c in evidence.candidates
+    ]
+    return sorted(rows, key=lambda row: row["unseen"])

@@ -1,0 +1,87 @@
+"""Numbers with units as a person writes them."""
+
+from __future__ import annotations
+
+import math
+
+__all__ = ["quantity", "three_digits", "with_interval"]
+
+PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
+PREFIXED = ("Pa", "s", "m", "N", "V", "A", "Hz")
+
+
+def quantity(value: float, unit: str) -> str:
+    """A value in SI with three digits and a prefix.
+
+    Parameters
+    ----------
+    value : float
+        SI.
+    unit : str
+        SI unit; ``"1"`` is a pure number.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> quantity(26400.0, "Pa"), quantity(0.05, "s"), quantity(-0.1, "1")
+    ('26.4 kPa', '50 ms', '-0.1')
+    """
+    factor, shown = _scale(value, unit)
+    return f"{value / factor:.3g} {shown}".rstrip()
+
+
+def three_digits(value: float | None) -> str:
+    """A number with three significant digits, or a dash for none.
+
+    Parameters
+    ----------
+    value : float or None
+        Any.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> three_digits(2.0), three_digits(128.4), three_digits(4321.0), three_digits(0.0123), three_digits(None)
+    ('2.00', '128', '4321', '0.0123', '–')
+    """
+    if value is None:
+        return "–"
+    return f"{value:.0f}" if abs(value) >= 100 else f"{value:#.3g}"
+
+
+def with_interval(value: float, low: float, high: float, unit: str) -> tuple[str, str]:
+    """A value and its interval, in the same prefix.
+
+    Parameters
+    ----------
+    value, low, high : float
+        SI.
+    unit : str
+        SI unit.
+
+    Returns
+    -------
+    tuple of str
+        For example ``("54.1 s", "50.2 to 59.3 s")``.
+    """
+    factor, shown = _scale(value, unit)
+    return (
+        f"{value / factor:.3g} {shown}".rstrip(),
+        f"{low / factor:.3g} to {high / factor:.3g} {shown}".rstrip(),
+    )
+
+
+def _scale(value: float, unit: str) -> tuple[float, str]:
+    if unit not in PREFIXED or value == 0 or not math.isfinite(value):
+        return 1.0, "" if unit == "1" else unit
+    power = 3 * math.floor(math.log10(abs(value)) / 3)
+    if unit == "s":
+        power = min(power, 0)  # nobody writes kiloseconds
+    power = min(max(power, min(PREFIXES)), max(PREFIXES))
+    return 10.0**power, PREFIXES[power] + unit

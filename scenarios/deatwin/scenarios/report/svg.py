@@ -1,0 +1,130 @@
+"""Figures as SVG whose colours are CSS variables, so that one drawing serves light and dark."""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["COLOURS", "draw", "inline", "standalone"]
+
+COLOURS = {
+    "ink": ("#010a01", "#23272e", "#d7dae0"),
+    "grid": ("#010a02", "#d9dce1", "#3a3f47"),
+    "measured": ("#010a03", "#6b7280", "#9aa3b0"),
+    "before": ("#010a04", "#c2410c", "#fb923c"),
+    "after": ("#010a05", "#1d5fbf", "#7db4ff"),
+    "mark": ("#010a06", "#b98a00", "#d9b44a"),
+}
+"""Role to the colour that matplotlib is given, and what stands for it in light and in dark."""
+
+_SETTINGS: dict[Any, Any] = {
+    "svg.fonttype": "none",  # text stays text: small, selectable, in the page's own font
+    "svg.hashsalt": "deatwin",
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans", "Arial", "Helvetica"],
+    "font.size": 9.5,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": COLOURS["grid"][0],
+    "grid.linewidth": 0.6,
+    "axes.edgecolor": COLOURS["ink"][0],
+    "axes.labelcolor": COLOURS["ink"][0],
+    "axes.facecolor": "none",
+    "figure.facecolor": "none",
+    "savefig.facecolor": "none",
+    "text.color": COLOURS["ink"][0],
+    "xtick.color": COLOURS["ink"][0],
+    "ytick.color": COLOURS["ink"][0],
+    "legend.frameon": False,
+    "legend.markerscale": 2.5,
+    "lines.linewidth": 1.1,
+    "path.simplify": True,
+}
+
+
+@contextmanager
+def draw(size: tuple[float, float]) -> Iterator[Figure]:
+    """A figure to draw into, in the report's style.
+
+    Parameters
+    ----------
+    size : tuple of float
+        Width and height in inches.
+
+    Yields
+    ------
+    matplotlib.figure.Figure
+        Not known to pyplot, so nothing is left behind.
+    """
+    from cycler import cycler
+    from matplotlib import rc_context
+    from matplotlib.figure import Figure
+
+    cycle = cycler(color=[COLOURS[role][0] for role in ("after", "before", "measured", "mark")])
+    with rc_context({**_SETTINGS, "axes.prop_cycle": cycle}):
+        yield Figure(figsize=size, layout="constrained")
+
+
+def inline(figure: Figure, name: str, title: str) -> str:
+    """The figure for a page that defines the colours' CSS variables.
+
+    Parameters
+    ----------
+    figure : Figure
+        From `draw`, inside its context.
+    name : str
+        Makes its ids unique in the page.
+    title : str
+        What it shows, for those who cannot see it.
+
+    Returns
+    -------
+    str
+        An ``<svg>`` element.
+    """
+    text = _source(figure)
+    for role, (written, _, _) in COLOURS.items():
+        text = text.replace(written, f"var(--{role})")
+    text = re.sub(r'\bid="', f'id="{name}-', text)
+    text = re.sub(r'(url\(|href=")#', rf"\g<1>#{name}-", text)
+    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
+    return re.sub(
+        r'<svg [^>]*?(viewBox="[^"]*")[^>]*>', rf'<svg \1 role="img" aria-label="{title}">', text, count=1
+    )
+
+
+def standalone(figure: Figure) -> str:
+    """The figure as a file of its own; it follows the viewer's light or dark.
+
+    Parameters
+    ----------
+    figure : Figure
+        From `draw`, inside its context.
+
+    Returns
+    -------
+    str
+        An SVG document.
+    """
+    text = _source(figure)
+    for role, (written, _, _) in COLOURS.items():
+        text = text.replace(written, f"var(--{role})")
+    light = ";".join(f"--{role}:{shade}" for role, (_, shade, _) in COLOURS.items())
+    dark = ";".join(f"--{role}:{shade}" for role, (_, _, shade) in COLOURS.items())
+    dark = f"@media(prefers-color-scheme:dark){{svg{{{dark};background:#16181d}}}}"
+    style = f"<style>svg{{{light};background:#fff}}{dark}</style>"
+    return re.sub(r"(<svg [^>]*>)", rf"\1{style}", text, count=1)
+
+
+def _source(figure: Figure) -> str:
+    buffer = io.StringIO()
+    figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+    text = buffer.getvalue()
+    return text[text.index("<svg") :]

@@ -1,0 +1,136 @@
+"""The stories that `deatwin scenario NAME` runs."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from deatwin.plant.errors import DataError, nearest
+from deatwin.scenarios.folder import ResultFolder
+from deatwin.scenarios.voice import Progress
+
+__all__ = ["STORIES", "Setting", "Story", "data_folder", "story"]
+
+DATA_VARIABLE = "DEATWIN_DATA"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Setting:
+    """What a story is given.
+
+    Parameters
+    ----------
+    folder : ResultFolder
+        For its results.
+    data : path or None
+        Folder of public recordings.
+    command : sequence of str
+        For ``run.json``.
+    jobs, seed : int
+        As on the command line.
+    progress : callable
+        Takes the share that is done and what is being done.
+    """
+
+    folder: ResultFolder
+    data: Path | None
+    command: Sequence[str]
+    jobs: int
+    seed: int
+    progress: Progress
+
+
+@dataclass(frozen=True, kw_only=True)
+class Story:
+    """An entry of the list.
+
+    Parameters
+    ----------
+    name, line : str
+        What it is called and shows.
+    minutes : float
+        It takes about so long on two cores.
+    module : str
+        Has a function ``run(setting)`` that returns plain data with a ``sentence``.
+    """
+
+    name: str
+    line: str
+    minutes: float
+    module: str
+
+    @property
+    def run(self) -> Callable[[Setting], Mapping[str, Any]]:
+        """The story itself."""
+        function: Callable[[Setting], Mapping[str, Any]] = import_module(self.module).run
+        return function
+
+
+STORIES: Mapping[str, Story] = MappingProxyType({
+    s.name: s
+    for s in (
+        Story(
+            name="vhb4910", minutes=0.2, module="deatwin.scenarios.vhb4910",
+            line="measured pulls of VHB 4910: a hyperelastic strip lacks a relaxation",
+        ),
+    )
+})  # fmt: skip
+
+
+def story(name: str) -> Story:
+    """The story of that name.
+
+    Parameters
+    ----------
+    name : str
+        One of `STORIES`.
+
+    Returns
+    -------
+    Story
+
+    Raises
+    ------
+    DataError
+        If there is none.
+    """
+    try:
+        return STORIES[name]
+    except KeyError:
+        known = ", ".join(STORIES)
+        raise DataError(f"there is no scenario {name!r}{nearest(name, STORIES)} (known: {known})") from None
+
+
+def data_folder(given: Path | None, name: str) -> Path:
+    """A folder of public recordings.
+
+    Parameters
+    ----------
+    given : path or None
+        Folder that holds all public recordings; by default the one that ``DEATWIN_DATA`` names.
+    name : str
+        Of the data set.
+
+    Returns
+    -------
+    path
+
+    Raises
+    ------
+    DataError
+        If it is absent.
+    """
+    root = given or os.environ.get(DATA_VARIABLE)
+    if not root:
+        raise DataError(
+            f"the scenario needs the recordings {name}: give their folder by --data or {DATA_VARIABLE}"
+        )
+    folder = Path(root) / name
+    if not folder.is_dir():
+        raise DataError(f"{folder}: no such folder; it must hold the recordings {name}")
+    return folder

@@ -1,0 +1,97 @@
+"""What the tests of the plant share. Plants of equal structure share compiled equations by themselves."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+
+from deatwin.plant import (
+    Creep,
+    Diaphragm,
+    ElectrodeRC,
+    Experiment,
+    Hysteresis,
+    Parameter,
+    PermittivityDrift,
+    Plant,
+    Recording,
+    Rig,
+    StartProcedure,
+)
+from deatwin.plant.equations import Builder
+
+# A user's own rig is what stands in this class.
+
+
+@dataclass(frozen=True, kw_only=True)
+class Oscillator(Rig):
+    """Force on a mass between a spring and a damper."""
+
+    sample_time: float = 0.02
+    noise: float = 1e-6
+
+    kind: ClassVar[str] = "oscillator"
+    input_name: ClassVar[str] = "force"
+    input_unit: ClassVar[str] = "N"
+    output_name: ClassVar[str] = "position"
+    output_unit: ClassVar[str] = "m"
+    model_error: ClassVar[float] = 0.0
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        return (
+            Parameter(name="mass", value=1.0, unit="kg", lower=0.0, upper=10.0),
+            Parameter(name="damping", value=2.0, unit="N s/m", lower=0.0, upper=100.0),
+            Parameter(name="stiffness", value=400.0, unit="N/m", lower=1.0, upper=1e5),
+        )
+
+    @property
+    def start(self) -> StartProcedure:
+        return StartProcedure(rest_command=0.0, ramp=0.0, hold=0.0)
+
+    def write(self, build: Builder) -> Any:
+        position, velocity = build.state("position", scale=1e-2), build.state("velocity", scale=0.1)
+        build.rate(position, velocity)
+        force = (
+            build.command - build.parameter("damping") * velocity - build.parameter("stiffness") * position
+        )
+        build.rate(velocity, force, mass=build.parameter("mass"))
+        return position
+
+    def to_dict(self) -> dict[str, Any]:
+        return {"sample_time": self.sample_time, "noise": self.noise}
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> "Oscillator":
+        return cls(**data)
+
+
+@pytest.fixture
+def oscillator() -> type[Oscillator]:
+    """A rig as a user would write it."""
+    return Oscillator
+
+
+@pytest.fixture
+def experiment() -> Callable[..., Experiment]:
+    """``experiment(commands, start=0.0, sample_time=0.02)``: one record of commands, readings unknown."""
+
+    def make(commands: np.ndarray, start: float = 0.0, sample_time: float = 0.02) -> Experiment:
+        record = Recording.from_arrays(commands, np.zeros(len(commands)), sample_time, start=start)
+        return Experiment(recordings=(record,))
+
+    return make
+
+
+@pytest.fixture
+def base() -> Plant:
+    """The diaphragm without effects."""
+    return Plant(rig=Diaphragm())
+
+
+@pytest.fixture
+def full(base: Plant) -> Plant:
+    """The diaphragm with all four effects."""
+    return base.with_effects(Creep(), PermittivityDrift(), ElectrodeRC(), Hysteresis())

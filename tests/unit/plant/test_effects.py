@@ -1,0 +1,92 @@
+"""Each effect: its off value, its signature, and the catalogue."""
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+from deatwin.plant import Diaphragm, ElectrodeRC, Hysteresis, Plant, RigError, catalogue, effect_named
+from deatwin.plant.excitation import band_limited_noise
+
+NOISE = band_limited_noise(np.random.default_rng(8), 4.0, 0.02)
+EFFECTS = catalogue()
+
+
+def reading(plant, experiment, inputs=NOISE):
+    return plant.simulate(experiment(inputs)).require().outputs[0][0]
+
+
+@pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.name)
+def test_an_effect_that_is_off_is_not_there(effect, base, experiment):
+    off = base.with_effects(replace(effect, **{effect.strength: 0.0}))
+    # Newton's last update is below 1e-5 of the scale, what is left below its square: 1e-13 m.
+    np.testing.assert_allclose(reading(off, experiment), reading(base, experiment), rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.name)
+def test_an_effect_that_is_on_is_seen(effect, base, experiment):
+    difference = reading(base.with_effects(effect), experiment) - reading(base, experiment)
+    assert difference.std() > 1e-8  # 1e4 times what Newton leaves
+
+
+@pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.name)
+def test_an_effect_says_what_it_is(effect):
+    assert {p.name for p in effect.describe()} == {f.name for f in fields(effect)}
+    assert {p.name for p in effect.parameters} == {f"{effect.name}.{f.name}" for f in fields(effect)}
+    assert effect.strength not in effect.shapes
+    assert effect.wording.format(**{f.name: "x" for f in fields(effect)})
+    strength = next(p for p in effect.describe() if p.name == effect.strength)
+    assert strength.lower <= 0.0 <= strength.upper
+    assert effect_named(effect.name) == effect
+
+
+def test_an_unknown_effect_gets_the_near_one():
+    with pytest.raises(RigError, match='did you mean "hysteresis"'):
+        effect_named("hysteresys")
+
+
+def test_an_electrode_without_resistance_passes_the_voltage_exactly(base, experiment):
+    plant = base.with_effects(ElectrodeRC(time=0.0))
+    signals = plant.simulate(experiment(NOISE)).require().watched[0]
+    np.testing.assert_array_equal(signals["film_voltage"], 800.0 * NOISE)
+
+
+def test_an_electrode_lags_by_its_time(base, experiment):
+    plant = base.with_effects(ElectrodeRC(time=0.05))
+    step = np.r_[np.zeros(50), np.full(50, 2.0)]
+    voltage = plant.simulate(experiment(step)).watched[0]["film_voltage"][50:]
+    exact = 1600.0 * (1 - np.exp(-0.02 * np.arange(1, 51) / 0.05))
+    # five stages: the first coefficient of the error of exp(-0.4) is below 1e-11
+    np.testing.assert_allclose(voltage, exact, rtol=1e-9)
+
+
+def test_a_drift_of_permittivity_leaves_the_rest_alone(base, experiment):
+    plant = base.with_effects(effect_named("permittivity_drift"))
+    np.testing.assert_allclose(reading(plant, experiment, np.zeros(100)), 0.0, atol=1e-12)
+
+
+def test_creep_after_a_step_goes_one_way(experiment):
+    # Heavily damped, so that what is seen after 1 s is the film and not the ball (A10).
+    plant = Plant(rig=Diaphragm(), values={"damping": 0.5, "branch_modulus": 1.0}).with_effects(
+        effect_named("creep")
+    )
+    step = np.r_[np.zeros(50), np.full(1500, 2.4)]
+    tail = reading(plant, experiment, step)[100:]
+    assert np.all(np.diff(tail) > 0)
+    assert tail[-1] - tail[0] > 1e-6
+
+
+def test_a_loop_of_hysteresis_stays_as_the_frequency_falls(base, experiment):
+    plant = base.with_values({"branch_modulus": 1.0})
+
+    def width(period, *effects):
+        times = np.arange(0, 2 * period, 0.02)
+        wave = 2.4 + 0.6 * np.sin(2 * np.pi * times / period)
+        y = reading(plant.with_effects(*effects), experiment, wave)[-round(period / 0.02) :]
+        quarter = len(y) // 4
+        return abs(y[2 * quarter] - y[0])  # the same command, going down and up
+
+    widths = [width(period, Hysteresis()) for period in (4.0, 16.0)]
+    without = [width(period) for period in (4.0, 16.0)]
+    assert widths[1] > 5e-6
+    assert (widths[1] - without[1]) / (widths[0] - without[0]) == pytest.approx(1.0, abs=0.1)

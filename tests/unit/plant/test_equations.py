@@ -1,0 +1,72 @@
+"""The builder: what it refuses, and systems without this or that."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from deatwin.plant import Coupon, Creep, Diaphragm, Hysteresis, ParameterSet, Plant, RigError
+from deatwin.plant.equations import Builder
+
+
+def builder(*parameters):
+    return Builder(ParameterSet(parameters), [])
+
+
+def test_an_effect_needs_a_rig_with_its_signal():
+    with pytest.raises(RigError, match="effect hysteresis acts on ball signal 'force'"):
+        _ = Plant(rig=Coupon()).with_effects(Hysteresis()).equations
+
+
+def test_an_unknown_signal_gets_the_near_one():
+    build = builder()
+    build.watch("velocity", build.command)
+    with pytest.raises(RigError, match='did you mean "velocity"'):
+        build.signal("velocty")
+
+
+def test_a_state_without_a_rate_is_refused():
+    build = builder()
+    build.state("charge", scale=1.0)
+    with pytest.raises(RigError, match="no rate is given for state charge"):
+        build.finish(build.command)
+
+
+def test_a_coordinate_without_a_balance_is_refused():
+    build = builder()
+    build.coordinate("stretch", scale=1.0)
+    with pytest.raises(RigError, match="1 algebraic coordinates need as many balances, 0"):
+        build.finish(build.command)
+
+
+def test_a_parameter_that_the_plant_lacks_is_refused():
+    with pytest.raises(RigError, match="there is no parameter 'gain'"):
+        builder().parameter("gain")
+
+
+def test_a_rig_may_have_nothing_to_solve_for(experiment):
+    plant = Plant(rig=Coupon())
+    assert plant.equations.states == plant.equations.coordinates == ()
+    assert plant.simulate(experiment(np.linspace(1.0, 2.0, 50))).status.ok
+
+
+def test_a_rig_may_have_one_state_and_no_coordinate(experiment):
+    plant = Plant(rig=Coupon()).with_effects(Creep())
+    assert plant.equations.states == ("creep_stretch",)
+    assert plant.simulate(experiment(np.linspace(1.0, 2.0, 50))).status.ok
+
+
+def test_sizes_of_a_rig_do_not_change_its_code():
+    sizes = [Plant(rig=Diaphragm()), Plant(rig=Diaphragm(frame_radius=50e-3, thickness=1e-3))]
+    codes = [plant.equations.dynamics.serialize() for plant in sizes]
+    assert codes[0] == codes[1]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Twice(Creep):
+    pass
+
+
+def test_an_effect_comes_once():
+    with pytest.raises(RigError, match="twice"):
+        Plant(rig=Coupon()).with_effects(Creep(), _Twice())

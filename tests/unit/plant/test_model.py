@@ -1,0 +1,143 @@
+"""`Plant`: immutable data that can be stored, sent and compared."""
+
+import json
+import pickle
+
+import numpy as np
+import pytest
+
+from deatwin.plant import (
+    Creep,
+    Diaphragm,
+    ElectrodeRC,
+    Experiment,
+    Hysteresis,
+    PermittivityDrift,
+    Plant,
+    Recording,
+    RigError,
+    SimulationError,
+    thesis_plant,
+)
+from deatwin.plant.excitation import band_limited_noise
+from deatwin.plant.rigs.rigfile import RigFile
+
+NOISE = band_limited_noise(np.random.default_rng(8), 4.0, 0.02)
+RIG_FILE = {
+    "film": {
+        "material": "VHB 4905",
+        "thickness_mm": 0.5,
+        "prestretch": 3.5,
+        "frame_diameter_mm": 80.0,
+        "electrode_diameter_mm": 35.0,
+    },
+    "load": {"mass_g": 3.0, "contact_diameter_mm": 6.0},
+    "drive": {"gain": 800.0, "start_ramp_s": 2.0, "start_hold_s": 3.0},
+    "sensor": {"sample_rate_Hz": 50.0, "noise_um": 2.0, "zero": "displacement at zero volts"},
+}
+
+
+def reading(plant, experiment):
+    return plant.simulate(experiment(NOISE)).require().outputs[0]
+
+
+def test_a_plant_survives_pickle(full, experiment):
+    copy = pickle.loads(pickle.dumps(full))
+    assert copy.effect_names == full.effect_names
+    assert copy.parameters.array().tolist() == full.parameters.array().tolist()
+    np.testing.assert_array_equal(reading(copy, experiment), reading(full, experiment))
+
+
+def test_a_plant_survives_json(full, experiment):
+    amended = full.with_values({"shear_modulus": 31e3, "creep.time": 41.0})
+    copy = Plant.from_dict(json.loads(json.dumps(amended.to_dict())))
+    assert copy.to_dict() == amended.to_dict()
+    assert copy.rig == amended.rig
+    np.testing.assert_array_equal(reading(copy, experiment), reading(amended, experiment))
+
+
+def test_effects_in_any_order_make_the_same_plant():
+    effects = [Creep(), PermittivityDrift(), ElectrodeRC(), Hysteresis()]
+    plants = [Plant(rig=Diaphragm()).with_effects(*order) for order in (effects, effects[::-1])]
+    assert plants[0].to_dict() == plants[1].to_dict()
+    assert plants[0].simulator is plants[1].simulator
+
+
+def test_values_go_with_the_effects(full):
+    changed = full.with_values({"shear_modulus": 31e3, "creep.time": 41.0})
+    bare = changed.without_effects()
+    assert bare.effect_names == ()
+    assert bare.parameters["shear_modulus"].value == 31e3
+    assert full.parameters["shear_modulus"].value == 25e3
+    assert full.free_values.size == len(full.parameters.free)
+
+
+def test_plants_that_differ_in_free_values_share_their_code(base):
+    assert base.with_values({"shear_modulus": 31e3}).simulator is base.simulator
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        ({"effects": ["crep"]}, 'did you mean "creep"'),
+        ({"rig": {"kind": "diafragm"}}, 'did you mean "diaphragm"'),
+        ({"parameters": {"shear_modulus": {}}}, "malformed parameters"),
+        ({"parameters": {"shear_modulos": {"value": 2e4}}}, 'did you mean "shear_modulus"'),
+        ({"parameters": {"shear_modulus": {"value": -1.0}}}, "out of range"),
+    ],
+)
+def test_a_description_that_is_wrong_is_refused(base, change, text):
+    with pytest.raises(RigError, match=text):
+        Plant.from_dict({**base.to_dict(), **change})
+
+
+def test_a_rig_file_is_a_plant():
+    rig = Diaphragm.from_rig_file(RigFile.from_dict(RIG_FILE))
+    assert rig == Diaphragm(contact_radius=3e-3)
+    assert {r.ball for r in rig.rivals()} == {"bonded", "sliding"}
+
+
+def test_a_rig_file_that_names_the_support_leaves_no_rival():
+    named = {**RIG_FILE, "film": {**RIG_FILE["film"], "ball": "sliding"}}
+    rig = Diaphragm.from_rig_file(RigFile.from_dict(named))
+    assert rig.ball_is_known
+    assert {r.ball for r in (rig, *rig.rivals())} == {"sliding"}
+
+
+def test_a_resolution_adds_the_noise_of_rounding():
+    coarse = {**RIG_FILE, "sensor": {**RIG_FILE["sensor"], "noise_um": 0.0, "resolution_um": 1.2}}
+    rig = Diaphragm.from_rig_file(RigFile.from_dict(coarse))
+    assert rig.noise == pytest.approx(1.2e-6 / np.sqrt(12))
+
+
+def test_the_thesis_plant_has_its_physics_and_its_stroke(experiment):
+    plant = thesis_plant()
+    assert plant.effect_names == ("hysteresis", "permittivity_drift")
+    stroke = plant.simulate(experiment(np.full(250, 3.75))).require().outputs[0][0, -1]
+    assert 0.5e-3 < stroke < 1.5e-3  # "about 1 mm"
+
+
+def test_recordings_are_the_simulation_with_the_sensors_noise(base, experiment):
+    made = base.record(experiment(NOISE), np.random.default_rng(0)).recordings[0]
+    assert (made.output_names, made.output_units) == (("displacement",), ("m",))
+    error = made.outputs - reading(base, experiment)
+    assert error.std() == pytest.approx(2e-6, rel=0.2)  # 200 samples: three sigma of the deviation is 15 %
+    again = base.record(experiment(NOISE), np.random.default_rng(0)).recordings[0]
+    np.testing.assert_array_equal(made.outputs, again.outputs)
+
+
+def test_a_plant_that_pulls_in_records_nothing(experiment):
+    with pytest.raises(SimulationError, match="pull-in"):
+        Plant(rig=Diaphragm(), values={"shear_modulus": 8e3, "stretch_limit": 1e4}).record(
+            experiment(np.full(100, 3.75)), np.random.default_rng(0)
+        )
+
+
+def test_the_film_remembers_through_a_gap_between_records(base):
+    plant = base.with_effects(Creep())
+    whole = Recording.from_arrays(np.r_[NOISE, np.full(100, NOISE[-1]), NOISE], np.zeros(500), 0.02)
+    parts = Experiment(recordings=(whole.section(0, 200), whole.section(300, 500)))
+    together = plant.simulate(Experiment(recordings=(whole,))).outputs[0][0]
+    apart = plant.simulate(parts).outputs
+    np.testing.assert_allclose(apart[0][0], together[:200], atol=1e-12)
+    np.testing.assert_allclose(apart[1][0], together[300:], atol=1e-12)

@@ -1,0 +1,59 @@
+"""`Parameter` and `ParameterSet`."""
+
+import numpy as np
+import pytest
+
+from deatwin.plant import Parameter, ParameterSet, RigError, Scale
+
+MODULUS = Parameter(name="shear_modulus", value=25e3, unit="Pa", lower=5e3, upper=200e3)
+MASS = Parameter(name="mass", value=3e-3, unit="kg", lower=1e-6, upper=1.0, known=True)
+
+
+def test_a_set_is_an_ordered_mapping():
+    parameters = ParameterSet([MODULUS, MASS])
+    assert list(parameters) == ["shear_modulus", "mass"]
+    assert parameters.free == ("shear_modulus",)
+    assert parameters.array().tolist() == [25e3, 3e-3]
+    assert parameters.array(["mass"]).tolist() == [3e-3]
+    assert "shear_modulus = 25000 Pa" in repr(parameters)
+
+
+def test_new_values_make_a_new_set():
+    before = ParameterSet([MODULUS, MASS])
+    after = before.with_values({"mass": 4e-3})
+    assert (before["mass"].value, after["mass"].value) == (3e-3, 4e-3)
+
+
+@pytest.mark.parametrize("values", [{"shear_modulos": 1e4}, {"shear_modulus": 1.0}, {"mass": float("nan")}])
+def test_unknown_names_and_values_out_of_range_are_refused(values):
+    with pytest.raises(RigError):
+        ParameterSet([MODULUS, MASS]).with_values(values)
+
+
+def test_an_unknown_name_gets_the_near_one():
+    with pytest.raises(RigError, match='did you mean "shear_modulus"'):
+        ParameterSet([MODULUS])["shear_modulos"]
+
+
+def test_an_error_names_value_unit_and_range():
+    with pytest.raises(RigError, match=r"mass = 2 kg is out of range: allowed is 1e-06 to 1 kg"):
+        Parameter(name="mass", value=2.0, unit="kg", lower=1e-6, upper=1.0)
+
+
+def test_a_name_occurs_once():
+    with pytest.raises(RigError, match="mass is given twice"):
+        ParameterSet([MASS, MASS])
+
+
+@pytest.mark.parametrize("scale", [Scale.LOGARITHMIC, Scale.RECIPROCAL])
+def test_a_curved_scale_needs_a_positive_range(scale):
+    with pytest.raises(RigError, match="above 0"):
+        Parameter(name="x", value=1.0, unit="1", lower=0.0, upper=2.0, scale=scale)
+
+
+@pytest.mark.parametrize("scale", list(Scale))
+def test_the_slope_of_a_scale_is_its_derivative(scale):
+    here, step = scale.to_coordinate(3.0), 1e-6
+    inverse = {Scale.LINEAR: lambda c: c, Scale.LOGARITHMIC: np.exp, Scale.RECIPROCAL: lambda c: 1 / c}[scale]
+    assert inverse(here) == pytest.approx(3.0)
+    assert scale.slope(3.0) == pytest.approx((inverse(here + step) - inverse(here - step)) / (2 * step))

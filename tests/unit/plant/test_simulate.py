@@ -1,0 +1,116 @@
+"""Runs: sensitivities, failures with a status, and the clock."""
+
+import numpy as np
+import pytest
+
+from deatwin.plant import Diaphragm, Plant, RunStatus, SimulationError
+from deatwin.plant.excitation import band_limited_noise
+
+# A film that never stiffens gives way.
+SOFT = Plant(rig=Diaphragm(), values={"shear_modulus": 8e3, "stretch_limit": 1e4})
+TOLERANCE = 1e-5  # demanded of each parameter's sensitivity, relative to its rms
+
+
+def commands(duration=8.0, seed=3):
+    return band_limited_noise(np.random.default_rng(seed), duration, 0.02)
+
+
+def run(plant, inputs, values):
+    simulator, rig = plant.simulator, plant.rig
+    return simulator.run(
+        inputs, start=-0.4, sample_time=rig.sample_time, rest_command=rig.start.rest_command, values=values
+    )
+
+
+def central_difference(plant, inputs, number):
+    """Fourth order: (8 D(h) - D(2h))/6 with D(h) = y(p + h) - y(p - h)."""
+    values = plant.free_values
+    parameter = plant.parameters[plant.parameters.free[number]]
+    step = 1e-3 * (abs(parameter.value) or 1e-3 * (parameter.upper - parameter.lower))
+
+    def difference(size):
+        shifts = [values + sign * size * np.eye(values.size)[number] for sign in (1, -1)]
+        up, down = (run(plant, inputs, v).outputs for v in shifts)
+        return up - down
+
+    return (8 * difference(step) - difference(2 * step)) / (12 * step)
+
+
+@pytest.mark.parametrize("name", ["base", "full"])
+def test_sensitivities_are_the_derivatives(name, request):
+    plant, inputs = request.getfixturevalue(name), commands()
+    exact = plant.simulator.run_with_sensitivities(
+        inputs, start=-0.4, sample_time=0.02, rest_command=0.0, values=plant.free_values
+    )
+    np.testing.assert_allclose(exact.outputs, run(plant, inputs, plant.free_values).outputs, atol=1e-12)
+    for number, parameter in enumerate(plant.parameters.free):
+        slope = exact.sensitivities[:, number]
+        error = np.linalg.norm(central_difference(plant, inputs, number) - slope) / np.linalg.norm(slope)
+        assert error < TOLERANCE, f"{parameter}: {error:.1e}"
+
+
+def test_sensitivities_of_a_linear_system_are_exact(oscillator):
+    # Static: x = F/k, dx/dk = -F/k²; after 10 s the motion has died to exp(-10).
+    plant = Plant(rig=oscillator(), values={"damping": 20.0})
+    done = plant.simulator.run_with_sensitivities(
+        np.full(500, 4.0), start=0.0, sample_time=0.02, rest_command=0.0, values=plant.free_values
+    )
+    assert done.outputs[-1] == pytest.approx(4.0 / 400, rel=1e-9)
+    np.testing.assert_allclose(done.sensitivities[-1], [0.0, 0.0, -4.0 / 400**2], atol=1e-12)
+
+
+def test_pull_in_is_a_status_with_time_and_voltage(experiment):
+    ramp = np.linspace(0.0, 3.75, 500)
+    simulation = SOFT.simulate(experiment(ramp, start=5.0))
+    assert simulation.status is RunStatus.PULL_IN
+    assert 5.0 < simulation.failed_at < 15.0
+    sample = round((simulation.failed_at - 5.0) / 0.02)
+    assert simulation.failed_command == pytest.approx(ramp[sample])
+    reading = simulation.outputs[0][0]
+    assert np.isfinite(reading[:sample]).all()
+    assert np.isnan(reading[sample:]).all()
+    with pytest.raises(SimulationError, match=rf"at {simulation.failed_at:.2f} s and a command of .*pull-in"):
+        simulation.require()
+
+
+def test_a_failed_run_with_sensitivities_says_the_same():
+    ramp = np.linspace(0.0, 3.75, 500)
+    plain = run(SOFT, ramp, SOFT.free_values)
+    exact = SOFT.simulator.run_with_sensitivities(
+        ramp, start=-0.4, sample_time=0.02, rest_command=0.0, values=SOFT.free_values
+    )
+    assert exact.status is plain.status is RunStatus.PULL_IN
+    assert exact.failed_at == plain.failed_at
+    assert len(exact.outputs) == len(exact.sensitivities) == plain.failed_at + 1
+
+
+def test_a_film_that_cannot_carry_its_ball_has_no_rest(experiment):
+    plant = Plant(rig=Diaphragm(mass=0.9, prestretch=1.0), values={"shear_modulus": 5e3})
+    simulation = plant.simulate(experiment(np.ones(10)))
+    assert not simulation.status.ok
+    with pytest.raises(SimulationError):
+        simulation.require()
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_no_nan_without_a_status(seed, experiment):
+    rng = np.random.default_rng(seed)
+    values = {"shear_modulus": rng.uniform(5e3, 20e3), "stretch_limit": np.exp(rng.uniform(4, 9))}
+    plant = Plant(rig=Diaphragm(), values=values)
+    inputs = rng.uniform(0.0, 3.75, 8).repeat(25)
+    simulation = plant.simulate(experiment(inputs))
+    assert simulation.status.ok == np.isfinite(simulation.outputs[0]).all()
+
+
+def test_progress_ends_at_one(base, experiment):
+    shares = []
+    base.simulate(experiment(commands()), progress=shares.append)
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+
+
+def test_watched_signals_follow_the_readings(base, experiment):
+    simulation = base.simulate(experiment(commands()))
+    signals = simulation.watched[0]
+    np.testing.assert_allclose(signals["film_voltage"], 800 * commands(), rtol=1e-12)
+    np.testing.assert_allclose(signals["displacement"], simulation.outputs[0][0], atol=1e-15)

@@ -1,0 +1,180 @@
+"""The diaphragm against closed forms.
+
+A1: Zhao & Suo, Appl. Phys. Lett. 91 (2007) 061921, doi:10.1063/1.2768641. A4 to A8: linear membrane theory
+and the exact scaling of an ideal dielectric elastomer. Each tolerance is the size of the first term that the
+closed form leaves out, or rounding where nothing is left out.
+"""
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.optimize import minimize_scalar
+
+from deatwin.plant import Diaphragm, Experiment, Plant, Recording
+from deatwin.plant.dielectric import VACUUM_PERMITTIVITY, electric_energy
+from deatwin.plant.excitation import band_limited_noise
+from deatwin.plant.material import gent, neo_hookean
+from deatwin.plant.rest import rest_state
+
+GRAVITY = 9.80665
+RIG = Diaphragm()
+MU, LIMIT, PERMITTIVITY = 25e3, 107.0, 4.5
+NOISE = band_limited_noise(np.random.default_rng(4), 10.0, 0.02)
+
+
+def simulate(plant, commands):
+    record = Recording.from_arrays(commands, np.zeros(len(commands)), plant.rig.sample_time)
+    return plant.simulate(Experiment(recordings=(record,))).require().outputs[0][0]
+
+
+def at_rest(plant, command=0.0):
+    """State of rest by name: branches are relaxed there, so only the hyperelastic film acts."""
+    equations = plant.equations
+    rest = rest_state(equations, command, plant.free_values)
+    assert rest.found
+    return dict(zip(equations.states + equations.coordinates, [*rest.x, *rest.z], strict=True))
+
+
+def true_stress(first, second):
+    extension = first**2 + second**2 + 1 / (first * second) ** 2 - 3
+    return MU * LIMIT / (LIMIT - extension) * (first**2 - 1 / (first * second) ** 2)
+
+
+def tension():
+    """Force per length of the flat film, N/m."""
+    return true_stress(RIG.prestretch, RIG.prestretch) * RIG.thickness / RIG.prestretch**2
+
+
+def sag():
+    return RIG.mass * GRAVITY * np.log(RIG.frame_radius / RIG.contact_radius) / (2 * np.pi * tension())
+
+
+def test_a1_the_free_equal_biaxial_limit():
+    # At equilibrium d/dl [W(l, l) + w_e(l, l; E)] = 0 gives E(l); its maximum is pull-in.
+    stretch, field = ca.SX.sym("l"), ca.SX.sym("E")
+    energy = neo_hookean(stretch, stretch, MU) + electric_energy(stretch, stretch, PERMITTIVITY, field)
+    elastic, electric = (
+        ca.Function("f", [stretch], [ca.substitute(ca.gradient(part, stretch), field, 1.0)])
+        for part in (
+            neo_hookean(stretch, stretch, MU),
+            electric_energy(stretch, stretch, PERMITTIVITY, field),
+        )
+    )
+    best = minimize_scalar(
+        lambda value: float(elastic(value) / electric(value)), bracket=(1.1, 1.3), options={"xtol": 1e-8}
+    )
+    scale = np.sqrt(MU / (PERMITTIVITY * VACUUM_PERMITTIVITY))
+    # A flat maximum: the square root of rounding in the stretch, rounding of the tabled digits in the field.
+    assert best.x == pytest.approx(2 ** (1 / 3), rel=1e-6)
+    assert np.sqrt(-best.fun) / scale == pytest.approx(0.6874, abs=5e-5)
+    assert np.sqrt(-best.fun) / scale * best.x**2 == pytest.approx(1.091, abs=5e-4)
+    curvature = ca.Function("c", [stretch, field], [ca.hessian(energy, stretch)[0]])
+    assert abs(float(curvature(best.x, np.sqrt(-best.fun)))) < 1e-4 * MU
+
+
+def test_a1_gent_meets_neo_hookean_far_from_its_limit():
+    assert float(gent(1.26, 1.26, MU, 1e6)) == pytest.approx(float(neo_hookean(1.26, 1.26, MU)), rel=1e-5)
+
+
+def test_a4_the_disc_expands_as_small_on_large():
+    # Ball too light to matter; kinematics are exact in this limit, what is left is of second order in 2e-4.
+    plant = Plant(rig=Diaphragm(ball="sliding", mass=1e-6, gain=1000.0))
+    stretch, step = RIG.prestretch, 1e-5
+    stress = true_stress(stretch, stretch)
+    along = (true_stress(stretch * np.exp(step), stretch) - true_stress(stretch * np.exp(-step), stretch)) / (
+        2 * step
+    )
+    across = (
+        true_stress(stretch, stretch * np.exp(step)) - true_stress(stretch, stretch * np.exp(-step))
+    ) / (2 * step)
+    first, second = along - stress, across - stress
+    ratio = (RIG.frame_radius / RIG.electrode_radius) ** 2
+    field = 100.0 / RIG.thickness * stretch**2
+    maxwell = PERMITTIVITY * VACUUM_PERMITTIVITY * field**2
+    strain = maxwell / (first + second + first * (ratio + 1) / (ratio - 1) - second - 2 * maxwell)
+    expansion = at_rest(plant, 0.1)["electrode_stretch"] / at_rest(plant, 0.0)["electrode_stretch"] - 1
+    assert expansion == pytest.approx(strain, rel=5e-4)
+
+
+@pytest.mark.parametrize("ball", ["bonded", "sliding"])
+def test_a5_sag_and_stiffness(ball):
+    # Next order: the film's slope squared, (sag / radius)² up to 0.01 at the ball and far less elsewhere.
+    deflection = {mass: at_rest(Plant(rig=Diaphragm(ball=ball, mass=mass)))["deflection"]
+                  for mass in (2.9e-3, 3e-3, 3.1e-3)}  # fmt: skip
+    assert deflection[3e-3] == pytest.approx(sag(), rel=2e-3)
+    stiffness = 0.2e-3 * GRAVITY / (deflection[3.1e-3] - deflection[2.9e-3])
+    closed = 2 * np.pi * tension() / np.log(RIG.frame_radius / RIG.contact_radius)
+    assert stiffness == pytest.approx(closed, rel=5e-3)
+
+
+@pytest.mark.parametrize(("bias", "tolerance"), [(0.0, 5e-3), (2.0, 2e-2)])
+def test_a6_the_ball_rings_at_the_pendulum_frequency_of_its_sag(bias, tolerance):
+    # k z = m g, so f0 = sqrt(g/z)/2 pi whatever film and mass: to the order of slope squared at 0 V. A branch
+    # holds back the little that the electrode moves with the ball: more of it under voltage.
+    plant = Plant(
+        rig=Diaphragm(sample_time=2e-3, start_ramp=0.0, start_hold=2.0, ball="sliding"),
+        values={"damping": 1e-3, "branch_modulus": 1.0},
+    )
+    ring = simulate(plant, np.r_[np.full(5, bias), np.full(1000, bias + 0.1)])
+    ring = ring[5:] - ring[-500:].mean()
+    up = np.flatnonzero((ring[:-1] < 0) & (ring[1:] >= 0))
+    crossings = up + ring[up] / (ring[up] - ring[up + 1])
+    frequency = 1 / (np.diff(crossings).mean() * 2e-3)
+    deflection = at_rest(plant, bias + 0.1)["deflection"]
+    assert frequency == pytest.approx(np.sqrt(GRAVITY / deflection) / (2 * np.pi), rel=tolerance)
+
+
+def test_a7_one_factor_on_all_forces_changes_nothing():
+    factor = 1.7
+    scaled = ("shear_modulus", "branch_modulus", "permittivity", "mass", "damping")
+    plant = Plant(rig=RIG)
+    other = plant.with_values({name: factor * plant.parameters[name].value for name in scaled})
+    np.testing.assert_allclose(simulate(other, NOISE), simulate(plant, NOISE), rtol=0, atol=1e-12)
+
+
+def test_a7_only_voltage_squared_times_permittivity_counts():
+    plant = Plant(rig=RIG)
+    values = {"permittivity": PERMITTIVITY * 1.44, "gain": RIG.gain / 1.2}
+    np.testing.assert_allclose(
+        simulate(plant.with_values(values), NOISE), simulate(plant, NOISE), rtol=0, atol=1e-12
+    )
+
+
+def test_a8_the_sign_of_the_voltage_does_not_count():
+    plant = Plant(rig=RIG)
+    np.testing.assert_allclose(simulate(plant, -NOISE), simulate(plant, NOISE), rtol=0, atol=1e-14)
+
+
+# mm at kV; 120 finite elements, ball sliding, mu = 25 kPa, J = 100, contact radius 1.5 mm
+FINITE_ELEMENTS = {1.2: 0.059, 1.92: 0.190, 2.4: 0.398, 2.6: 0.563, 2.8: 0.841, 3.0: 1.377}
+
+
+@pytest.mark.parametrize("kilovolts", FINITE_ELEMENTS)
+def test_a12_three_coordinates_follow_a_finite_element_membrane(kilovolts):
+    # The ansatz is too stiff, by more near pull-in: 1.3 % at 2.4 kV, 6 % at 3 kV. This is the form's own
+    # error, which the test bounds. Half a last digit of the table is 0.8 % at 1.2 kV.
+    plant = Plant(
+        rig=Diaphragm(contact_radius=1.5e-3, ball="sliding", gain=1000.0), values={"stretch_limit": 100.0}
+    )
+    here, rest = at_rest(plant, kilovolts)["deflection"], at_rest(plant)["deflection"]
+    tolerance = 0.015 if kilovolts <= 2.4 else 0.065
+    assert (here - rest) * 1e3 == pytest.approx(FINITE_ELEMENTS[kilovolts], rel=tolerance)
+    assert rest * 1e3 == pytest.approx(0.965, rel=1e-3)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a9_a_film_with_a_branch_never_gives_energy(seed):
+    # The displacement answers a harmonic voltage squared late, never early: the field gives work.
+    rng = np.random.default_rng(seed)
+    values = {"branch_modulus": rng.uniform(5e3, 60e3), "branch_time": np.exp(rng.uniform(-3, 2))}
+    plant = Plant(rig=RIG, values={**values, "damping": 0.1})
+    frequency = rng.choice([0.125, 0.25, 0.5])
+    times = 0.02 * np.arange(round(24 / 0.02))
+    squared = 4.0 + 1.0 * np.sin(2 * np.pi * frequency * times)
+    displacement = simulate(plant, np.sqrt(squared))
+    cycle = slice(-round(8 / 0.02), None)  # whole cycles of each frequency
+    # A reading is taken 20 ms after its command was set, and a staircase lags its wave by 10 ms.
+    phase = 2 * np.pi * frequency * (times + 0.01)[cycle]
+    moved = displacement[cycle] - displacement[cycle].mean()
+    lead = np.arctan2(moved @ np.cos(phase), moved @ np.sin(phase))
+    assert -np.pi / 4 < lead < 0
