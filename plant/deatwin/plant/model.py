@@ -40,6 +40,8 @@ class Simulation:
         Clock time of a failure, s.
     failed_command : float or None
         Command at that time, in its unit.
+    command_unit : str
+        That unit.
     """
 
     status: RunStatus
@@ -47,6 +49,7 @@ class Simulation:
     watched: tuple[Mapping[str, np.ndarray], ...]
     failed_at: float | None = None
     failed_command: float | None = None
+    command_unit: str = "V"
 
     def require(self) -> Self:
         """This simulation, if it reached its end.
@@ -62,7 +65,9 @@ class Simulation:
         """
         if self.status.ok:
             return self
-        where = "" if self.failed_at is None else f" at {self.failed_at:.2f} s and a command of {self.failed_command:.3f} V"
+        where = ""
+        if self.failed_at is not None:
+            where = f" at {self.failed_at:.2f} s and a command of {self.failed_command:.3f} {self.command_unit}"
         raise SimulationError(f"the simulation stopped{where}: {self.status.value}")
 
 
@@ -235,7 +240,7 @@ class Plant:
             timeline.commands, start=timeline.start, sample_time=timeline.sample_time,
             rest_command=self.rig.start.rest_command, values=self.free_values, progress=progress,
         )  # fmt: skip
-        return _simulation(run, timeline, self.equations.signals)
+        return _simulation(run, timeline, self.equations.signals, self.rig.input_unit)
 
     def record(self, experiment: Experiment, rng: np.random.Generator) -> Experiment:
         """Make recordings: simulate, and add the sensor's noise.
@@ -331,7 +336,7 @@ def _simulator(structure: _Structure) -> Simulator:
     return Simulator(_equations(structure))
 
 
-def _simulation(run: Run, timeline: Timeline, names: Sequence[str]) -> Simulation:
+def _simulation(run: Run, timeline: Timeline, names: Sequence[str], unit: str) -> Simulation:
     full = np.full(timeline.commands.size + 1, np.nan)
     full[: run.outputs.size] = run.outputs
     signals = np.full((len(names), timeline.commands.size + 1), np.nan)
@@ -345,5 +350,6 @@ def _simulation(run: Run, timeline: Timeline, names: Sequence[str]) -> Simulatio
         watched=tuple({n: signals[k, r + 1] for k, n in enumerate(names)} for r in timeline.readings),
         failed_at=None if failed is None else timeline.start + failed * timeline.sample_time,
         failed_command=None if failed is None else float(timeline.commands[failed]),
+        command_unit=unit,
     )
 

@@ -50,7 +50,7 @@ sample_rate_Hz = 50.0
 noise_um = 2.0              # rms, from the data sheet
 zero = "displacement at zero volts"
 """
-NOISE_SECONDS, HOLDS_SECONDS = 50.0, 40.0
+NOISE_SECONDS, HOLDS_SECONDS = 45.0, 35.0
 SHARES = {
     "shear_modulus": 0.06,
     "permittivity": 0.04,
@@ -108,7 +108,7 @@ def run(
 
 
 def _doubled(effect: Effect) -> Effect:
-    """An effect strong enough to be seen by eye in a recording of a minute and a half."""
+    """An effect strong enough to be seen by eye in a recording of little more than a minute."""
     doubled: Effect = replace(effect, **{effect.strength: 2 * getattr(effect, effect.strength)})
     return doubled
 
@@ -132,10 +132,7 @@ def conceal(nominal: Plant, effect: Effect, rng: np.random.Generator) -> tuple[P
     experiment : Experiment
         Noise, then random holds, on one clock; times, commands and readings rounded as a logger rounds them.
     """
-    values = {
-        name: nominal.parameters[name].value * (1 + share * rng.uniform(-1, 1))
-        for name, share in SHARES.items()
-    }
+    values = {name: nominal.parameters[name].value * (1 + share * rng.uniform(-1, 1)) for name, share in SHARES.items()}
     truth = nominal.with_values(values).with_effects(effect)
     step = nominal.rig.sample_time
     commands = [
@@ -147,6 +144,4 @@ def conceal(nominal: Plant, effect: Effect, rng: np.random.Generator) -> tuple[P
         for c, start in zip(commands, (0.0, NOISE_SECONDS), strict=True)
     ]
     made = truth.record(Experiment(recordings=tuple(silent)), rng)
-    return truth, Experiment(
-        recordings=tuple(replace(r, outputs=r.outputs.round(8)) for r in made.recordings)
-    )
+    return truth, Experiment(recordings=tuple(replace(r, outputs=r.outputs.round(8)) for r in made.recordings))

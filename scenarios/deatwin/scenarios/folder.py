@@ -74,11 +74,7 @@ class ResultFolder:
     @property
     def summary(self) -> str:
         """What was written, in words."""
-        return (
-            f"{self.path} holds {', '.join(self.written)}"
-            if self.written
-            else f"nothing was written to {self.path}"
-        )
+        return f"{self.path} holds {', '.join(self.written)}" if self.written else f"nothing was written to {self.path}"
 
     @staticmethod
     def _make(path: Path) -> None:

@@ -41,9 +41,7 @@ class GivenPlant:
     output_column: str | None
 
     @classmethod
-    def load(
-        cls, source: str, *, input_column: str | None = None, output_column: str | None = None
-    ) -> GivenPlant:
+    def load(cls, source: str, *, input_column: str | None = None, output_column: str | None = None) -> GivenPlant:
         """Load the plant.
 
         Parameters

@@ -28,9 +28,7 @@ RigSource = Annotated[
         metavar="RIG", help="Rig file (.toml), amended model.json, or module:function that returns a Plant."
     ),
 ]
-OutFolder = Annotated[
-    Path, typer.Option("--out", metavar="DIR", help="Folder for the results; made if absent.")
-]
+OutFolder = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results; made if absent.")]
 InputColumn = Annotated[
     str | None,
     typer.Option(metavar="NAME", help="Header of the input column, or its place: #2 is the second."),
@@ -39,9 +37,7 @@ OutputColumn = Annotated[
     str | None,
     typer.Option(metavar="NAME", help="Header of the output column, or its place."),
 ]
-AllowGaps = Annotated[
-    bool, typer.Option("--allow-gaps", help="Split a record at its gaps and keep the clock.")
-]
+AllowGaps = Annotated[bool, typer.Option("--allow-gaps", help="Split a record at its gaps and keep the clock.")]
 Experiments = Annotated[
     list[str] | None,
     typer.Option(
@@ -53,9 +49,7 @@ Experiments = Annotated[
 Jobs = Annotated[int, typer.Option(help="Worker processes; -1 takes all cores.")]
 Seed = Annotated[int, typer.Option(min=0, help="Seed of everything that is random.")]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
-Quiet = Annotated[
-    bool, typer.Option("--quiet", help="Print nothing but errors and, with --json, the result.")
-]
+Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors and, with --json, the result.")]
 
 _BETWEEN = "\x1f"  # the unit separator: no file name holds it
 

@@ -127,9 +127,7 @@ def data_folder(given: Path | None, name: str) -> Path:
     """
     root = given or os.environ.get(DATA_VARIABLE)
     if not root:
-        raise DataError(
-            f"the scenario needs the recordings {name}: give their folder by --data or {DATA_VARIABLE}"
-        )
+        raise DataError(f"the scenario needs the recordings {name}: give their folder by --data or {DATA_VARIABLE}")
     folder = Path(root) / name
     if not folder.is_dir():
         raise DataError(f"{folder}: no such folder; it must hold the recordings {name}")

@@ -87,8 +87,8 @@ def run(setting: Setting) -> Mapping[str, Any]:
         "verdict_with_stretch_3": wider.verdict.value,
         "sentence": (
             f"{diagnosis.sentence} Pulls at 0.03 1/s, which nothing was chosen on: "
-            f"{errors['base']:.3f} N rms before, {errors['amended']:.3f} N after. With the pulls to a stretch "
-            f"of 3 added the verdict is {wider.verdict.value}."
+            f"{errors['base']:.3f} N rms before, {errors['amended']:.3f} N after. "
+            f"With the pulls to a stretch of 3 added the verdict is {wider.verdict.value}."
         ),
     }
     setting.folder.text("vhb4910.json", json.dumps(result, indent=1, ensure_ascii=False) + "\n")

@@ -21,9 +21,7 @@ def usual_plants() -> list[Plant]:
     """
     effects = catalogue()
     sets = [set_ for size in range(3) for set_ in combinations(effects, size)]
-    return [
-        Plant(rig=Diaphragm(ball=ball)).with_effects(*set_) for ball in ("bonded", "sliding") for set_ in sets
-    ]
+    return [Plant(rig=Diaphragm(ball=ball)).with_effects(*set_) for ball in ("bonded", "sliding") for set_ in sets]
 
 
 def compile_plant(plant: Plant) -> None:

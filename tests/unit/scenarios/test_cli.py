@@ -3,7 +3,9 @@
 import json
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,9 +20,7 @@ def test_help_loads_nothing_heavy() -> None:
         "import sys; from deatwin.scenarios.cli import main; status = main(['--help']); "
         "print('LOADED', *sys.modules); sys.exit(status)"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=60
-    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=60)
     assert done.returncode == 0, done.stderr
     text, _, loaded = done.stdout.partition("LOADED")
     for command in ("demo", "simulate", "identify", "frequency", "diagnose", "check", "scenario", "doctor"):
@@ -102,19 +102,14 @@ def test_simulate_goes_through_the_history(on_bench: Path, capsys: pytest.Captur
         assert table.dtype.names == ("time_s", "displacement_mm", "low_mm", "high_mm")
         np.testing.assert_allclose(table["time_s"], np.arange(200) * 0.02 + 6)
         # a nominal plant: the band is that of noise and model error
-        np.testing.assert_allclose(
-            table["high_mm"] - table["low_mm"], 2 * 1.959964 * np.hypot(2e-3, 1.2e-3), rtol=1e-3
-        )
+        np.testing.assert_allclose(table["high_mm"] - table["low_mm"], 2 * 1.959964 * np.hypot(2e-3, 1.2e-3), rtol=1e-3)
     difference = np.abs(tables[0]["displacement_mm"] - tables[1]["displacement_mm"])
     assert difference[0] > 1e-3  # the start procedure ends at the first command; the history does not
     assert difference[-1] < 0.1 * difference.max()
 
 
 def test_an_effect_is_added(on_bench: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert (
-        main(["simulate", "rig.toml", "first.csv", "--effect", "electrode_rc", "--out", "rc.csv", "--json"])
-        == 0
-    )
+    assert main(["simulate", "rig.toml", "first.csv", "--effect", "electrode_rc", "--out", "rc.csv", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["effects"] == ["electrode_rc"]
     assert read_csv("rc.csv", input_column="low_mm")[0].n_samples == 200
 
@@ -154,3 +149,13 @@ def test_lists(capsys: pytest.CaptureFixture[str]) -> None:
     found = json.loads(capsys.readouterr().out)
     assert found["versions"]["deatwin"]
     assert "compiler" in found
+
+
+def test_check_follows_its_schema(
+    on_bench: Path, capsys: pytest.CaptureFixture[str], validate: Callable[[str, Path], dict[str, Any]]
+) -> None:
+    columns = ["--input-column", "stretch", "--output-column", "force_N"]
+    assert main(["identify", "pulls.csv", *columns, "--method", "frols", "--out", "strip.json", "--quiet"]) == 0
+    assert main(["check", "strip.json", "--plant", "strip_of_mine:strip", "--out", "control"]) == 0
+    assert validate("check", on_bench / "control" / "check.json")["sentence"] in capsys.readouterr().out
+    validate("run", on_bench / "control" / "run.json")

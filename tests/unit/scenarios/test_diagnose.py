@@ -20,9 +20,7 @@ def results(bench: Path) -> Path:
     """The results of one diagnosis of two experiments."""
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(bench)
-        arguments = (
-            "diagnose strip_of_mine:strip --experiment pulls.csv --experiment again.csv --out d --quiet"
-        )
+        arguments = "diagnose strip_of_mine:strip --experiment pulls.csv --experiment again.csv --out d --quiet"
         assert main(arguments.split()) == 0
     return bench / "d"
 
@@ -46,9 +44,7 @@ def test_equal_runs_differ_in_nothing_but_the_record_of_the_run(
 ) -> None:
     arguments = "diagnose strip_of_mine:strip --experiment pulls.csv --experiment again.csv --out e --json"
     assert main(arguments.split()) == 0
-    assert json.loads(capsys.readouterr().out) == json.loads(
-        (results / "diagnosis.json").read_text(encoding="utf-8")
-    )
+    assert json.loads(capsys.readouterr().out) == json.loads((results / "diagnosis.json").read_text(encoding="utf-8"))
     for path in results.rglob("*"):
         if path.is_file() and path.name != "run.json":
             assert path.read_bytes() == (on_bench / "e" / path.relative_to(results)).read_bytes(), path.name

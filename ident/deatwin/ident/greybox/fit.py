@@ -16,7 +16,7 @@ from deatwin.plant.recording import Experiment
 
 __all__ = ["Calibration", "FitStatus", "Part", "Problem", "calibrate"]
 
-EVALUATIONS = 40
+EVALUATIONS = 30
 TOLERANCE = 1e-4
 """Relative change of the squared residual at which a fit has settled: with 10,000 samples of white noise it
 changes the log-likelihood by a half."""
@@ -134,11 +134,11 @@ class Calibration:
         k = self.names.index(name)
         parameter = self.plant.parameters[name]
         half = deviations * float(np.sqrt(self.covariance[k, k]))
-        limits = sorted((parameter.scale.to_coordinate(parameter.lower), parameter.scale.to_coordinate(parameter.upper)))
-        centre = parameter.scale.to_coordinate(parameter.value)
-        ends = np.clip([centre - half, centre + half], *limits)
-        low, high = sorted(parameter.scale.to_value(float(end)) for end in ends)
-        return low, high
+        scale = parameter.scale
+        centre = scale.to_coordinate(parameter.value)
+        limits = sorted(scale.to_coordinate(end) for end in (parameter.lower, parameter.upper))
+        ends = sorted(scale.to_value(min(max(centre + side * half, limits[0]), limits[1])) for side in (-1, 1))
+        return ends[0], ends[1]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -252,7 +252,7 @@ def calibrate(
     margin = 1e-9 * np.maximum(1.0, np.abs(upper - lower))
     solution = least_squares(
         cost.residuals, np.clip(start, lower + margin, upper - margin), jac=cost.jacobian,
-        bounds=(lower, upper), x_scale="jac", method="trf", ftol=TOLERANCE, xtol=1e-7, gtol=1e-12,
+        bounds=(lower, upper), x_scale="jac", method="trf", ftol=TOLERANCE, xtol=1e-6, gtol=1e-12,
         max_nfev=evaluations,
     )  # fmt: skip
     found = cost(solution.x)

@@ -34,7 +34,7 @@ from deatwin.plant.recording import Experiment
 __all__ = ["diagnose"]
 
 Progress = Callable[[float, str], None]
-UNITS = {"m": ("um", 1e-6), "N": ("N", 1.0)}
+UNITS = {"m": ("µm", 1e-6), "N": ("N", 1.0)}
 """Units in which amplitudes are reported, with their SI size; others are reported in SI."""
 
 

@@ -170,7 +170,7 @@ def _spikes(record: Recording) -> np.ndarray:
     ring = round(QUIET_SECONDS / record.sample_time)
     for jump in jumps:
         quiet[max(0, jump - 2) : jump + ring] = False
-    quiet[:2] = quiet[-2:] = False
+    quiet[:ring] = quiet[-2:] = False  # the record before this one may have ended at another command
     return quiet & (deviation > SPIKE_DEVIATIONS * typical)
 
 

@@ -15,6 +15,7 @@ FALSE_DISCOVERIES = 0.05
 WINDOW_SECONDS = 2.0
 SEGMENT_SECONDS = 20.0
 BINS = 12
+MOST_PIECES = 5
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -72,7 +73,8 @@ def locate_time(tracks: Sequence[Track], floor: float) -> tuple[Window, ...]:
 
     The residual is taken in windows of two seconds; dynamic programming cuts the sequence of their means and
     log-powers into pieces of constant level, with a penalty of twice the logarithm of the number of windows for
-    each level (Schwarz). Pieces whose mean square exceeds the floor are reported.
+    each level (Schwarz), raised until at most five pieces are left in a record: a residual that varies all the
+    time has no onset. Pieces whose mean square exceeds the floor are reported.
 
     Parameters
     ----------
@@ -97,7 +99,7 @@ def locate_time(tracks: Sequence[Track], floor: float) -> tuple[Window, ...]:
         count = track.residual.size // size
         windows = track.residual[: count * size].reshape(count, size)
         features = np.stack([windows.mean(axis=1), np.log(np.mean(windows**2, axis=1) + 1e-300)])
-        edges = _change_points(features)
+        edges = _few_change_points(features)
         for first, last in zip(edges[:-1], edges[1:], strict=True):
             stop = track.residual.size if last == count else last * size
             excess = float(np.mean(track.residual[first * size : stop] ** 2) - floor)
@@ -108,7 +110,16 @@ def locate_time(tracks: Sequence[Track], floor: float) -> tuple[Window, ...]:
     return tuple(Window(from_s=b, to_s=e, score=float((e - b) * x / energy)) for b, e, x in pieces)
 
 
-def _change_points(features: np.ndarray) -> list[int]:
+def _few_change_points(features: np.ndarray) -> list[int]:
+    penalty = 2 * features.shape[0] * np.log(features.shape[1])
+    edges = _change_points(features, penalty)
+    while len(edges) > MOST_PIECES + 1:
+        penalty *= 2
+        edges = _change_points(features, penalty)
+    return edges
+
+
+def _change_points(features: np.ndarray, penalty: float) -> list[int]:
     """Optimal partition of rows of features into pieces of constant mean."""
     # Differences of neighbours estimate the scatter without the levels.
     scatter = np.median(np.abs(np.diff(features, axis=1)), axis=1) / (0.6745 * np.sqrt(2)) + 1e-300
@@ -116,7 +127,6 @@ def _change_points(features: np.ndarray) -> list[int]:
     n = standard.shape[1]
     sums = np.concatenate([np.zeros((standard.shape[0], 1)), np.cumsum(standard, axis=1)], axis=1)
     squares = np.concatenate([[0.0], np.cumsum((standard**2).sum(axis=0))])
-    penalty = 2 * standard.shape[0] * np.log(n)
     best = np.full(n + 1, np.inf)
     best[0] = -penalty
     before = np.zeros(n + 1, dtype=int)

@@ -35,6 +35,8 @@ SHAPE_RANGE = (1 / 8, 8.0)
 """over this range of its typical value."""
 FAVOURITES = 2
 """The best single effects that are tried together with every other one."""
+FAILED_SEARCH = 1.02
+"""A fit whose error is larger than the plant's without the effect by more than this has lost its way."""
 EVIDENCE_RATIO = 20.0
 """An explanation stands alone where no rival is within this ratio (Kass & Raftery 1995: strong evidence)."""
 RIVAL_SHARE = 0.5
@@ -229,7 +231,7 @@ def fit_candidate(
     """
     start = screened(base, effect, fitted)
     calibration = calibrate(nominal.with_effects(start), fitted)
-    if not calibration.status.ok or calibration.rms > base.rms:
+    if not calibration.status.ok or calibration.rms > FAILED_SEARCH * base.rms:
         # The plant without the effect is a special case of the one with it: a worse fit is a failed search.
         again = calibrate(base.plant.with_effects(start), fitted)
         calibration = again if again.status.ok else calibration

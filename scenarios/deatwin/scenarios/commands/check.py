@@ -16,9 +16,7 @@ __all__ = ["check"]
 ModelFile = Annotated[Path, typer.Argument(metavar="NARX.json", help="An identified model.")]
 PlantSource = Annotated[
     str,
-    typer.Option(
-        "--plant", metavar="RIG", help="Rig file, model.json or module:function: the plant to control."
-    ),
+    typer.Option("--plant", metavar="RIG", help="Rig file, model.json or module:function: the plant to control."),
 ]
 OperatingInput = Annotated[
     float | None,

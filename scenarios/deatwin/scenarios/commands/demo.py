@@ -12,9 +12,7 @@ from deatwin.scenarios.voice import Voice, complain
 
 __all__ = ["demo"]
 
-OutFolder = Annotated[
-    Path, typer.Option("--out", metavar="DIR", help="Folder for the results; made if absent.")
-]
+OutFolder = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results; made if absent.")]
 Concealed = Annotated[str, typer.Option("--effect", metavar="NAME", help="The catalogue effect to conceal.")]
 
 
@@ -22,7 +20,7 @@ def demo(
     context: typer.Context,
     out: OutFolder = Path("deatwin-demo"),
     effect: Concealed = "creep",
-    jobs: Jobs = 1,
+    jobs: Jobs = -1,
     seed: Seed = 0,
     as_json: Json = False,
     quiet: Quiet = False,

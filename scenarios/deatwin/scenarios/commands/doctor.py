@@ -40,9 +40,7 @@ def doctor(warm: Warm = False, jobs: Jobs = 1, as_json: Json = False, quiet: Qui
         voice.say(f"{name:14} {optional.get(name, 'not installed')} ({use})")
     compiled = _warm(voice, jobs) if warm else 0
     if warm:
-        voice.say(
-            f"{compiled} plants are compiled" if program else "nothing was compiled: there is no compiler"
-        )
+        voice.say(f"{compiled} plants are compiled" if program else "nothing was compiled: there is no compiler")
     voice.result({
         "versions": installed, "compiler": program, "cache": str(cache_folder()),
         "optional": {name: optional.get(name) for name in OPTIONAL}, "compiled": compiled,

@@ -44,9 +44,7 @@ def frequency(
     voice = Voice(as_json=as_json, quiet=quiet)
     narx = NarxModel.load(model)
     highest = np.pi / narx.sample_time
-    response = gfrf(
-        narx, order, np.geomspace(highest / 10**DECADES, highest, POINTS), operating_input=operating_input
-    )
+    response = gfrf(narx, order, np.geomspace(highest / 10**DECADES, highest, POINTS), operating_input=operating_input)
     folder = ResultFolder(out)
     band = response.band()
     table = {

@@ -28,13 +28,9 @@ class Method(StrEnum):
     FROLS = "frols"
 
 
-Recordings = Annotated[
-    list[Path], typer.Argument(metavar="REC.csv...", help="Recordings of one sample time.")
-]
+Recordings = Annotated[list[Path], typer.Argument(metavar="REC.csv...", help="Recordings of one sample time.")]
 ModelFile = Annotated[Path, typer.Option("--out", metavar="NARX.json", help="The model.")]
-MethodOption = Annotated[
-    Method, typer.Option(help="svb: sparse variational Bayes; frols: forward regression.")
-]
+MethodOption = Annotated[Method, typer.Option(help="svb: sparse variational Bayes; frols: forward regression.")]
 MaxTerms = Annotated[int, typer.Option(min=1, help="Largest number of terms (frols only).")]
 
 
@@ -63,9 +59,7 @@ def identify(
     records = [
         record
         for path in recordings
-        for record in read_csv(
-            path, input_column=input_column, output_column=output_column, allow_gaps=allow_gaps
-        )
+        for record in read_csv(path, input_column=input_column, output_column=output_column, allow_gaps=allow_gaps)
     ]
     require_excitation(records)
     identifier = _identifier(method, output_lags, input_lags, degree, max_terms)
@@ -79,20 +73,14 @@ def identify(
     for term, value, variance in zip(model.terms, model.theta, model.theta_cov.diagonal(), strict=True):
         voice.say(f"{value:>14.6g} ± {1.96 * variance**0.5:<12.3g} {term}")
     for path, error in zip(_labels(records), errors, strict=True):
-        free = (
-            f"{error['free_run']:.4g}{unit}"
-            if error["finished"]
-            else f"{error['free_run']:.4g}{unit} (diverged)"
-        )
+        free = f"{error['free_run']:.4g}{unit}" if error["finished"] else f"{error['free_run']:.4g}{unit} (diverged)"
         voice.say(f"{path}, unseen part: one step {error['one_step']:.4g}{unit} rms, free run {free} rms")
     voice.say(f"model: {out}")
     terms = {str(term): float(value) for term, value in zip(model.terms, model.theta, strict=True)}
     voice.result({"out": str(out), "terms": terms, "unseen": errors})
 
 
-def _identifier(
-    method: Method, output_lags: int, input_lags: int, degree: int, max_terms: int
-) -> SvbNarx | Frols:
+def _identifier(method: Method, output_lags: int, input_lags: int, degree: int, max_terms: int) -> SvbNarx | Frols:
     from deatwin.ident.narx import Frols, SvbNarx
 
     if method is Method.SVB:

@@ -40,9 +40,7 @@ def scenario(
     try:
         with voice.progress(name) as progress:
             result = chosen.run(
-                Setting(
-                    folder=folder, data=data, command=context.obj, jobs=jobs, seed=seed, progress=progress
-                )
+                Setting(folder=folder, data=data, command=context.obj, jobs=jobs, seed=seed, progress=progress)
             )
     except KeyboardInterrupt:
         complain(f"interrupted; {folder.summary}")

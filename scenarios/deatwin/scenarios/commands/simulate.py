@@ -20,17 +20,13 @@ __all__ = ["simulate"]
 
 TWO_SIDED_95 = 1.959964
 
-InputFile = Annotated[
-    Path, typer.Argument(metavar="INPUT.csv", help="Columns time_s,command_V; a reading is ignored.")
-]
+InputFile = Annotated[Path, typer.Argument(metavar="INPUT.csv", help="Columns time_s,command_V; a reading is ignored.")]
 Effects = Annotated[
     list[str] | None, typer.Option("--effect", metavar="NAME", help="Add a catalogue effect; repeatable.")
 ]
 History = Annotated[
     list[Path] | None,
-    typer.Option(
-        "--history", metavar="REC.csv", help="An earlier recording of the same experiment; repeatable."
-    ),
+    typer.Option("--history", metavar="REC.csv", help="An earlier recording of the same experiment; repeatable."),
 ]
 OutFile = Annotated[Path, typer.Option("--out", metavar="OUT.csv", help="Readings with their 95 % band.")]
 
@@ -109,9 +105,7 @@ def _finished(prediction: Prediction, model: CalibratedPlant) -> Prediction:
         raise SimulationError(f"the simulation stopped: {prediction.status.value}")
     parameters = model.plant.parameters
     film = (
-        f" ({prediction.failed_command * parameters['gain'].value:.0f} V on the film)"
-        if "gain" in parameters
-        else ""
+        f" ({prediction.failed_command * parameters['gain'].value:.0f} V on the film)" if "gain" in parameters else ""
     )
     raise SimulationError(
         f"the simulation stopped at {prediction.failed_at:.2f} s and a {rig.input_name} of "

@@ -19,9 +19,7 @@ if TYPE_CHECKING:
 __all__ = ["Drawing", "drawings"]
 
 Array = np.ndarray
-INK, MEASURED, BEFORE, AFTER, MARK = (
-    COLOURS[role][0] for role in ("ink", "measured", "before", "after", "mark")
-)
+INK, MEASURED, BEFORE, AFTER, MARK = (COLOURS[role][0] for role in ("ink", "measured", "before", "after", "mark"))
 PER_DECADE = 20
 """Points of a smoothed spectrum."""
 ZOOM_SHARE, ZOOM_SAMPLES = 1 / 30, 250
@@ -118,9 +116,7 @@ def _residual(view: _View) -> Drawing:
         panels = figure.subplots(rows, 1, sharex=True, sharey=True, squeeze=False)[:, 0]
         for axes, (name, label, colour) in zip(panels, view.models, strict=True):
             for track in view.tracks:
-                axes.plot(
-                    *envelope(track.axis, track.measured - getattr(track, name)), color=colour, linewidth=0.7
-                )
+                axes.plot(*envelope(track.axis, track.measured - getattr(track, name)), color=colour, linewidth=0.7)
             axes.set_title(label, loc="left", fontsize="medium", color=colour)
             axes.axhline(0, color=INK, linewidth=0.6)
             _shade(axes, view)
@@ -133,9 +129,7 @@ def _residual(view: _View) -> Drawing:
     caption = "Measured minus simulated reading. Grey: samples that no fit saw."
     if any("located" in text for text in handles[1]):
         caption += " Ochre: where the mismatch lies; the stronger, the larger its share."
-    return Drawing(
-        name="residual", title="Residual over time", caption=caption, svg=svg, data="figures/time.csv"
-    )
+    return Drawing(name="residual", title="Residual over time", caption=caption, svg=svg, data="figures/time.csv")
 
 
 def _shade(axes: Axes, view: _View) -> None:
@@ -172,9 +166,7 @@ def _frequency(view: _View, columns: Sequence[Array]) -> Drawing:
         low, high = frequency[0], frequency[-1]
         for band in view.located.get("frequency") or []:
             if band["to_Hz"] > low:
-                axes.axvspan(
-                    max(band["from_Hz"], low), min(band["to_Hz"], high), color=MARK, alpha=0.18, linewidth=0
-                )
+                axes.axvspan(max(band["from_Hz"], low), min(band["to_Hz"], high), color=MARK, alpha=0.18, linewidth=0)
         axes.set(
             xscale="log",
             yscale="log",
@@ -239,9 +231,7 @@ def _zoom(view: _View) -> Drawing:
     part = slice(first, last)
     with draw((6.4, 4.6)) as figure:
         upper, middle, lower = figure.subplots(3, 1, sharex=True, height_ratios=(3, 2, 1.3))
-        upper.plot(
-            track.clock[part], track.measured[part], ".", markersize=2.5, color=MEASURED, label="measured"
-        )
+        upper.plot(track.clock[part], track.measured[part], ".", markersize=2.5, color=MEASURED, label="measured")
         for name, label, colour in view.models:
             simulated = getattr(track, name)[part]
             upper.plot(track.clock[part], simulated, color=colour, label=label, linewidth=1.4)
@@ -289,9 +279,7 @@ def _whole(view: _View) -> Drawing:
             def label(text: str, place: int = place) -> str:
                 return text if place == 0 else f"_{text}"
 
-            upper.plot(
-                *envelope(track.axis, track.measured), color=MEASURED, label=label("measured"), linewidth=2.2
-            )
+            upper.plot(*envelope(track.axis, track.measured), color=MEASURED, label=label("measured"), linewidth=2.2)
             for name, text, colour in view.models:
                 upper.plot(
                     *envelope(track.axis, getattr(track, name)),
@@ -306,9 +294,7 @@ def _whole(view: _View) -> Drawing:
         figure.legend(*upper.get_legend_handles_labels(), loc="outside upper left", ncols=3)
         svg = inline(figure, "whole", "The whole recording and the simulations")
     caption = "All recordings with free-run simulations: only the command is given to them."
-    return Drawing(
-        name="whole", title="The whole recording", caption=caption, svg=svg, data="figures/time.csv"
-    )
+    return Drawing(name="whole", title="The whole recording", caption=caption, svg=svg, data="figures/time.csv")
 
 
 def _time_columns(view: _View, unit: str) -> dict[str, Array]:

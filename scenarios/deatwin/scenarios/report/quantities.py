@@ -30,7 +30,7 @@ def quantity(value: float, unit: str) -> str:
     ('26.4 kPa', '50 ms', '-0.1')
     """
     factor, shown = _scale(value, unit)
-    return f"{value / factor:.3g} {shown}".rstrip()
+    return f"{_digits(value / factor)} {shown}".rstrip()
 
 
 def three_digits(value: float | None) -> str:
@@ -72,8 +72,8 @@ def with_interval(value: float, low: float, high: float, unit: str) -> tuple[str
     """
     factor, shown = _scale(value, unit)
     return (
-        f"{value / factor:.3g} {shown}".rstrip(),
-        f"{low / factor:.3g} to {high / factor:.3g} {shown}".rstrip(),
+        f"{_digits(value / factor)} {shown}".rstrip(),
+        f"{_digits(low / factor)} to {_digits(high / factor)} {shown}".rstrip(),
     )
 
 
@@ -85,3 +85,8 @@ def _scale(value: float, unit: str) -> tuple[float, str]:
         power = min(power, 0)  # nobody writes kiloseconds
     power = min(max(power, min(PREFIXES)), max(PREFIXES))
     return 10.0**power, PREFIXES[power] + unit
+
+
+def _digits(value: float) -> str:
+    """Three significant digits, and no exponent for sizes that a person would write out."""
+    return f"{value:.0f}" if 1000 <= abs(value) < 1e6 else f"{value:.3g}"

@@ -115,7 +115,5 @@ def envelope(timepts: Array, values: Array, columns: int = 500) -> tuple[Array, 
     size = -(-n // columns)
     padded = np.concatenate([values, np.full(-n % size, values[-1])]).reshape(-1, size)
     first = size * np.arange(padded.shape[0])
-    kept = np.unique(
-        np.minimum(np.concatenate([first + padded.argmin(axis=1), first + padded.argmax(axis=1)]), n - 1)
-    )
+    kept = np.unique(np.minimum(np.concatenate([first + padded.argmin(axis=1), first + padded.argmax(axis=1)]), n - 1))
     return timepts[kept], values[kept]

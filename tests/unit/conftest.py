@@ -1,4 +1,4 @@
-"""What the tests of the plant share. Plants of equal structure share compiled equations by themselves."""
+"""What the unit tests share. Plants of equal structure share compiled equations by themselves."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
