@@ -216,6 +216,7 @@ def calibrate(
     *,
     names: Sequence[str] | None = None,
     evaluations: int = EVALUATIONS,
+    tolerance: float = TOLERANCE,
 ) -> Calibration:
     """Fit a plant's free parameters to recordings by output error.
 
@@ -232,6 +233,8 @@ def calibrate(
         Parameters to be fitted; all free ones by default.
     evaluations : int
         Largest number of simulations.
+    tolerance : float
+        Relative change of the squared residual at which the fit has settled.
 
     Returns
     -------
@@ -252,7 +255,7 @@ def calibrate(
     margin = 1e-9 * np.maximum(1.0, np.abs(upper - lower))
     solution = least_squares(
         cost.residuals, np.clip(start, lower + margin, upper - margin), jac=cost.jacobian,
-        bounds=(lower, upper), x_scale="jac", method="trf", ftol=TOLERANCE, xtol=1e-6, gtol=1e-12,
+        bounds=(lower, upper), x_scale="jac", method="trf", ftol=tolerance, xtol=1e-6, gtol=1e-12,
         max_nfev=evaluations,
     )  # fmt: skip
     found = cost(solution.x)

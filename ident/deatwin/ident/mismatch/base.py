@@ -7,14 +7,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Part, calibrate
+from deatwin.ident.greybox.fit import Calibration, Part
 from deatwin.ident.mismatch.detect import noise_floor
 from deatwin.ident.mismatch.name import Candidate, judge
+from deatwin.ident.mismatch.search import approach, settle
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant.errors import SimulationError
 from deatwin.plant.model import Plant
 
 __all__ = ["Base", "calibrate_base"]
+
+OPENS_AS_WELL = 1.2
+"""Largest ratio of rms residuals on the openings of the experiments for a form to be fitted to all of them."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -37,7 +41,7 @@ class Base:
 
 
 def calibrate_base(plant: Plant, fitted: Sequence[Part], unseen: Sequence[Part], *, jobs: int = 1) -> Base:
-    """Calibrate the base plant; where a mismatch stays, let rival forms of the rig compete.
+    """Calibrate the base plant in every form that the rig file leaves open.
 
     Parameters
     ----------
@@ -51,42 +55,36 @@ def calibrate_base(plant: Plant, fitted: Sequence[Part], unseen: Sequence[Part],
     Returns
     -------
     Base
-        A rival replaces the nominal form only where it alone leaves no mismatch: a missing effect must not be
-        explained away by a wrong rig.
+        The nominal form, or the first rival that leaves no mismatch where the nominal one does. A rival that
+        merely fits better does not replace it: a missing effect must not be explained away by a wrong rig.
 
     Raises
     ------
     SimulationError
         If the plant cannot be simulated on these recordings, in any form.
     """
-    first = _fit(plant, fitted, unseen, None)
-    noise = plant.rig.noise
-    if first is not None:
-        noise = _noise(first, fitted, plant)
-        first = judge(first.calibration, unseen, noise)
-        if first is not None and first.adequate:
-            return Base(chosen=first, rivals=(), noise=noise)
-    forms = [plant.with_rig(rig) for rig in plant.rig.rivals()]
-    found = run_jobs(_fit, [(form, fitted, unseen, noise) for form in forms], workers=jobs)
-    rivals = sorted((c for c in found if c is not None), key=lambda c: -c.evidence)
-    known = [*([] if first is None else [first]), *rivals]
-    if not known:
+    forms = [plant, *(plant.with_rig(rig) for rig in plant.rig.rivals())]
+    near = run_jobs(approach, [(form, fitted) for form in forms], workers=jobs)
+    best = min((c.rms for c in near if c.status.ok), default=np.inf)
+    # The first form is the rig file's own; another one stays in the race if it opens nearly as well.
+    running = [c.plant for k, c in enumerate(near) if k == 0 or (c.status.ok and c.rms < OPENS_AS_WELL * best)]
+    fits = run_jobs(settle, [(form, fitted, plant.rig.noise) for form in running], workers=jobs)
+    usable = [fit for fit in fits if fit.status.ok]
+    if not usable:
         raise _cannot_simulate(plant, fitted)
+    noise = _noise(usable[0], fitted)
+    known = [c for c in (judge(fit, unseen, noise) for fit in usable) if c is not None]
+    if not known:
+        raise _cannot_simulate(usable[0].plant, unseen)
     chosen = next((c for c in known if c.adequate), known[0])
-    return Base(chosen=chosen, rivals=tuple(c for c in known if c is not chosen), noise=noise)
+    rivals = sorted((c for c in known if c is not chosen), key=lambda c: -c.evidence)
+    return Base(chosen=chosen, rivals=tuple(rivals), noise=noise)
 
 
-def _fit(plant: Plant, fitted: Sequence[Part], unseen: Sequence[Part], noise: float | None) -> Candidate | None:
-    calibration = calibrate(plant, fitted)
-    if not calibration.status.ok:
-        return None
-    return judge(calibration, unseen, plant.rig.noise if noise is None else noise)
-
-
-def _noise(candidate: Candidate, parts: Sequence[Part], plant: Plant) -> float:
+def _noise(fit: Calibration, parts: Sequence[Part]) -> float:
     sizes = [int(mask.sum()) for part in parts for mask in part.masks if mask.any()]
-    pieces = np.split(candidate.calibration.residuals, np.cumsum(sizes)[:-1])
-    return noise_floor(pieces, plant.rig.sample_time, plant.rig.noise)
+    pieces = np.split(fit.residuals, np.cumsum(sizes)[:-1])
+    return noise_floor(pieces, fit.plant.rig.sample_time, fit.plant.rig.noise)
 
 
 def _cannot_simulate(plant: Plant, parts: Sequence[Part]) -> SimulationError:

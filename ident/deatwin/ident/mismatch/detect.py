@@ -43,6 +43,11 @@ class Detection:
         return float(np.sqrt(max(self.rms**2 - self.noise**2, 0.0)))
 
     @property
+    def within_floor(self) -> bool:
+        """Whether noise and model error account for the residual in size."""
+        return self.rms**2 <= self.noise**2 + self.model_error**2
+
+    @property
     def mismatch(self) -> bool:
         """Whether physics is missing: significant beyond noise *and* model error."""
         return self.p_value < SIGNIFICANCE

@@ -34,7 +34,9 @@ from deatwin.plant.recording import Experiment
 __all__ = ["diagnose"]
 
 Progress = Callable[[float, str], None]
-UNITS = {"m": ("µm", 1e-6), "N": ("N", 1.0)}
+CLEARLY_BETTER = 0.8
+"""A rival form of the rig is tried with effects where it leaves less than this share of the mean square."""
+UNITS = {"m": ("um", 1e-6), "N": ("N", 1.0)}
 """Units in which amplitudes are reported, with their SI size; others are reported in SI."""
 
 
@@ -92,7 +94,7 @@ def diagnose(
         base = calibrate_base(plant, fitted, unseen, jobs=jobs)
 
     naming = Naming(candidates=(base.chosen,), best=None, rivals=(), probabilities={})
-    if not base.chosen.adequate and checked.soundness is Soundness.SOUND:
+    if base.chosen.mismatch and checked.soundness is Soundness.SOUND:
         tell(0.3, "trying single effects")
         naming = _name(plant, base, chosen, fitted, unseen, jobs, lambda share, text: tell(0.3 + 0.6 * share, text))
         base = _base_of(naming, base)
@@ -134,7 +136,7 @@ def _name(
         nominal, singles, effects, fitted, unseen, noise=noise, jobs=jobs,
         finished=lambda share: tell(0.5 + 0.5 * share, "trying pairs of effects"),
     )  # fmt: skip
-    better = [rival for rival in base.rivals if rival.evidence > base.chosen.evidence]
+    better = [r for r in base.rivals if r.losses.mean() < CLEARLY_BETTER * base.chosen.losses.mean()]
     if pairs.best is None and better:
         other = plant.with_rig(better[0].calibration.plant.rig)
         second = try_singles(other, better[0], effects, fitted, unseen, noise=noise, jobs=jobs)
@@ -154,7 +156,7 @@ def _verdict(
 ) -> Verdict:
     if checked.soundness is Soundness.FAULTY:
         return Verdict.DATA_FAULT
-    if base.chosen.adequate:
+    if not base.chosen.mismatch:
         return Verdict.PARAMETERS if _nominal_is_off(plant, everything, base) else Verdict.NONE
     if naming.best is None or not checks.holds:
         return Verdict.UNKNOWN
@@ -258,7 +260,7 @@ def _smallest(
 def _locate(
     base: Base, naming: Naming, checked: Gate, effects: Sequence[Effect], size: float
 ) -> dict[str, list[dict[str, object]]]:
-    if base.chosen.adequate:
+    if not base.chosen.mismatch:
         return {"time": [], "frequency": [], "region": [], "place": []}
     plant = base.chosen.calibration.plant
     found = tracks(plant, checked.experiments)

@@ -19,7 +19,15 @@ Readings = tuple[tuple[np.ndarray, ...], ...]
 
 @dataclass(frozen=True, kw_only=True)
 class CandidateSummary:
-    """An explanation that was tried, with its rms residuals on the fitted and the unseen part, SI."""
+    """An explanation that was tried.
+
+    Parameters
+    ----------
+    effects : tuple of str
+        Empty for the base plant.
+    fitted, unseen : float
+        Rms residuals on the fitted and on the unseen part, SI.
+    """
 
     effects: tuple[str, ...]
     fitted: float

@@ -42,7 +42,15 @@ class Track:
 
 @dataclass(frozen=True, kw_only=True)
 class Window:
-    """A stretch of the clock; `score` is its share of the mismatch's energy."""
+    """A stretch of the clock.
+
+    Parameters
+    ----------
+    from_s, to_s : float
+        Clock times, s.
+    score : float
+        Its share of the mismatch's energy.
+    """
 
     from_s: float
     to_s: float
@@ -51,7 +59,15 @@ class Window:
 
 @dataclass(frozen=True, kw_only=True)
 class Band:
-    """A band of frequencies whose spectrum lies above the floor."""
+    """A band of frequencies whose spectrum lies above the floor.
+
+    Parameters
+    ----------
+    from_Hz, to_Hz : float
+        Ends of the band.
+    excess_dB : float
+        Mean power over that of the sensor's noise.
+    """
 
     from_Hz: float
     to_Hz: float
@@ -60,7 +76,17 @@ class Band:
 
 @dataclass(frozen=True, kw_only=True)
 class Region:
-    """A range of an operating signal in which the residual has a mean."""
+    """A range of an operating signal in which the residual has a mean.
+
+    Parameters
+    ----------
+    signal : str
+        Name of the signal.
+    low, high : float
+        Ends of the range, in the signal's unit.
+    mean_residual : float
+        In the report's unit.
+    """
 
     signal: str
     low: float

@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Calibration, Part, Problem, calibrate
+from deatwin.ident.greybox.fit import Calibration, Part, Problem
 from deatwin.ident.mismatch.detect import Detection, detect
 from deatwin.ident.mismatch.losses import block_losses, evidence
+from deatwin.ident.mismatch.search import search
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.model import Plant
@@ -33,8 +34,6 @@ SHAPES = 3
 """Values of each shape parameter at which an effect is screened,"""
 SHAPE_RANGE = (1 / 8, 8.0)
 """over this range of its typical value."""
-FAVOURITES = 2
-"""The best single effects that are tried together with every other one."""
 FAILED_SEARCH = 1.02
 """A fit whose error is larger than the plant's without the effect by more than this has lost its way."""
 EVIDENCE_RATIO = 20.0
@@ -66,9 +65,17 @@ class Candidate:
     unseen_test: Detection
 
     @property
+    def mismatch(self) -> bool:
+        """Whether it certainly leaves more than noise and model error, on the fitted or on the unseen part."""
+        return self.fitted_test.mismatch or self.unseen_test.mismatch
+
+    @property
     def adequate(self) -> bool:
-        """Whether it leaves no mismatch, neither on the fitted nor on the unseen part."""
-        return not (self.fitted_test.mismatch or self.unseen_test.mismatch)
+        """Whether what it leaves is no larger than noise and model error, on either part.
+
+        That is more than the absence of a significant mismatch: an explanation has to explain.
+        """
+        return self.fitted_test.within_floor and self.unseen_test.within_floor
 
     @property
     def losses(self) -> np.ndarray:
@@ -165,10 +172,7 @@ def strength_direction(base: Calibration, effect: Effect, parts: Sequence[Part])
         cannot be simulated.
     """
     found = _strength_derivative(base, effect, parts)
-    if found is None:
-        return None
-    basis, _ = np.linalg.qr(base.jacobian / np.linalg.norm(base.jacobian, axis=0))
-    return found - basis @ (basis.T @ found)
+    return None if found is None else _off_base(base, found)
 
 
 def detectable_size(base: Calibration, effect: Effect, parts: Sequence[Part]) -> float | None:
@@ -190,11 +194,17 @@ def detectable_size(base: Calibration, effect: Effect, parts: Sequence[Part]) ->
         refit absorbs it all, or the plant cannot be simulated.
     """
     derivative = _strength_derivative(base, effect, parts)
-    left = strength_direction(base, effect, parts)
-    if derivative is None or left is None:
+    if derivative is None:
         return None
+    left = _off_base(base, derivative)
     share = float(np.linalg.norm(left) / max(float(np.linalg.norm(derivative)), 1e-300))
     return base.plant.rig.model_error / share if share > 1e-6 else None
+
+
+def _off_base(base: Calibration, direction: np.ndarray) -> np.ndarray:
+    """What is left of a direction when the base plant's parameters take up all they can."""
+    basis, _ = np.linalg.qr(base.jacobian / np.linalg.norm(base.jacobian, axis=0))
+    return direction - basis @ (basis.T @ direction)
 
 
 def _strength_derivative(base: Calibration, effect: Effect, parts: Sequence[Part]) -> np.ndarray | None:
@@ -230,10 +240,10 @@ def fit_candidate(
         None if the plant with the effect cannot be simulated.
     """
     start = screened(base, effect, fitted)
-    calibration = calibrate(nominal.with_effects(start), fitted)
+    calibration = search(nominal.with_effects(start), fitted, noise)
     if not calibration.status.ok or calibration.rms > FAILED_SEARCH * base.rms:
         # The plant without the effect is a special case of the one with it: a worse fit is a failed search.
-        again = calibrate(base.plant.with_effects(start), fitted)
+        again = search(base.plant.with_effects(start), fitted, noise)
         calibration = again if again.status.ok else calibration
     return judge(calibration, unseen, noise) if calibration.status.ok else None
 
@@ -326,7 +336,7 @@ def try_pairs(
     nominal: Plant, naming: Naming, effects: Sequence[Effect], fitted: Sequence[Part], unseen: Sequence[Part], *,
     noise: float, jobs: int = 1, finished: Callable[[float], None] | None = None,
 ) -> Naming:
-    """Build each other effect into the best plants with a single one.
+    """Build each other effect into the best plant with a single one.
 
     Parameters
     ----------
@@ -342,11 +352,13 @@ def try_pairs(
     Naming
         Over the pairs, with all that was tried before in `candidates`.
     """
-    singles = sorted((c for c in naming.candidates if len(c.effects) == 1), key=lambda c: -c.evidence)
-    tasks = [
-        (_with_fitted(nominal, one.calibration.plant), one.calibration, effect, fitted, unseen, noise)
-        for one, effect in _pairs(singles, effects)
-    ]
+    singles = [c for c in naming.candidates if len(c.effects) == 1]
+    if not singles:
+        return naming
+    one = max(singles, key=lambda c: c.evidence)
+    start = _with_fitted(nominal, one.calibration.plant)
+    others = [effect for effect in effects if effect.name not in one.effects]
+    tasks = [(start, one.calibration, effect, fitted, unseen, noise) for effect in others]
     pairs = _try(tasks, jobs, finished)
     return _decide((*naming.candidates, *pairs), pairs)
 
@@ -358,18 +370,6 @@ def _try(tasks: list[Any], jobs: int, finished: Callable[[float], None] | None) 
 
     found = run_jobs(fit_candidate, tasks, workers=jobs, finished=count)
     return [candidate for candidate in found if candidate is not None]
-
-
-def _pairs(singles: Sequence[Candidate], effects: Sequence[Effect]) -> list[tuple[Candidate, Effect]]:
-    """Each favourite with every other effect, every pair once."""
-    seen: set[frozenset[str]] = set()
-    pairs = []
-    for single, effect in itertools.product(singles[:FAVOURITES], effects):
-        key = frozenset((*single.effects, effect.name))
-        if effect.name not in single.effects and key not in seen:
-            seen.add(key)
-            pairs.append((single, effect))
-    return pairs
 
 
 def _with_fitted(nominal: Plant, fitted: Plant) -> Plant:

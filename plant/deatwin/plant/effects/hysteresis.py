@@ -25,7 +25,7 @@ class Hysteresis(Effect):
     (:math:`A = 1, \beta = 1, \gamma = 0`). One state :math:`\zeta` (1) between -1 and 1. Typical: force 1 to
     5 % of the ball's weight, distance 10 to 100 µm. Signature: the width of the loop stays as the frequency
     falls. Off at :math:`F_h = 0`. The magnitude is smoothed, :math:`|v| \approx \sqrt{v^2 + v_0^2} - v_0` with
-    :math:`v_0` = 10 µm/s, so that the force has a derivative.
+    :math:`v_0` = 1 µm/s, so that the force has a derivative.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ class Hysteresis(Effect):
 
     def rewrite(self, signal: Any, build: Builder) -> Any:
         memory = build.state("hysteresis_memory", scale=1.0, start=0.0)
-        slow = 1e-5
+        slow = 1e-6
         velocity = build.signal("velocity")
         speed = ca.sqrt(velocity**2 + slow**2) - slow
         build.rate(memory, velocity - speed * memory, mass=self.own("distance", build))

@@ -42,6 +42,8 @@ class Coupon(Rig):
         Name in `deatwin.plant.material.MATERIALS`.
     width, thickness, length : float
         Of the unstretched strip between the clamps, m.
+    sample_time, noise, reading
+        As for every `Rig`.
     """
 
     material: str = "VHB 4910"

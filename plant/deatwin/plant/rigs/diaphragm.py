@@ -59,6 +59,8 @@ class Diaphragm(Rig):
         How the film sits on the ball.
     ball_is_known : bool
         Whether the experimenter said so; if not, the other form is a rival.
+    sample_time, noise, reading
+        As for every `Rig`.
     """
 
     material: str = "VHB 4905"

@@ -30,7 +30,7 @@ def check(
     plant: PlantSource,
     out: OutFolder,
     operating_input: OperatingInput = None,
-    jobs: Jobs = 1,
+    jobs: Jobs = -1,
     seed: Seed = 0,
     as_json: Json = False,
     quiet: Quiet = False,

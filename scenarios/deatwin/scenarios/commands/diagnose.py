@@ -39,7 +39,7 @@ def diagnose(
     input_column: InputColumn = None,
     output_column: OutputColumn = None,
     allow_gaps: AllowGaps = False,
-    jobs: Jobs = 1,
+    jobs: Jobs = -1,
     seed: Seed = 0,
     as_json: Json = False,
     quiet: Quiet = False,

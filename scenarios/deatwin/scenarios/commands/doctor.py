@@ -23,7 +23,7 @@ Warm = Annotated[
 ]
 
 
-def doctor(warm: Warm = False, jobs: Jobs = 1, as_json: Json = False, quiet: Quiet = False) -> None:
+def doctor(warm: Warm = False, jobs: Jobs = -1, as_json: Json = False, quiet: Quiet = False) -> None:
     """Say what is installed, whether a compiler was found, and what is slower without it."""
     from deatwin.plant.compiled import cache_folder, compiler
     from deatwin.scenarios.provenance import versions

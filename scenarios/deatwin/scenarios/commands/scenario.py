@@ -25,7 +25,7 @@ def scenario(
     name: Annotated[str, typer.Argument(metavar="NAME", help="One of `deatwin scenarios`.")],
     out: OutFolder = None,
     data: DataFolder = None,
-    jobs: Jobs = 1,
+    jobs: Jobs = -1,
     seed: Seed = 0,
     as_json: Json = False,
     quiet: Quiet = False,

@@ -1,0 +1,173 @@
+"""The whole engine on small simulated experiments in which something is concealed, or nothing."""
+
+import json
+import re
+from importlib.resources import files
+
+import jsonschema
+import numpy as np
+import pytest
+
+from deatwin.ident.mismatch import Diagnosis, Verdict, diagnose
+from deatwin.plant import (
+    Creep,
+    DataError,
+    Diaphragm,
+    ElectrodeRC,
+    Experiment,
+    ModelError,
+    PermittivityDrift,
+    Plant,
+    Recording,
+)
+from deatwin.plant.effects.catalogue import effect_named
+from deatwin.plant.excitation import band_limited_noise, random_holds
+
+NOMINAL = Plant(rig=Diaphragm())
+WRONG_PARAMETERS = {"shear_modulus": 29e3, "stretch_limit": 140.0, "permittivity": 4.3, "damping": 0.06}
+CATALOGUE = [Creep(), ElectrodeRC(), PermittivityDrift()]
+
+
+def recorded(*effects, seed: int = 0, values=WRONG_PARAMETERS) -> Experiment:
+    """Noise and holds by a plant with other parameters and concealed effects."""
+    rng = np.random.default_rng(seed)
+    noise = band_limited_noise(rng, 60.0, 0.02)
+    holds = random_holds(rng, 40.0, 0.02, 1.2, 3.1)
+    blank = Experiment(
+        recordings=(
+            Recording.from_arrays(noise, np.zeros_like(noise), 0.02),
+            Recording.from_arrays(holds, np.zeros_like(holds), 0.02, start=60.0),
+        )
+    )
+    return NOMINAL.with_values(values).with_effects(*effects).record(blank, rng)
+
+
+@pytest.fixture(scope="module")
+def creeping() -> Diagnosis:
+    return diagnose(NOMINAL, recorded(Creep(modulus=50e3, time=20.0)), effects=CATALOGUE, jobs=2)
+
+
+@pytest.fixture(scope="module")
+def clean() -> Diagnosis:
+    return diagnose(NOMINAL, recorded(), effects=CATALOGUE)
+
+
+def test_a_concealed_effect_is_named_alone(creeping):
+    assert creeping.verdict is Verdict.NAMED
+    assert [cause.effect for cause in creeping.causes] == ["creep"]
+    assert creeping.names == ("creep",)
+    assert creeping.causes[0].family == "film"
+    assert creeping.causes[0].share_explained > 0.9
+    assert creeping.causes[0].probability > 0.95
+
+
+def test_its_parameters_are_found(creeping):
+    time = creeping.causes[0].parameters["time"]
+    # data and fit share the plant here, so only noise stands between estimate and truth
+    assert time.low <= 20.0 <= time.high
+    assert time.value == pytest.approx(20.0, rel=0.1)
+    assert time.unit == "s"
+
+
+def test_the_amended_plant_is_as_good_as_the_sensor(creeping):
+    fit = creeping.fit
+    assert fit["unseen"]["after"] == pytest.approx(2.0, rel=0.05)  # the sensor alone is 2.0 µm
+    assert fit["unseen"]["before"] > 1.5 * fit["unseen"]["after"]
+    assert fit["unseen"]["gain_low"] > 0
+    assert creeping.model.plant.effect_names == ("creep",)
+
+
+def test_locations_and_smallest_sizes_are_reported(creeping):
+    assert creeping.locate["time"]
+    assert creeping.locate["frequency"][0]["from_Hz"] < 0.1
+    assert {place["place"] for place in creeping.locate["place"]} == {"film", "drive", "parameter"}
+    assert set(creeping.detect["smallest_detectable"]) == {"creep", "electrode_rc", "permittivity_drift"}
+    # a refit can only make an effect harder to see than the model error it must exceed
+    assert all(size >= 1.2 for size in creeping.detect["smallest_detectable"].values() if size is not None)
+
+
+def test_clean_data_only_want_other_parameters(clean):
+    assert clean.verdict is Verdict.PARAMETERS
+    assert clean.causes == ()
+    assert clean.names == ()
+    assert clean.model.plant.effect_names == ()
+    assert clean.fit["unseen"]["after"] is None
+
+
+def test_clean_data_of_the_nominal_plant_lack_nothing():
+    found = diagnose(NOMINAL, recorded(values={}, seed=3), effects=CATALOGUE)
+    assert found.verdict is Verdict.NONE
+
+
+def test_physics_outside_the_catalogue_is_unknown():
+    experiment = recorded(Creep(modulus=50e3, time=20.0), seed=4)
+    found = diagnose(NOMINAL, experiment, effects=[ElectrodeRC()])
+    assert found.verdict is Verdict.UNKNOWN
+    assert found.causes == ()
+    assert found.model.plant.effect_names == ()
+    assert found.sentence.startswith("Something is missing that no effect of the catalogue explains")
+
+
+def test_a_fault_of_the_recording_is_said_before_physics(creeping):
+    experiment = recorded(Creep(modulus=50e3, time=20.0))
+    first, second = experiment.recordings
+    outputs = first.outputs.copy()
+    outputs[0, 1000:1300] = np.median(outputs)
+    spoiled = Recording.from_arrays(first.inputs, outputs, 0.02)
+    found = diagnose(NOMINAL, Experiment(recordings=(spoiled, second)), effects=CATALOGUE)
+    assert found.verdict is Verdict.DATA_FAULT
+    assert "stuck" in found.sentence
+    assert found.causes == ()
+
+
+def test_same_input_same_file(creeping):
+    again = diagnose(NOMINAL, recorded(Creep(modulus=50e3, time=20.0)), effects=CATALOGUE, jobs=1)
+    assert json.dumps(again.to_dict()) == json.dumps(creeping.to_dict())
+
+
+def numbers_of(value) -> list[float]:
+    if isinstance(value, dict):
+        return [x for v in value.values() for x in numbers_of(v)]
+    if isinstance(value, list):
+        return [x for v in value for x in numbers_of(v)]
+    return [float(value)] if isinstance(value, int | float) and not isinstance(value, bool) else []
+
+
+@pytest.mark.parametrize("which", ["creeping", "clean"])
+def test_every_number_of_the_sentence_is_a_field(which, request):
+    data = request.getfixturevalue(which).to_dict()
+    known = numbers_of({k: v for k, v in data.items() if k != "sentence"})
+    for text in re.findall(r"(?<![\w.])\d+(?:\.\d+)?", data["sentence"]):
+        shown = float(text)
+        # three digits are shown, shares as percentages
+        assert any(abs(shown - x) <= 0.006 * abs(x) or abs(shown - 100 * x) <= 0.5 for x in known), text
+
+
+@pytest.mark.parametrize("which", ["creeping", "clean"])
+def test_the_file_keeps_its_schema_and_comes_back(which, request, tmp_path):
+    diagnosis = request.getfixturevalue(which)
+    path = tmp_path / "diagnosis.json"
+    diagnosis.save(path)
+    data = json.loads(path.read_text(encoding="utf-8"))
+    schema = json.loads((files("deatwin.ident") / "schemas" / "diagnosis.schema.json").read_text(encoding="utf-8"))
+    jsonschema.validate(data, schema)
+    assert Diagnosis.load(path).to_dict() == data
+
+
+def test_a_foreign_file_is_refused(tmp_path):
+    path = tmp_path / "diagnosis.json"
+    path.write_text('{"schema": "deatwin/plant/1"}')
+    with pytest.raises(ModelError, match="deatwin/diagnosis/1"):
+        Diagnosis.load(path)
+
+
+def test_a_constant_input_is_refused():
+    experiment = Experiment(recordings=(Recording.from_arrays(np.full(3000, 2.0), np.zeros(3000), 0.02),))
+    with pytest.raises(DataError, match="constant"):
+        diagnose(NOMINAL, experiment)
+
+
+def test_effects_that_the_rig_cannot_take_are_passed_over(oscillator):
+    plant = Plant(rig=oscillator())
+    assert not plant.accepts(effect_named("creep"))
+    assert not plant.accepts(effect_named("hysteresis"))
