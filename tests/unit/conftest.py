@@ -1,6 +1,6 @@
 """What the unit tests share. Plants of equal structure share compiled equations by themselves."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -59,13 +59,6 @@ class Oscillator(Rig):
         )
         build.rate(velocity, force, mass=build.parameter("mass"))
         return position
-
-    def to_dict(self) -> dict[str, Any]:
-        return {"sample_time": self.sample_time, "noise": self.noise}
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> "Oscillator":
-        return cls(**data)
 
 
 @pytest.fixture

@@ -11,6 +11,7 @@ import subprocess
 import tempfile
 from collections.abc import Mapping
 from functools import lru_cache
+from importlib.metadata import version
 from pathlib import Path
 
 import casadi as ca
@@ -108,7 +109,7 @@ def _version(program: str) -> str:
 
 
 def _processor() -> str:
-    return f"{platform.system()} {platform.machine()} casadi {ca.__version__}"
+    return f"{platform.system()} {platform.machine()} casadi {version('casadi')}"
 
 
 @lru_cache(maxsize=8)

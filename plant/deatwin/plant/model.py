@@ -307,13 +307,17 @@ class Plant:
         return cls(rig=rig, effects=effects, values=values)
 
 
+NOT_IN_EQUATIONS = frozenset({"reading", "noise", "sample_time", "command_range", "ball_is_known"})
+"""What a rig says of itself besides its equations."""
+
+
 class _Structure:
     """A plant seen as the key of its equations: what a fit can move does not count."""
 
     def __init__(self, plant: Plant) -> None:
         self.plant = plant
         known = {p.name: p.value for p in plant.parameters.values() if p.known}
-        rig = {k: v for k, v in plant.rig.to_dict().items() if k not in ("reading", "noise", "sample_time")}
+        rig = {k: v for k, v in plant.rig.to_dict().items() if k not in NOT_IN_EQUATIONS}
         effects = [(type(e), e.name) for e in plant.effects]
         self._key = repr((type(plant.rig), sorted(rig.items()), effects, sorted(known.items())))
 

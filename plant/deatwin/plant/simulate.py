@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -22,6 +23,7 @@ CHUNK = 200
 """Samples in one call of compiled code."""
 
 Progress = Callable[[float], None]
+Chunk = tuple[int, int, list[np.ndarray]]
 
 
 class RunStatus(Enum):
@@ -206,7 +208,7 @@ class Simulator:
         """One sample, compiled only for those who step: the marches hold their own copy."""
         return compile_functions({"plain_step": self._plain})["plain_step"]
 
-    def _chunks(self, commands: np.ndarray, start: float, sample_time: float, values: np.ndarray):  # type: ignore[no-untyped-def]
+    def _chunks(self, commands: np.ndarray, start: float, sample_time: float, values: np.ndarray) -> Iterator[Chunk]:
         """Commands in pieces of `CHUNK`, the last one filled up with its last command."""
         fixed = [
             np.full((1, CHUNK), sample_time),
@@ -224,7 +226,9 @@ class Simulator:
     ) -> ca.DM:
         return self.equations.output(x, z, d, command, time, values, self.equations.constants)
 
-    def _rest_slope(self, point: tuple, x_p: np.ndarray, z_p: np.ndarray, d_p: np.ndarray) -> np.ndarray:  # type: ignore[type-arg]
+    def _rest_slope(
+        self, point: tuple[Any, ...], x_p: np.ndarray, z_p: np.ndarray, d_p: np.ndarray
+    ) -> np.ndarray:
         output = self.equations.output
         names = output.name_in()
         slopes = [np.asarray(output.factory("s", names, [f"jac:{output.name_out(0)}:{n}"])(*point)) for n in

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from deatwin.ident.greybox.fit import Calibration, Part
+from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.detect import noise_floor
 from deatwin.ident.mismatch.name import Candidate, judge
 from deatwin.ident.mismatch.search import approach, settle
@@ -40,17 +41,13 @@ class Base:
     noise: float
 
 
-def calibrate_base(plant: Plant, fitted: Sequence[Part], unseen: Sequence[Part], *, jobs: int = 1) -> Base:
+def calibrate_base(bench: Bench) -> Base:
     """Calibrate the base plant in every form that the rig file leaves open.
 
     Parameters
     ----------
-    plant : Plant
-        Nominal, without the physics that may be missing.
-    fitted, unseen : sequence of Part
-        What is fitted, and what only judges.
-    jobs : int
-        Worker processes.
+    bench : Bench
+        Plant and recordings.
 
     Returns
     -------
@@ -63,6 +60,7 @@ def calibrate_base(plant: Plant, fitted: Sequence[Part], unseen: Sequence[Part],
     SimulationError
         If the plant cannot be simulated on these recordings, in any form.
     """
+    plant, fitted, jobs = bench.nominal, bench.fitted, bench.jobs
     forms = [plant, *(plant.with_rig(rig) for rig in plant.rig.rivals())]
     near = run_jobs(approach, [(form, fitted) for form in forms], workers=jobs)
     best = min((c.rms for c in near if c.status.ok), default=np.inf)
@@ -73,9 +71,9 @@ def calibrate_base(plant: Plant, fitted: Sequence[Part], unseen: Sequence[Part],
     if not usable:
         raise _cannot_simulate(plant, fitted)
     noise = _noise(usable[0], fitted)
-    known = [c for c in (judge(fit, unseen, noise) for fit in usable) if c is not None]
+    known = [c for c in (judge(fit, bench.unseen, noise) for fit in usable) if c is not None]
     if not known:
-        raise _cannot_simulate(usable[0].plant, unseen)
+        raise _cannot_simulate(usable[0].plant, bench.unseen)
     chosen = next((c for c in known if c.adequate), known[0])
     rivals = sorted((c for c in known if c is not chosen), key=lambda c: -c.evidence)
     return Base(chosen=chosen, rivals=tuple(rivals), noise=noise)

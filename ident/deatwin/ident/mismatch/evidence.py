@@ -113,6 +113,6 @@ def tracks(plant: Plant, experiments: Sequence[Experiment]) -> tuple[Track, ...]
                 Track(
                     timepts=record.timepts, residual=record.outputs[0] - reading, signals=signals,
                     sample_time=record.sample_time,
-                )  # fmt: skip
+                )
             )
     return tuple(found)

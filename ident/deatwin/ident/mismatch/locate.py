@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -126,7 +127,7 @@ def locate_time(tracks: Sequence[Track], floor: float) -> tuple[Window, ...]:
         windows = track.residual[: count * size].reshape(count, size)
         features = np.stack([windows.mean(axis=1), np.log(np.mean(windows**2, axis=1) + 1e-300)])
         edges = _few_change_points(features)
-        for first, last in zip(edges[:-1], edges[1:], strict=True):
+        for first, last in itertools.pairwise(edges):
             stop = track.residual.size if last == count else last * size
             excess = float(np.mean(track.residual[first * size : stop] ** 2) - floor)
             if excess > 0:
@@ -214,7 +215,7 @@ def locate_frequency(tracks: Sequence[Track], noise: float) -> tuple[Band, ...]:
             Band(
                 from_Hz=float(max(0.0, frequency[run[0]] - width / 2)), to_Hz=float(frequency[run[-1]] + width / 2),
                 excess_dB=float(10 * np.log10(np.mean(ratio[run]))),
-            )  # fmt: skip
+            )
         )
     return tuple(bands)
 

@@ -2,38 +2,32 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Calibration, Part, Problem
+from deatwin.ident.greybox.fit import Calibration, Part
+from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.detect import Detection, detect
 from deatwin.ident.mismatch.losses import block_losses, evidence
+from deatwin.ident.mismatch.screen import screened
 from deatwin.ident.mismatch.search import search
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.model import Plant
-from deatwin.plant.parameters import Scale
 
 __all__ = [
     "Candidate",
     "Naming",
-    "detectable_size",
     "fit_candidate",
     "free_run_residuals",
     "judge",
-    "screened",
     "try_pairs",
     "try_singles",
 ]
 
-SHAPES = 3
-"""Values of each shape parameter at which an effect is screened,"""
-SHAPE_RANGE = (1 / 8, 8.0)
-"""over this range of its typical value."""
 FAILED_SEARCH = 1.02
 """A fit whose error is larger than the plant's without the effect by more than this has lost its way."""
 EVIDENCE_RATIO = 20.0
@@ -108,110 +102,6 @@ class Naming:
     best: Candidate | None
     rivals: tuple[Candidate, ...]
     probabilities: dict[tuple[str, ...], float]
-
-
-def screened(base: Calibration, effect: Effect, parts: Sequence[Part]) -> Effect:
-    """An effect with the shape and the sign that a score test finds most promising.
-
-    For each of a few shapes the derivative of the readings by the strength, at strength zero, is projected off
-    the base plant's Jacobian; the residual's share along it says how much the effect could explain, to first
-    order. The strength itself starts at its typical size: the base plant has absorbed part of the effect.
-
-    Parameters
-    ----------
-    base : Calibration
-        Of the plant without the effect, on the same parts.
-    effect : Effect
-        To be tried.
-    parts : sequence of Part
-        The fitted part.
-
-    Returns
-    -------
-    Effect
-        With its starting values.
-
-    References
-    ----------
-    Rao's score test, Proc. Camb. Phil. Soc. 44 (1948) 50, doi:10.1017/S0305004100023987.
-    """
-    shapes = _shapes(effect)
-    strength = next(p for p in effect.describe() if p.name == effect.strength)
-    if len(shapes) == 1 and strength.lower >= 0.0:
-        return effect
-    residual = base.residuals
-    best, best_score = effect, 0.0
-    for shaped in shapes:
-        direction = strength_direction(base, shaped, parts)
-        if direction is None:
-            continue
-        along = float(direction @ residual) / max(float(np.linalg.norm(direction)), 1e-300)
-        sign = 1.0 if strength.lower >= 0.0 else float(np.sign(along) or 1.0)
-        if sign * along > best_score:
-            best = replace(shaped, **{effect.strength: sign * abs(strength.value)})
-            best_score = sign * along
-    return best
-
-
-def strength_direction(base: Calibration, effect: Effect, parts: Sequence[Part]) -> np.ndarray | None:
-    """What the base refit leaves of an effect's first-order contribution to the readings.
-
-    Parameters
-    ----------
-    base : Calibration
-        Of the plant without the effect.
-    effect : Effect
-        Its shape parameters count.
-    parts : sequence of Part
-        On which the base was fitted.
-
-    Returns
-    -------
-    ndarray, shape (m,), or None
-        Derivative by the strength at strength zero, projected off the base plant's Jacobian; None if the plant
-        cannot be simulated.
-    """
-    found = _strength_derivative(base, effect, parts)
-    return None if found is None else _off_base(base, found)
-
-
-def detectable_size(base: Calibration, effect: Effect, parts: Sequence[Part]) -> float | None:
-    """Rms that an effect must add to the readings to be detected after the base refit.
-
-    Parameters
-    ----------
-    base : Calibration
-        Of the plant without the effect.
-    effect : Effect
-        Its shape parameters count.
-    parts : sequence of Part
-        On which the base was fitted.
-
-    Returns
-    -------
-    float or None
-        SI; what the refit leaves of it equals the model error, to first order in the strength. None where the
-        refit absorbs it all, or the plant cannot be simulated.
-    """
-    derivative = _strength_derivative(base, effect, parts)
-    if derivative is None:
-        return None
-    left = _off_base(base, derivative)
-    share = float(np.linalg.norm(left) / max(float(np.linalg.norm(derivative)), 1e-300))
-    return base.plant.rig.model_error / share if share > 1e-6 else None
-
-
-def _off_base(base: Calibration, direction: np.ndarray) -> np.ndarray:
-    """What is left of a direction when the base plant's parameters take up all they can."""
-    basis, _ = np.linalg.qr(base.jacobian / np.linalg.norm(base.jacobian, axis=0))
-    return direction - basis @ (basis.T @ direction)
-
-
-def _strength_derivative(base: Calibration, effect: Effect, parts: Sequence[Part]) -> np.ndarray | None:
-    plant = base.plant.with_effects(replace(effect, **{effect.strength: 0.0}))
-    problem = Problem(plant=plant, parts=tuple(parts), names=(f"{effect.name}.{effect.strength}",))
-    found = problem.evaluate(problem.start())
-    return None if found is None else found[1][:, 0]
 
 
 def fit_candidate(
@@ -301,25 +191,18 @@ def free_run_residuals(plant: Plant, parts: Sequence[Part]) -> np.ndarray | None
 
 
 def try_singles(
-    nominal: Plant, base: Candidate, effects: Sequence[Effect], fitted: Sequence[Part], unseen: Sequence[Part], *,
-    noise: float, jobs: int = 1, finished: Callable[[float], None] | None = None,
+    bench: Bench, base: Candidate, noise: float, finished: Callable[[float], None] | None = None
 ) -> Naming:
     """Build each effect alone into the base plant.
 
     Parameters
     ----------
-    nominal : Plant
-        Where each fit starts.
+    bench : Bench
+        Effects and recordings.
     base : Candidate
-        The calibrated plant without effects.
-    effects : sequence of Effect
-        The catalogue.
-    fitted, unseen : sequence of Part
-        What is fitted, and what only judges.
+        The calibrated plant without effects, in the form of the rig that is to be used.
     noise : float
         Standard deviation of the sensor's noise, SI.
-    jobs : int
-        Worker processes.
     finished : callable, optional
         Called with the share that is done.
 
@@ -327,25 +210,27 @@ def try_singles(
     -------
     Naming
     """
-    tasks = [(nominal, base.calibration, effect, fitted, unseen, noise) for effect in effects]
-    singles = _try(tasks, jobs, finished)
+    nominal = bench.nominal.with_rig(base.calibration.plant.rig)
+    tasks = [(nominal, base.calibration, e, bench.fitted, bench.unseen, noise) for e in bench.effects]
+    singles = _try(tasks, bench.jobs, finished)
     return _decide((base, *singles), singles)
 
 
 def try_pairs(
-    nominal: Plant, naming: Naming, effects: Sequence[Effect], fitted: Sequence[Part], unseen: Sequence[Part], *,
-    noise: float, jobs: int = 1, finished: Callable[[float], None] | None = None,
+    bench: Bench, naming: Naming, noise: float, finished: Callable[[float], None] | None = None
 ) -> Naming:
     """Build each other effect into the best plant with a single one.
 
     Parameters
     ----------
-    nominal : Plant
-        Where each fit starts, with the single effect as it was fitted.
+    bench : Bench
+        Effects and recordings.
     naming : Naming
         What `try_singles` found.
-    effects, fitted, unseen, noise, jobs, finished
-        As there.
+    noise : float
+        Standard deviation of the sensor's noise, SI.
+    finished : callable, optional
+        Called with the share that is done.
 
     Returns
     -------
@@ -355,11 +240,11 @@ def try_pairs(
     singles = [c for c in naming.candidates if len(c.effects) == 1]
     if not singles:
         return naming
-    one = max(singles, key=lambda c: c.evidence)
-    start = _with_fitted(nominal, one.calibration.plant)
-    others = [effect for effect in effects if effect.name not in one.effects]
-    tasks = [(start, one.calibration, effect, fitted, unseen, noise) for effect in others]
-    pairs = _try(tasks, jobs, finished)
+    one = max(singles, key=lambda c: c.evidence).calibration
+    start = _with_fitted(bench.nominal.with_rig(one.plant.rig), one.plant)
+    others = [effect for effect in bench.effects if effect.name not in one.plant.effect_names]
+    tasks = [(start, one, effect, bench.fitted, bench.unseen, noise) for effect in others]
+    pairs = _try(tasks, bench.jobs, finished)
     return _decide((*naming.candidates, *pairs), pairs)
 
 
@@ -381,13 +266,11 @@ def _with_fitted(nominal: Plant, fitted: Plant) -> Plant:
 def _decide(tried: Sequence[Candidate], stage: Sequence[Candidate]) -> Naming:
     """The best of one stage, and the ones that cannot be ruled out beside it."""
     ranked = sorted(stage, key=lambda c: -c.evidence)
-    weights = np.exp([c.evidence - ranked[0].evidence for c in ranked]) if ranked else np.empty(0)
-    probabilities = {c.effects: float(w) for c, w in zip(ranked, weights / weights.sum(), strict=True)} if ranked else {}
+    weights = np.exp([c.evidence - ranked[0].evidence for c in ranked])
+    probabilities = {c.effects: float(w / weights.sum()) for c, w in zip(ranked, weights, strict=True)}
     adequate = [c for c in ranked if c.adequate]
-    if not adequate:
-        return Naming(candidates=tuple(tried), best=None, rivals=(), probabilities=probabilities)
-    best = adequate[0]
-    rivals = tuple(c for c in adequate[1:] if _cannot_rule_out(c, best))
+    best = adequate[0] if adequate else None
+    rivals = tuple(c for c in adequate[1:] if best is not None and _cannot_rule_out(c, best))
     return Naming(candidates=tuple(tried), best=best, rivals=rivals, probabilities=probabilities)
 
 
@@ -396,15 +279,3 @@ def _cannot_rule_out(rival: Candidate, best: Candidate) -> bool:
         return True
     apart = np.sqrt(max(rival.losses.mean() - best.losses.mean(), 0.0))
     return bool(apart < RIVAL_SHARE * best.calibration.plant.rig.model_error)
-
-
-def _shapes(effect: Effect) -> list[Effect]:
-    """The effect over a grid of each shape parameter, inside its range and around its typical value."""
-    grids = []
-    for parameter in effect.describe():
-        if parameter.name == effect.strength:
-            continue
-        low, high = (float(np.clip(parameter.value * f, parameter.lower, parameter.upper)) for f in SHAPE_RANGE)
-        values = np.geomspace(low, high, SHAPES) if parameter.scale is Scale.LOGARITHMIC else [parameter.value]
-        grids.append([(parameter.name, float(v)) for v in values])
-    return [replace(effect, **dict(combination)) for combination in itertools.product(*grids)]

@@ -63,6 +63,7 @@ def sentence(
     -------
     str
     """
+    unit = "µm" if unit == "um" else unit
     residual = fit["fitted"]["before"]
     left = "" if residual is None else (
         f"a residual of {number(residual)} {unit} on the fitted data, with {number(noise)} {unit} of sensor noise"
@@ -84,7 +85,10 @@ def sentence(
     gain = _gain(fit, noise, unit)
     if verdict is Verdict.AMBIGUOUS:
         others = ", ".join(name for name in rivals if name not in {c.effect for c in causes})
-        return f"Something is missing, and these recordings cannot tell which: perhaps {_lower(what)}, perhaps {others}; {gain}."
+        return (
+            f"Something is missing, and these recordings cannot tell which: perhaps {_lower(what)}, "
+            f"perhaps {others}; {gain}."
+        )
     share = sum(cause.share_explained for cause in causes) if len(causes) == 1 else None
     explained = "" if share is None else f"it explains {100 * share:.0f} % of the mismatch, and "
     return f"{what}, which the model does not have; {explained}{gain}."

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from enum import Enum
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 from deatwin.plant.equations import Builder
 from deatwin.plant.parameters import Parameter
@@ -54,11 +54,14 @@ class Rig(ABC):
         Standard deviation of the sensor's noise, SI.
     reading : ReadingTime
         When in its row a reading is taken.
+    command_range : tuple of float, or None
+        Lowest and highest command that the drive may give, in the command's unit; None where it is not known.
     """
 
     sample_time: float
     noise: float
     reading: ReadingTime = ReadingTime.END_OF_HOLD
+    command_range: tuple[float, float] | None = None
 
     kind: ClassVar[str]
     input_name: ClassVar[str]
@@ -93,13 +96,12 @@ class Rig(ABC):
             The reading, SI.
         """
 
-    @abstractmethod
     def to_dict(self) -> dict[str, Any]:
         """Plain data from which `from_dict` makes the same rig."""
+        return {**asdict(self), "reading": self.reading.value}
 
     @classmethod
-    @abstractmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> Rig:
+    def from_dict(cls, data: Mapping[str, Any]) -> Self:
         """The rig that `to_dict` described.
 
         Parameters
@@ -111,6 +113,10 @@ class Rig(ABC):
         -------
         Rig
         """
+        limits = data["command_range"]
+        return cls(
+            **{**data, "reading": ReadingTime(data["reading"]), "command_range": tuple(limits) if limits else None}
+        )
 
     def rivals(self) -> tuple[Rig, ...]:
         """Other readings of what the experimenter left open; this one is not among them."""

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar
 
 import casadi as ca
 
@@ -14,7 +13,7 @@ from deatwin.plant.equations import Builder
 from deatwin.plant.film import Film, relaxation_stiffness
 from deatwin.plant.material import Material, material
 from deatwin.plant.parameters import Parameter
-from deatwin.plant.rigs.base import ReadingTime, Rig, StartProcedure
+from deatwin.plant.rigs.base import Rig, StartProcedure
 
 __all__ = ["Coupon"]
 
@@ -42,7 +41,7 @@ class Coupon(Rig):
         Name in `deatwin.plant.material.MATERIALS`.
     width, thickness, length : float
         Of the unstretched strip between the clamps, m.
-    sample_time, noise, reading
+    sample_time, noise, reading, command_range
         As for every `Rig`.
     """
 
@@ -101,13 +100,6 @@ class Coupon(Rig):
     @cached_property
     def _stiffness(self) -> float:
         return relaxation_stiffness(_uniaxial, [self._volume], 1.0)
-
-    def to_dict(self) -> dict[str, Any]:
-        return {**asdict(self), "reading": self.reading.value}
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> Self:
-        return cls(**{**data, "reading": ReadingTime(data["reading"])})
 
 
 def _uniaxial(stretch: Symbol) -> list[tuple[Symbol, Symbol]]:

@@ -6,8 +6,8 @@ electrode disc and of the bare annulus. Lengths with the name *reference* are th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar, Self
 
@@ -59,7 +59,7 @@ class Diaphragm(Rig):
         How the film sits on the ball.
     ball_is_known : bool
         Whether the experimenter said so; if not, the other form is a rival.
-    sample_time, noise, reading
+    sample_time, noise, reading, command_range
         As for every `Rig`.
     """
 
@@ -198,13 +198,6 @@ class Diaphragm(Rig):
             lambda xi: geometry.relaxed(self.ball, xi), [a * self.thickness for a in areas], self.prestretch
         )
 
-    def to_dict(self) -> dict[str, Any]:
-        return {**asdict(self), "reading": self.reading.value}
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> Self:
-        return cls(**{**data, "reading": ReadingTime(data["reading"])})
-
     @classmethod
     def from_rig_file(cls, described: RigFile) -> Self:
         """The rig that a rig file describes.
@@ -220,6 +213,7 @@ class Diaphragm(Rig):
             Its noise includes the rounding to the sensor's resolution.
         """
         film, load, drive, sensor = described.film, described.load, described.drive, described.sensor
+        limits = (drive.command_min, drive.command_max)
         return cls(
             material=film.material, thickness=film.thickness, prestretch=film.prestretch,
             frame_radius=film.frame_diameter / 2, electrode_radius=film.electrode_diameter / 2,
@@ -227,6 +221,7 @@ class Diaphragm(Rig):
             start_ramp=drive.start_ramp, start_hold=drive.start_hold,
             ball=film.ball or cls.ball, ball_is_known=film.ball is not None,
             sample_time=1 / sensor.sample_rate,
+            command_range=None if None in limits else limits,  # type: ignore[arg-type]
             noise=float(np.hypot(sensor.noise, sensor.resolution / np.sqrt(12))),
         )  # fmt: skip
 

@@ -54,7 +54,8 @@ def check(
     record = RunRecord(command=context.obj, inputs=hashes([model, plant]), seed=seed, jobs=jobs)
     with voice.progress("closing the loop") as progress:
         result = check_design(
-            narx, physics.plant, operating_input=operating_input, rng=np.random.default_rng(seed),
+            narx, physics.plant, operating_input=operating_input,
+            command_limits=physics.plant.rig.command_range, rng=np.random.default_rng(seed),
             progress=lambda share: progress(share, "closing the loop"),
         )  # fmt: skip
     folder.save("check.json", result.save)

@@ -31,6 +31,9 @@ class Method(StrEnum):
 Recordings = Annotated[list[Path], typer.Argument(metavar="REC.csv...", help="Recordings of one sample time.")]
 ModelFile = Annotated[Path, typer.Option("--out", metavar="NARX.json", help="The model.")]
 MethodOption = Annotated[Method, typer.Option(help="svb: sparse variational Bayes; frols: forward regression.")]
+FirstInputLag = Annotated[
+    int, typer.Option(min=0, help="First lag of the input: 0 where a reading ends its row, as on the rig, else 1.")
+]
 MaxTerms = Annotated[int, typer.Option(min=1, help="Largest number of terms (frols only).")]
 
 
@@ -39,7 +42,8 @@ def identify(
     out: ModelFile,
     method: MethodOption = Method.SVB,
     output_lags: Annotated[int, typer.Option(min=1, help="Lags 1 to this of the output.")] = 2,
-    input_lags: Annotated[int, typer.Option(min=1, help="Lags 1 to this of the input.")] = 2,
+    input_lags: Annotated[int, typer.Option(min=0, help="Last lag of the input.")] = 2,
+    first_input_lag: FirstInputLag = 0,
     degree: Annotated[int, typer.Option(min=1, help="Largest degree of a term.")] = 2,
     max_terms: MaxTerms = 15,
     input_column: InputColumn = None,
@@ -62,7 +66,7 @@ def identify(
         for record in read_csv(path, input_column=input_column, output_column=output_column, allow_gaps=allow_gaps)
     ]
     require_excitation(records)
-    identifier = _identifier(method, output_lags, input_lags, degree, max_terms)
+    identifier = _identifier(method, output_lags, range(first_input_lag, input_lags + 1), degree, max_terms)
     with voice.progress("choosing terms") as progress:
         progress(0.0, "choosing terms")
         pieces = [_split(record) for record in records]
@@ -80,7 +84,7 @@ def identify(
     voice.result({"out": str(out), "terms": terms, "unseen": errors})
 
 
-def _identifier(method: Method, output_lags: int, input_lags: int, degree: int, max_terms: int) -> SvbNarx | Frols:
+def _identifier(method: Method, output_lags: int, input_lags: range, degree: int, max_terms: int) -> SvbNarx | Frols:
     from deatwin.ident.narx import Frols, SvbNarx
 
     if method is Method.SVB:

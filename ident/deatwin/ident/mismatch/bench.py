@@ -1,0 +1,35 @@
+"""What all steps of a diagnosis share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from deatwin.ident.greybox.fit import Part
+from deatwin.plant.effects.base import Effect
+from deatwin.plant.model import Plant
+
+__all__ = ["Bench"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Bench:
+    """The plant, the effects and the recordings on the bench.
+
+    Parameters
+    ----------
+    nominal : Plant
+        As the user gave it, not calibrated.
+    effects : tuple of Effect
+        What may be missing.
+    fitted, unseen, everything : tuple of Part
+        What is fitted, what only judges, and both together.
+    jobs : int
+        Worker processes.
+    """
+
+    nominal: Plant
+    effects: tuple[Effect, ...]
+    fitted: tuple[Part, ...]
+    unseen: tuple[Part, ...]
+    everything: tuple[Part, ...]
+    jobs: int

@@ -1,0 +1,220 @@
+"""The conclusion of a diagnosis, put together from what its steps found."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from deatwin.ident.greybox.fit import Calibration
+from deatwin.ident.mismatch.base import Base
+from deatwin.ident.mismatch.bench import Bench
+from deatwin.ident.mismatch.diagnosis import Cause, Diagnosis, Interval, Verdict
+from deatwin.ident.mismatch.evidence import CandidateSummary, Evidence, readings, tracks
+from deatwin.ident.mismatch.gate import Gate
+from deatwin.ident.mismatch.locate import locate_frequency, locate_region, locate_time
+from deatwin.ident.mismatch.name import Candidate, Naming
+from deatwin.ident.mismatch.say import sentence
+from deatwin.ident.mismatch.screen import detectable_size
+from deatwin.ident.mismatch.verify import Verification, shares_explained
+from deatwin.ident.parallel import run_jobs
+from deatwin.plant.calibrated import CalibratedPlant
+
+__all__ = ["Findings", "conclude"]
+
+UNITS: Mapping[str, tuple[str, float]] = {"m": ("um", 1e-6)}
+"""Units in which amplitudes are reported, with their SI size; others are reported in SI."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Findings:
+    """What the steps of a diagnosis found.
+
+    Parameters
+    ----------
+    bench : Bench
+        Plant, effects and recordings.
+    checked : Gate
+        State of the recordings.
+    base : Base
+        The calibrated base plant.
+    naming : Naming
+        The explanations that were tried.
+    verification : Verification
+        On unseen data.
+    verdict : Verdict
+        The conclusion.
+    answer : Candidate
+        The explanation, or the base plant.
+    final : Calibration
+        The answer, fitted to all sound samples.
+    """
+
+    bench: Bench
+    checked: Gate
+    base: Base
+    naming: Naming
+    verification: Verification
+    verdict: Verdict
+    answer: Candidate
+    final: Calibration
+
+    @property
+    def named(self) -> bool:
+        """Whether the answer has causes."""
+        return bool(self.answer.effects)
+
+    @property
+    def unit(self) -> tuple[str, float]:
+        """Unit of amplitudes, and its SI size."""
+        output_unit = self.final.plant.rig.output_unit
+        return UNITS.get(output_unit, (output_unit, 1.0))
+
+
+def conclude(findings: Findings) -> Diagnosis:
+    """Write the diagnosis.
+
+    Parameters
+    ----------
+    findings : Findings
+        Of all steps.
+
+    Returns
+    -------
+    Diagnosis
+    """
+    rig, base, answer = findings.final.plant.rig, findings.base, findings.answer
+    unit, size = findings.unit
+    model = CalibratedPlant(
+        plant=findings.final.plant, noise=base.noise, model_error=answer.unseen_test.excess,
+        names=findings.final.names, covariance=findings.final.covariance,
+        provenance={"verdict": findings.verdict.value},
+    )  # fmt: skip
+    causes = _causes(findings) if findings.named else ()
+    rivals = findings.naming.rivals if findings.named else ()
+    names = tuple(dict.fromkeys(e for c in (answer, *rivals) for e in c.effects))
+    fit = _fit_table(findings)
+    test = max(base.chosen.fitted_test, base.chosen.unseen_test, key=lambda t: t.excess)
+    return Diagnosis(
+        output={"name": rig.output_name, "unit": unit},
+        verdict=findings.verdict,
+        noise=base.noise / size,
+        model_error=rig.model_error / size,
+        detect={
+            "p_value": test.p_value,
+            "excess": test.excess / size,
+            "smallest_detectable": _smallest(findings),
+        },
+        locate=_locate(findings),
+        causes=causes,
+        names=names,
+        indistinguishable=tuple(_distance(answer, rival, base.noise) for rival in rivals),
+        sentence=sentence(findings.verdict, causes, names, fit, base.noise / size, unit, findings.checked.findings),
+        fit=fit,
+        warnings=(
+            *findings.checked.findings,
+            *(f"{name} ended on a bound of its range" for name in findings.final.at_bound),
+        ),
+        model=model,
+        evidence=_evidence(findings, model),
+    )
+
+
+def _causes(findings: Findings) -> tuple[Cause, ...]:
+    naming, final, base = findings.naming, findings.final, findings.base
+    shares = shares_explained(base.chosen, findings.answer, naming.candidates, base.noise)
+    causes = []
+    for effect in final.plant.effects:
+        parameters = {}
+        for parameter in effect.parameters:
+            low, high = final.interval(parameter.name)
+            value = final.plant.parameters[parameter.name].value
+            short = parameter.name.removeprefix(f"{effect.name}.")
+            parameters[short] = Interval(value=value, low=low, high=high, unit=parameter.unit)
+        weight = sum(p for names, p in naming.probabilities.items() if effect.name in names)
+        causes.append(
+            Cause(effect=effect.name, family=effect.family.value, probability=min(1.0, weight),
+                  share_explained=shares[effect.name], parameters=parameters)
+        )  # fmt: skip
+    return tuple(sorted(causes, key=lambda c: -c.share_explained))
+
+
+def _fit_table(findings: Findings) -> dict[str, dict[str, float | None]]:
+    checks, size = findings.verification, findings.unit[1]
+    after = (checks.fitted_after, checks.unseen_after, checks.gain_low) if findings.named else (None, None, None)
+    fitted, unseen, gain = (None if value is None else value / size for value in after)
+    return {
+        "fitted": {"before": checks.fitted_before / size, "after": fitted},
+        "unseen": {"before": checks.unseen_before / size, "after": unseen, "gain_low": gain},
+    }
+
+
+def _smallest(findings: Findings) -> dict[str, float | None]:
+    """Rms that each effect would need to add to the readings to be detected, in the report's unit."""
+    bench, size = findings.bench, findings.unit[1]
+    base = findings.base.chosen.calibration
+    sizes = run_jobs(detectable_size, [(base, e, bench.fitted) for e in bench.effects], workers=bench.jobs)
+    return {e.name: None if s is None else s / size for e, s in zip(bench.effects, sizes, strict=True)}
+
+
+def _locate(findings: Findings) -> dict[str, list[dict[str, Any]]]:
+    chosen, noise = findings.base.chosen, findings.base.noise
+    if not chosen.mismatch:
+        return {"time": [], "frequency": [], "region": [], "place": []}
+    plant = chosen.calibration.plant
+    found = tracks(plant, findings.checked.experiments)
+    windows = locate_time(found, noise**2 + plant.rig.model_error**2)
+    bands = locate_frequency(found, noise)
+    regions = locate_region(found, findings.unit[1])
+    return {
+        "time": [{"from_s": w.from_s, "to_s": w.to_s, "score": w.score} for w in windows],
+        "frequency": [{"from_Hz": b.from_Hz, "to_Hz": b.to_Hz, "excess_dB": b.excess_dB} for b in bands],
+        "region": [
+            {"signal": r.signal, "from": r.low, "to": r.high, "mean_residual": r.mean_residual} for r in regions
+        ],
+        "place": _places(findings),
+    }
+
+
+def _places(findings: Findings) -> list[dict[str, Any]]:
+    """How much of the mismatch an effect at each place can take up, at best and alone."""
+    place = {e.name: e.place.value for e in findings.bench.effects}
+    before = float(findings.base.chosen.losses.mean())
+    missing = max(before - findings.base.noise**2, 1e-300)
+    scores: dict[str, float] = {}
+    for candidate in findings.naming.candidates:
+        if len(candidate.effects) == 1:
+            share = float(np.clip((before - candidate.losses.mean()) / missing, 0.0, 1.0))
+            where = place[candidate.effects[0]]
+            scores[where] = max(scores.get(where, 0.0), share)
+    return [{"place": p, "score": s} for p, s in sorted(scores.items(), key=lambda item: -item[1])]
+
+
+def _distance(one: Candidate, other: Candidate, noise: float) -> dict[str, Any]:
+    """How far apart two explanations are on these recordings: difference of squared residuals over the noise's."""
+    samples = one.calibration.residuals.size + one.unseen.size
+    apart = max(float(other.losses.mean() - one.losses.mean()), 0.0) * samples / noise**2
+    return {"effects": ["+".join(one.effects), "+".join(other.effects)], "d2": apart}
+
+
+def _evidence(findings: Findings, model: CalibratedPlant) -> Evidence:
+    base, experiments = findings.base, findings.checked.experiments
+    calibration = base.chosen.calibration
+    return Evidence(
+        experiments=experiments,
+        base=readings(calibration.plant, experiments),
+        amended=readings(model.plant, experiments) if findings.named else None,
+        unseen=tuple(part.masks for part in findings.bench.unseen),
+        candidates=tuple(
+            CandidateSummary(effects=c.effects, fitted=c.calibration.rms, unseen=c.unseen_test.rms)
+            for c in findings.naming.candidates
+        ),
+        noise=base.noise,
+        model_error=calibration.plant.rig.model_error,
+        base_model=CalibratedPlant(
+            plant=calibration.plant, noise=base.noise, model_error=base.chosen.unseen_test.excess,
+            names=calibration.names, covariance=calibration.covariance,
+        ),
+    )  # fmt: skip
