@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,8 +18,9 @@ from deatwin.control.promise import LoopMargins, OperatingPoint, loop_margins
 from deatwin.control.trial import Trial
 from deatwin.control.verdict import GAIN, Finding, Verdict, judge_band, judge_margins, judge_plant, worst
 from deatwin.ident.narx import NarxModel
+from deatwin.plant.documents import read_document, write_document
+from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError
-from deatwin.plant.files import write_text_atomic
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Recording
 
@@ -105,7 +105,7 @@ class Check:
         path : str or Path
             File to write.
         """
-        write_text_atomic(path, json.dumps(to_document(self), indent=1, allow_nan=False) + "\n")
+        write_document(path, to_document(self))
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
@@ -125,19 +125,7 @@ class Check:
         ModelError
             If the file is missing, not JSON, of another schema, or malformed.
         """
-        try:
-            document = json.loads(Path(path).read_text(encoding="utf-8"))
-        except FileNotFoundError:
-            raise ModelError(f"{path}: there is no such check file") from None
-        except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
-            raise ModelError(f"{path}: not a readable JSON file ({error})") from error
-        schema = document.get("schema") if isinstance(document, dict) else None
-        if schema != SCHEMA:
-            raise ModelError(f"{path}: schema is {schema!r}; a check file has {SCHEMA!r}")
-        try:
-            return cls(**from_document(document))
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
-            raise ModelError(f"{path}: not a valid check: {error!r}") from error
+        return read_document(path, SCHEMA, lambda document: cls(**from_document(document)))
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the step reference and what the physics plant made of it.
@@ -151,9 +139,7 @@ class Check:
         -------
         matplotlib Axes
         """
-        from matplotlib import pyplot
-
-        axes = pyplot.subplots()[1] if ax is None else ax
+        axes = axes_or_new(ax)
         if self.steps is not None:
             self.steps.plot(axes)
         axes.set_title(f"{self.verdict.value}: {self.worst_case.text}", fontsize="small", wrap=True)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.control.design import ControlError, PiController
+from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.simulate import RunStatus, Stepper
@@ -138,9 +139,7 @@ class ClosedLoop:
         -------
         matplotlib Axes
         """
-        from matplotlib import pyplot
-
-        axes = pyplot.subplots()[1] if ax is None else ax
+        axes = axes_or_new(ax)
         axes.plot(self.timepts, self.measured, color="0.8", linewidth=0.8, label="measured")
         axes.plot(self.timepts, self.reference, "--", label="reference")
         axes.plot(self.timepts, self.output, label="output")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib.metadata import version
@@ -11,8 +10,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from deatwin.plant.errors import DeatwinError, ModelError
-from deatwin.plant.files import write_text_atomic
+from deatwin.plant.documents import read_document, write_document
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment
 from deatwin.plant.simulate import RunStatus
@@ -150,7 +148,7 @@ class CalibratedPlant:
         path : path
             File to write; replaced as a whole.
         """
-        write_text_atomic(path, json.dumps(self.to_dict(), indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+        write_document(path, self.to_dict())
 
     @classmethod
     def load(cls, path: Path | str) -> Self:
@@ -170,18 +168,13 @@ class CalibratedPlant:
         ModelError
             If it is no such file, or names a rig or effect that is not installed.
         """
-        try:
-            data = json.loads(Path(path).read_text(encoding="utf-8"))
-            if data.get("schema") != SCHEMA:
-                raise ModelError(f"schema {data.get('schema')!r} is not {SCHEMA!r}")
-            names = tuple(data["calibration"]["names"])
-            covariance = np.array(data["calibration"]["covariance"], dtype=float).reshape(len(names), len(names))
-            return cls(
-                plant=Plant.from_dict(data), noise=float(data["noise"]), model_error=float(data["model_error"]),
-                names=names, covariance=covariance, provenance=data["provenance"],
-            )  # fmt: skip
-        except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
-            raise ModelError(f"{path}: cannot be read as JSON: {error}") from None
-        except (AttributeError, KeyError, TypeError, ValueError, DeatwinError) as error:
-            text = str(error) if isinstance(error, DeatwinError) else f"malformed: {error!r}"
-            raise ModelError(f"{path}: not a {SCHEMA} file: {text}") from None
+        return read_document(path, SCHEMA, cls._from_dict)
+
+    @classmethod
+    def _from_dict(cls, data: Mapping[str, Any]) -> Self:
+        names = tuple(data["calibration"]["names"])
+        covariance = np.array(data["calibration"]["covariance"], dtype=float).reshape(len(names), len(names))
+        return cls(
+            plant=Plant.from_dict(data), noise=float(data["noise"]), model_error=float(data["model_error"]),
+            names=names, covariance=covariance, provenance=data["provenance"],
+        )  # fmt: skip

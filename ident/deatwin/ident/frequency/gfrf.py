@@ -14,6 +14,7 @@ from deatwin.ident.frequency.dc import Equilibrium, equilibrium
 from deatwin.ident.frequency.linear import LinearPart, linear_part
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.operating import read_only
+from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError
 
 if TYPE_CHECKING:
@@ -162,9 +163,7 @@ class FrequencyResponse:
         -------
         matplotlib Axes
         """
-        from matplotlib import pyplot
-
-        axes = pyplot.subplots()[1] if ax is None else ax
+        axes = axes_or_new(ax)
         band = self.band()
         (line,) = axes.plot(self.frequency_Hz, self.gain, label="$|H_1|$")
         axes.fill_between(

@@ -115,6 +115,7 @@ def conclude(findings: Findings) -> Diagnosis:
         fit=fit,
         warnings=(
             *findings.checked.findings,
+            *(f"{name} could not be tried: no fit with it could be simulated" for name in findings.naming.failed),
             *(f"{name} ended on a bound of its range" for name in findings.final.at_bound),
         ),
         model=model,

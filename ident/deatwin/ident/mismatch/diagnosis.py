@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
@@ -11,8 +10,8 @@ from typing import Any, Self
 
 from deatwin.ident.mismatch.evidence import Evidence
 from deatwin.plant.calibrated import CalibratedPlant
+from deatwin.plant.documents import read_document, write_document
 from deatwin.plant.errors import ModelError
-from deatwin.plant.files import write_text_atomic
 
 __all__ = ["SCHEMA", "Cause", "Diagnosis", "Interval", "Verdict"]
 
@@ -177,10 +176,8 @@ class Diagnosis:
         Raises
         ------
         ModelError
-            If the schema is another one or a field is missing.
+            If a field is missing or malformed.
         """
-        if data.get("schema") != SCHEMA:
-            raise ModelError(f"schema {data.get('schema')!r} is not {SCHEMA!r}")
         try:
             causes = tuple(_cause_from_dict(cause) for cause in data["causes"])
             same = ("output", "noise", "model_error", "detect", "locate", "sentence", "fit", "next_experiment",
@@ -201,7 +198,7 @@ class Diagnosis:
         path : path
             File to write; replaced as a whole.
         """
-        write_text_atomic(path, json.dumps(self.to_dict(), indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+        write_document(path, self.to_dict())
 
     @classmethod
     def load(cls, path: Path | str) -> Self:
@@ -221,11 +218,7 @@ class Diagnosis:
         ModelError
             If it is no such file.
         """
-        try:
-            data = json.loads(Path(path).read_text(encoding="utf-8"))
-            return cls.from_dict(data)
-        except (OSError, UnicodeDecodeError, json.JSONDecodeError, ModelError, AttributeError) as error:
-            raise ModelError(f"{path}: not a {SCHEMA} file: {error}") from None
+        return read_document(path, SCHEMA, cls.from_dict)
 
 
 def _cause_to_dict(cause: Cause) -> dict[str, Any]:

@@ -17,6 +17,8 @@ WINDOW_SECONDS = 2.0
 SEGMENT_SECONDS = 20.0
 BINS = 12
 MOST_PIECES = 5
+LOUD = 2.0
+"""A line of the spectrum counts when it has this many times the power of the sensor's noise."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -173,7 +175,8 @@ def locate_frequency(tracks: Sequence[Track], noise: float) -> tuple[Band, ...]:
     """Bands in which the residual's spectrum lies above white sensor noise.
 
     Welch's estimate over segments of twenty seconds, averaged over records; each line is tested against the
-    chi-squared law of an averaged periodogram, with the false-discovery rate held at 5 % over all lines.
+    chi-squared law of an averaged periodogram, with the false-discovery rate held at 5 % over all lines, and must
+    have at least twice the power of the noise.
 
     Parameters
     ----------
@@ -207,7 +210,7 @@ def locate_frequency(tracks: Sequence[Track], noise: float) -> tuple[Band, ...]:
     ratio[-1] *= 2
     # Half-overlapping Hann segments are worth 18/35 of as many independent ones (Welch 1967).
     degrees = 2 * max(1.0, segments * 36 / 70)
-    lines = np.flatnonzero(_discoveries(chi2.sf(ratio * degrees, degrees)))
+    lines = np.flatnonzero(_discoveries(chi2.sf(ratio * degrees, degrees)) & (ratio > LOUD))
     width = frequency[1]
     bands = []
     for run in _runs(lines):

@@ -96,12 +96,15 @@ class Naming:
         Other adequate ones that these recordings cannot rule out.
     probabilities : mapping of tuple of str to float
         Of each candidate of the size of the best one, by evidence.
+    failed : tuple of str
+        Effects that could not be tried: no fit with them could be simulated. That is no evidence against them.
     """
 
     candidates: tuple[Candidate, ...]
     best: Candidate | None
     rivals: tuple[Candidate, ...]
     probabilities: dict[tuple[str, ...], float]
+    failed: tuple[str, ...] = ()
 
 
 def fit_candidate(
@@ -213,7 +216,9 @@ def try_singles(
     nominal = bench.nominal.with_rig(base.calibration.plant.rig)
     tasks = [(nominal, base.calibration, e, bench.fitted, bench.unseen, noise) for e in bench.effects]
     singles = _try(tasks, bench.jobs, finished)
-    return _decide((base, *singles), singles)
+    tried = {name for single in singles for name in single.effects}
+    failed = tuple(e.name for e in bench.effects if e.name not in tried)
+    return replace(_decide((base, *singles), singles), failed=failed)
 
 
 def try_pairs(
@@ -245,7 +250,7 @@ def try_pairs(
     others = [effect for effect in bench.effects if effect.name not in one.plant.effect_names]
     tasks = [(start, one, effect, bench.fitted, bench.unseen, noise) for effect in others]
     pairs = _try(tasks, bench.jobs, finished)
-    return _decide((*naming.candidates, *pairs), pairs)
+    return replace(_decide((*naming.candidates, *pairs), pairs), failed=naming.failed)
 
 
 def _try(tasks: list[Any], jobs: int, finished: Callable[[float], None] | None) -> list[Candidate]:

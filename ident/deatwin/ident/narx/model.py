@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -17,8 +16,8 @@ from numpy.typing import ArrayLike
 from deatwin.ident.narx.operating import Array, OperatingRange, read_only
 from deatwin.ident.narx.response import NarxResponse, ResponseStatus, free_run
 from deatwin.ident.narx.terms import Term, TermTable
+from deatwin.plant.documents import read_document, write_document
 from deatwin.plant.errors import ModelError
-from deatwin.plant.files import write_text_atomic
 from deatwin.plant.recording import Recording
 
 SCHEMA = "deatwin/narx/1"
@@ -220,7 +219,7 @@ class NarxModel:
         path : str or Path
             File to write.
         """
-        write_text_atomic(path, json.dumps(_to_json(self), indent=1, allow_nan=False) + "\n")
+        write_document(path, _to_json(self))
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
@@ -236,21 +235,7 @@ class NarxModel:
         ModelError
             If the file is missing, not JSON, of another schema, or malformed.
         """
-        try:
-            document = json.loads(Path(path).read_text(encoding="utf-8"))
-        except FileNotFoundError:
-            raise ModelError(f"{path}: there is no such model file") from None
-        except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
-            raise ModelError(f"{path}: not a readable JSON file ({error})") from error
-        schema = document.get("schema") if isinstance(document, dict) else None
-        if schema != SCHEMA:
-            raise ModelError(f"{path}: schema is {schema!r}; a NARX model file has {SCHEMA!r}")
-        try:
-            return cls(**_from_json(document))
-        except KeyError as error:
-            raise ModelError(f"{path}: the key {error} is missing") from error
-        except (TypeError, ValueError, AttributeError) as error:
-            raise ModelError(f"{path}: not a valid NARX model: {error}") from error
+        return read_document(path, SCHEMA, lambda document: cls(**_from_json(document)))
 
     def _check(self, recording: Recording) -> int:
         """Return the first sample that can be computed, after checking that the recording suits."""

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.narx.terms import Term, TermTable
+from deatwin.plant.drawing import axes_or_new
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -85,9 +86,7 @@ class NarxResponse:
         -------
         matplotlib Axes
         """
-        from matplotlib import pyplot
-
-        axes = pyplot.subplots()[1] if ax is None else ax
+        axes = axes_or_new(ax)
         axes.plot(self.timepts, self.measured[0], label="measured")
         axes.plot(self.timepts, self.outputs[0], label="model")
         axes.set_xlabel("time (s)")
