@@ -30,8 +30,8 @@ def public(name: str) -> Iterator[tuple[str, object]]:
 
 def arguments(function: object) -> list[str]:
     kinds = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
-    found = inspect.signature(function).parameters.values()
-    return [p.name for p in found if p.name not in ("self", "cls") and not p.name.startswith("_") and p.kind not in kinds]
+    found = [p for p in inspect.signature(function).parameters.values() if p.kind not in kinds]
+    return [p.name for p in found if p.name not in ("self", "cls") and not p.name.startswith("_")]
 
 
 def missing(where: str, function: object, text: str | None) -> list[str]:

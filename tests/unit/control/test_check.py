@@ -127,7 +127,7 @@ def test_other_files_are_refused(text, tmp_path):
     path.write_text(text, encoding="utf-8")
     with pytest.raises(ModelError, match=r"check\.json"):
         Check.load(path)
-    with pytest.raises(ModelError, match="no such check file"):
+    with pytest.raises(ModelError, match="no such file"):
         Check.load(tmp_path / "missing.json")
 
 

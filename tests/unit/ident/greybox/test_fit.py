@@ -73,9 +73,8 @@ def test_only_counted_samples_matter(plant):
     record = experiment.recordings[0]
     spoiled = record.outputs.copy()
     spoiled[0, 1000:] += 1.0
-    part = Part(
-        experiment=Experiment(recordings=(replace(record, outputs=spoiled),)), masks=(np.arange(record.n_samples) < 1000,)
-    )
+    early = np.arange(record.n_samples) < 1000
+    part = Part(experiment=Experiment(recordings=(replace(record, outputs=spoiled),)), masks=(early,))
     found = calibrate(plant, [part])
     assert found.residuals.shape == (1000,)
     assert found.plant.parameters["stiffness"].value == pytest.approx(TRUTH["stiffness"], rel=1e-4)
