@@ -22,6 +22,8 @@ OFTEN = ("open_none_1", "open_creep", "open_electrode_loss")
 CASES = sorted(case.name for case in FOLDER.iterdir() if case.is_dir())
 UM = 1e-6
 
+pytestmark = pytest.mark.many_fits
+
 
 def recording(case: str, part: str, folder: Path) -> Recording:
     path = folder / f"{part}.csv"

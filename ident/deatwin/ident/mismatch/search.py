@@ -14,9 +14,9 @@ __all__ = ["approach", "search", "settle"]
 OPENING_SAMPLES = 4000
 """The first approach uses the opening of each experiment, long enough for the film's fast parameters."""
 OPENING_EVALUATIONS = 8
-ROUGH = 1e-3
-"""A form that leaves a large residual need not be fitted better than to 0.05 % of it,"""
-ROUGH_EVALUATIONS = 12
+ROUGH = 3e-3
+"""A form that leaves a large residual need not be fitted better than to 0.15 % of it,"""
+ROUGH_EVALUATIONS = 10
 """nor with more simulations than these."""
 WORTH_POLISHING = 4.0
 """Mean squared residual against noise and model error, below which a form is fitted to the end."""

@@ -6,10 +6,14 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from enum import Enum
-from typing import Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from deatwin.plant.equations import Builder
 from deatwin.plant.parameters import Parameter
+
+if TYPE_CHECKING:
+    from deatwin.plant.effects.base import Effect
+    from deatwin.plant.model import Plant
 
 __all__ = ["ReadingTime", "Rig", "StartProcedure"]
 
@@ -117,6 +121,22 @@ class Rig(ABC):
         return cls(
             **{**data, "reading": ReadingTime(data["reading"]), "command_range": tuple(limits) if limits else None}
         )
+
+    def with_effects(self, *effects: Effect) -> Plant:
+        """A plant of this rig and effects.
+
+        Parameters
+        ----------
+        *effects : Effect
+            None for the base plant.
+
+        Returns
+        -------
+        Plant
+        """
+        from deatwin.plant.model import Plant  # a plant is made of rigs, so the module cannot be loaded first
+
+        return Plant(rig=self, effects=effects)
 
     def rivals(self) -> tuple[Rig, ...]:
         """Other readings of what the experimenter left open; this one is not among them."""

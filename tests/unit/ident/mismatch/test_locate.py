@@ -11,6 +11,7 @@ from deatwin.ident.mismatch.locate import Track, locate_frequency, locate_region
 from deatwin.plant import Diaphragm, Experiment, Plant, Recording
 from deatwin.plant.excitation import band_limited_noise
 
+pytestmark = pytest.mark.many_fits
 NOISE, MODEL_ERROR = 2e-6, 1.2e-6
 FLOOR = NOISE**2 + MODEL_ERROR**2
 

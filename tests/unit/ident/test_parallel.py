@@ -1,0 +1,57 @@
+"""The runner gives the same results however the jobs are spread."""
+
+import os
+
+import numpy as np
+import pytest
+from threadpoolctl import threadpool_info
+
+from deatwin.ident.parallel import run_jobs, spawn_generators
+
+
+def draw(rng: np.random.Generator, count: int) -> np.ndarray:
+    return rng.standard_normal(count)
+
+
+def threads_and_process(_: int) -> tuple[int, int]:
+    np.ones((8, 8)) @ np.ones((8, 8))
+    return max((pool["num_threads"] for pool in threadpool_info()), default=1), os.getpid()
+
+
+def fail(number: int) -> int:
+    if number == 2:
+        raise ValueError("job 2 failed")
+    return number
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_results_come_in_order_and_do_not_depend_on_the_workers(workers):
+    jobs = [(rng, 4) for rng in spawn_generators(7, 5)]
+    found = run_jobs(draw, jobs, workers=workers)
+    alone = [draw(rng, 4) for rng in spawn_generators(7, 5)]
+    for one, other in zip(found, alone, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_generators_are_independent_and_repeatable():
+    first, again = spawn_generators(3, 4), spawn_generators(3, 4)
+    numbers = [rng.random() for rng in first]
+    assert numbers == [rng.random() for rng in again]
+    assert len(set(numbers)) == 4
+
+
+def test_each_worker_has_one_blas_thread():
+    found = run_jobs(threads_and_process, [(k,) for k in range(4)], workers=2)
+    assert all(threads == 1 for threads, _ in found)
+    assert all(process != os.getpid() for _, process in found)
+
+
+def test_progress_counts_every_job():
+    counts: list[int] = []
+    run_jobs(abs, [(-1,), (-2,), (-3,)], finished=counts.append)
+    assert counts == [1, 2, 3]
+
+
+def test_a_failing_job_is_an_error():
+    with pytest.raises(ValueError, match="job 2 failed"):
+        run_jobs(fail, [(k,) for k in range(4)], workers=1)
