@@ -14,6 +14,7 @@ import pytest
 
 from deatwin.ident.mismatch import Diagnosis, Verdict, diagnose
 from deatwin.plant import Experiment, Recording
+from deatwin.plant.compiled import compiler
 from deatwin.plant.files import read_recording
 from deatwin.plant.sources import load_plant
 
@@ -22,7 +23,9 @@ OFTEN = ("open_none_1", "open_creep", "open_electrode_loss")
 CASES = sorted(case.name for case in FOLDER.iterdir() if case.is_dir())
 UM = 1e-6
 
-pytestmark = pytest.mark.many_fits
+pytestmark = pytest.mark.skipif(
+    compiler() is None, reason="many fits: without a C compiler they take ten times as long"
+)
 
 
 def recording(case: str, part: str, folder: Path) -> Recording:

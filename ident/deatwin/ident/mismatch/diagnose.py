@@ -13,8 +13,8 @@ from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.conclude import Findings, conclude
 from deatwin.ident.mismatch.detect import detect
 from deatwin.ident.mismatch.diagnosis import Diagnosis, Verdict
-from deatwin.ident.mismatch.evidence import tracks
-from deatwin.ident.mismatch.gate import Gate, Soundness, gate, split
+from deatwin.ident.mismatch.evidence import readings, tracks
+from deatwin.ident.mismatch.gate import Gate, Soundness, confirm, gate, split
 from deatwin.ident.mismatch.locate import locate_time
 from deatwin.ident.mismatch.name import Candidate, Naming, free_run_residuals, try_pairs, try_singles
 from deatwin.ident.mismatch.verify import Verification, verify
@@ -81,6 +81,7 @@ def diagnose(
         bench = _bench(plant, checked, bench.effects, jobs, onset)
         base = calibrate_base(bench)
 
+    checked = confirm(checked, readings(base.chosen.calibration.plant, several))
     naming = Naming(candidates=(base.chosen,), best=None, rivals=(), probabilities={})
     if base.chosen.mismatch and checked.soundness is Soundness.SOUND:
         tell(0.3, "trying single effects")

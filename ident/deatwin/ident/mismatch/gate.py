@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
@@ -14,13 +14,14 @@ from deatwin.plant.errors import DataError
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
 
-__all__ = ["Gate", "Soundness", "gate", "split"]
+__all__ = ["Gate", "Soundness", "confirm", "gate", "split"]
 
+Masks = tuple[tuple[np.ndarray, ...], ...]
 UNSEEN_SHARE = 0.3
 """The last part of each record that no fit sees until verification."""
 STUCK_SECONDS = 1.0
 SPIKE_DEVIATIONS = 12.0
-"""A normal reading this far from its neighbours' median comes once in 10^32 samples."""
+"""A normal reading this far from its neighbours' cubic comes once in 10^32 samples."""
 QUIET_SECONDS = 1.0
 """After a jump of the command the film rings: readings are not called spikes for this long."""
 FEWEST_PER_PARAMETER = 20
@@ -41,18 +42,37 @@ class Gate:
     ----------
     experiments : tuple of Experiment
         As given.
-    sound : tuple of tuple of ndarray of bool
-        For each experiment and record, the samples without a fault.
-    soundness : Soundness
-        Whether there is a fault.
-    findings : tuple of str
-        What is wrong, and where.
+    stuck, outliers : tuple of tuple of ndarray of bool
+        For each experiment and record, the samples at fault.
     """
 
     experiments: tuple[Experiment, ...]
-    sound: tuple[tuple[np.ndarray, ...], ...]
-    soundness: Soundness
-    findings: tuple[str, ...]
+    stuck: Masks
+    outliers: Masks
+
+    @property
+    def sound(self) -> Masks:
+        """For each experiment and record, the samples without a fault."""
+        pairs = zip(self.stuck, self.outliers, strict=True)
+        return tuple(tuple(~(s | o) for s, o in zip(*pair, strict=True)) for pair in pairs)
+
+    @property
+    def soundness(self) -> Soundness:
+        """Whether there is a fault: a lone outlier is a nuisance, a stuck sensor or a burst is a fault."""
+        masks = [mask for masks in self.sound for mask in masks]
+        bad, total = sum(int((~m).sum()) for m in masks), sum(m.size for m in masks)
+        return Soundness.FAULTY if bad > max(10, 1e-3 * total) else Soundness.SOUND
+
+    @property
+    def findings(self) -> tuple[str, ...]:
+        """What is wrong, and where."""
+        found: list[str] = []
+        for experiment, stuck, outliers in zip(self.experiments, self.stuck, self.outliers, strict=True):
+            for number, record in enumerate(experiment.recordings):
+                name = record.provenance.get("file", f"record {number + 1}")
+                found += _describe(name, record, stuck[number], "the reading is stuck")
+                found += _describe(name, record, outliers[number], "outliers")
+        return tuple(found)
 
 
 def gate(plant: Plant, experiments: Sequence[Experiment]) -> Gate:
@@ -68,6 +88,7 @@ def gate(plant: Plant, experiments: Sequence[Experiment]) -> Gate:
     Returns
     -------
     Gate
+        Its outliers are suspects until `confirm` has seen them beside a calibrated plant.
 
     Raises
     ------
@@ -83,25 +104,32 @@ def gate(plant: Plant, experiments: Sequence[Experiment]) -> Gate:
     require_excitation(records)
     longest = max(records, key=lambda r: r.n_samples)
     require_samples(longest, FEWEST_PER_PARAMETER * len(plant.parameters.free), "a diagnosis")
-    findings: list[str] = []
-    sound = []
-    for experiment in experiments:
-        masks = []
-        for number, record in enumerate(experiment.recordings, start=1):
-            stuck, spikes = _stuck(record), _spikes(record)
-            name = record.provenance.get("file", f"record {number}")
-            findings += _describe(name, record, stuck, "the reading is stuck")
-            findings += _describe(name, record, spikes, "outliers")
-            masks.append(~(stuck | spikes))
-        sound.append(tuple(masks))
-    # A lone spike is a nuisance that is left out; a stuck sensor or a burst is a fault of the recording.
-    bad = sum(int((~mask).sum()) for masks in sound for mask in masks)
-    total = sum(record.n_samples for record in records)
-    faulty = bad > max(10, 1e-3 * total)
     return Gate(
-        experiments=tuple(experiments), sound=tuple(sound),
-        soundness=Soundness.FAULTY if faulty else Soundness.SOUND, findings=tuple(findings),
-    )  # fmt: skip
+        experiments=tuple(experiments),
+        stuck=tuple(tuple(_stuck(r) for r in e.recordings) for e in experiments),
+        outliers=tuple(tuple(_spikes(r.outputs[0]) & _quiet(r) for r in e.recordings) for e in experiments),
+    )
+
+
+def confirm(checked: Gate, readings: Sequence[Sequence[np.ndarray]]) -> Gate:
+    """Keep the outliers that also stand out of the residual: fast motion of the plant itself is no fault.
+
+    Parameters
+    ----------
+    checked : Gate
+        With suspects.
+    readings : sequence of sequence of ndarray, each of shape (n,)
+        The calibrated plant's, for each experiment and record, SI.
+
+    Returns
+    -------
+    Gate
+    """
+    confirmed = []
+    for experiment, suspects, simulated in zip(checked.experiments, checked.outliers, readings, strict=True):
+        residuals = (r.outputs[0] - y for r, y in zip(experiment.recordings, simulated, strict=True))
+        confirmed.append(tuple(mask & _spikes(e) for mask, e in zip(suspects, residuals, strict=True)))
+    return replace(checked, outliers=tuple(confirmed))
 
 
 def split(
@@ -157,21 +185,30 @@ def _stuck(record: Recording) -> np.ndarray:
     return mask & (reading != reading.max()) & (reading != reading.min())
 
 
-def _spikes(record: Recording) -> np.ndarray:
-    """Single readings far from the median of their neighbours, away from jumps of the command."""
-    reading, command = record.outputs[0], record.inputs[0]
-    padded = np.pad(reading, 2, mode="edge")
-    neighbours = np.median(np.stack([padded[k : k + reading.size] for k in (0, 1, 3, 4)]), axis=0)
-    deviation = np.abs(reading - neighbours)
+def _spikes(signal: np.ndarray) -> np.ndarray:
+    """Single values far from the cubic through their four neighbours."""
+    padded = np.pad(signal, 2, mode="edge")
+    before_last, before, after, after_next = (padded[k : k + signal.size] for k in (0, 1, 3, 4))
+    deviation = np.abs(signal - (4 * (before + after) - before_last - after_next) / 6)
     typical = 1.4826 * np.median(deviation) + 1e-15
+    # A spike bends its neighbours' cubics too, by two thirds of its size: only the peak is the outlier.
+    around = np.pad(deviation, 1)
+    peak = (deviation >= around[:-2]) & (deviation >= around[2:])
+    return peak & (deviation > SPIKE_DEVIATIONS * typical)
+
+
+def _quiet(record: Recording) -> np.ndarray:
+    """Samples away from jumps of the command, after which the film rings."""
+    command = record.inputs[0]
     step = np.abs(np.diff(command, prepend=command[0]))
-    jumps = np.flatnonzero(step > 0.05 * np.ptp(command))
-    quiet = np.ones(reading.size, dtype=bool)
+    # Holds jump by less than noise wanders in a sample or two, so the size is relative to the usual step.
+    jumps = np.flatnonzero(step > max(0.005 * np.ptp(command), 5 * float(np.median(step))))
+    quiet = np.ones(command.size, dtype=bool)
     ring = round(QUIET_SECONDS / record.sample_time)
     for jump in jumps:
         quiet[max(0, jump - 2) : jump + ring] = False
     quiet[:ring] = quiet[-2:] = False  # the record before this one may have ended at another command
-    return quiet & (deviation > SPIKE_DEVIATIONS * typical)
+    return quiet
 
 
 def _describe(name: str, record: Recording, bad: np.ndarray, what: str) -> list[str]:

@@ -20,10 +20,13 @@ from deatwin.plant import (
     Plant,
     Recording,
 )
+from deatwin.plant.compiled import compiler
 from deatwin.plant.effects.catalogue import effect_named
 from deatwin.plant.excitation import band_limited_noise, random_holds
 
-pytestmark = pytest.mark.many_fits
+pytestmark = pytest.mark.skipif(
+    compiler() is None, reason="many fits: without a C compiler they take ten times as long"
+)
 NOMINAL = Plant(rig=Diaphragm())
 WRONG_PARAMETERS = {"shear_modulus": 29e3, "stretch_limit": 140.0, "permittivity": 4.3, "damping": 0.06}
 CATALOGUE = [Creep(), ElectrodeRC(), PermittivityDrift()]

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deatwin.ident.mismatch.gate import Soundness, gate, split
+from deatwin.ident.mismatch.gate import Soundness, confirm, gate, split
 from deatwin.plant import DataError, Diaphragm, Experiment, Plant, Recording
 from deatwin.plant.excitation import band_limited_noise, random_holds
 
@@ -24,6 +24,38 @@ def sound() -> Experiment:
         )
     )
     return PLANT.record(blank, np.random.default_rng(1))
+
+
+def test_ringing_after_any_jump_is_no_outlier():
+    """Twenty clean records with jumps of all sizes: none is called faulty."""
+    rng = np.random.default_rng(2)
+    for _ in range(20):
+        holds = random_holds(rng, 60.0, 0.02, 1.1, 3.3)
+        blank = Experiment(recordings=(Recording.from_arrays(holds, np.zeros_like(holds), 0.02),))
+        assert gate(PLANT, [PLANT.record(blank, rng)]).soundness is Soundness.SOUND
+
+
+def test_fast_motion_is_suspected_but_not_confirmed():
+    """Limited noise drives the soft nominal film into fast motion; the plant itself explains it."""
+    rng = np.random.default_rng(5)
+    suspects = confirmed = 0
+    for _ in range(10):
+        noise = band_limited_noise(rng, 60.0, 0.02)
+        blank = Experiment(recordings=(Recording.from_arrays(noise, np.zeros_like(noise), 0.02),))
+        checked = gate(PLANT, [PLANT.record(blank, rng)])
+        suspects += len(checked.findings)
+        confirmed += len(confirm(checked, [[y[0] for y in PLANT.simulate(blank).outputs]]).findings)
+    assert suspects > 0
+    assert confirmed == 0
+
+
+def test_a_true_outlier_is_confirmed(sound):
+    outputs = sound.recordings[0].outputs[0].copy()
+    outputs[500:600:4] += 2e-4
+    spoiled = with_outputs(sound, outputs)
+    checked = confirm(gate(PLANT, [spoiled]), [[y[0] for y in PLANT.simulate(spoiled).outputs]])
+    assert checked.soundness is Soundness.FAULTY
+    assert checked.outliers[0][0].sum() >= 20
 
 
 def with_outputs(experiment: Experiment, outputs: np.ndarray) -> Experiment:

@@ -9,9 +9,12 @@ from deatwin.ident.greybox import Part, calibrate
 from deatwin.ident.mismatch.evidence import tracks
 from deatwin.ident.mismatch.locate import Track, locate_frequency, locate_region, locate_time
 from deatwin.plant import Diaphragm, Experiment, Plant, Recording
+from deatwin.plant.compiled import compiler
 from deatwin.plant.excitation import band_limited_noise
 
-pytestmark = pytest.mark.many_fits
+pytestmark = pytest.mark.skipif(
+    compiler() is None, reason="many fits: without a C compiler they take ten times as long"
+)
 NOISE, MODEL_ERROR = 2e-6, 1.2e-6
 FLOOR = NOISE**2 + MODEL_ERROR**2
 
