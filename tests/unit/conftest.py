@@ -37,7 +37,6 @@ class Oscillator(Rig):
     input_unit: ClassVar[str] = "N"
     output_name: ClassVar[str] = "position"
     output_unit: ClassVar[str] = "m"
-    model_error: ClassVar[float] = 0.0
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:

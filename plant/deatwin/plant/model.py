@@ -307,7 +307,7 @@ class Plant:
         return cls(rig=rig, effects=effects, values=values)
 
 
-NOT_IN_EQUATIONS = frozenset({"reading", "noise", "sample_time", "command_range", "ball_is_known"})
+NOT_IN_EQUATIONS = frozenset({"reading", "noise", "sample_time", "model_error", "command_range", "ball_is_known"})
 """What a rig says of itself besides its equations."""
 
 

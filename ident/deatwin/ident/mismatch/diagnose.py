@@ -72,6 +72,8 @@ def diagnose(
     tell(0.0, "checking the recordings")
     several = (experiments,) if isinstance(experiments, Experiment) else tuple(experiments)
     checked = gate(plant, several)
+    motion = float(np.std(np.concatenate([record.outputs[0] for e in several for record in e.recordings])))
+    plant = plant.with_rig(plant.rig.for_motion(motion))
     bench = _bench(plant, checked, catalogue() if effects is None else effects, jobs)
 
     tell(0.02, "calibrating the base plant")

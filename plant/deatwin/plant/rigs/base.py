@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from enum import Enum
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -58,6 +58,8 @@ class Rig(ABC):
         Standard deviation of the sensor's noise, SI.
     reading : ReadingTime
         When in its row a reading is taken.
+    model_error : float
+        Rms error of the rig's own equations against a finer model, after a calibration, SI.
     command_range : tuple of float, or None
         Lowest and highest command that the drive may give, in the command's unit; None where it is not known.
     """
@@ -65,6 +67,7 @@ class Rig(ABC):
     sample_time: float
     noise: float
     reading: ReadingTime = ReadingTime.END_OF_HOLD
+    model_error: float = 0.0
     command_range: tuple[float, float] | None = None
 
     kind: ClassVar[str]
@@ -72,8 +75,8 @@ class Rig(ABC):
     input_unit: ClassVar[str]
     output_name: ClassVar[str]
     output_unit: ClassVar[str]
-    model_error: ClassVar[float]
-    """Rms error of the rig's own equations against a finer model, SI."""
+    model_share: ClassVar[float] = 0.0
+    """Rms error of the rig's own equations as a share of the motion, where that is more than `model_error`."""
 
     @property
     @abstractmethod
@@ -137,6 +140,20 @@ class Rig(ABC):
         from deatwin.plant.model import Plant  # a plant is made of rigs, so the module cannot be loaded first
 
         return Plant(rig=self, effects=effects)
+
+    def for_motion(self, motion: float) -> Self:
+        """The same rig, with the model error that it has on recordings of a given size.
+
+        Parameters
+        ----------
+        motion : float
+            Standard deviation of the readings, SI.
+
+        Returns
+        -------
+        Rig
+        """
+        return replace(self, model_error=max(self.model_error, self.model_share * motion))
 
     def rivals(self) -> tuple[Rig, ...]:
         """Other readings of what the experimenter left open; this one is not among them."""

@@ -41,7 +41,7 @@ class Coupon(Rig):
         Name in `deatwin.plant.material.MATERIALS`.
     width, thickness, length : float
         Of the unstretched strip between the clamps, m.
-    sample_time, noise, reading, command_range
+    sample_time, noise, reading, model_error, command_range
         As for every `Rig`.
     """
 
@@ -51,15 +51,15 @@ class Coupon(Rig):
     length: float = 80e-3
     sample_time: float = 0.02
     noise: float = 1e-3
+    model_error: float = 0.05
+    """5 % of the 1 N with which a strip of 10 mm² resists: what good phenomenological models of VHB leave
+    (Zou & Gu: 4.5 % rms), here for clamps, between which the stretch is not uniform, and the form of W."""
 
     kind: ClassVar[str] = "coupon"
     input_name: ClassVar[str] = "stretch"
     input_unit: ClassVar[str] = "1"
     output_name: ClassVar[str] = "force"
     output_unit: ClassVar[str] = "N"
-    model_error: ClassVar[float] = 0.05
-    """5 % of the 1 N with which a strip of 10 mm² resists: what good phenomenological models of VHB leave
-    (Zou & Gu: 4.5 % rms), here for clamps, between which the stretch is not uniform, and the form of W."""
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:

@@ -59,7 +59,7 @@ class Diaphragm(Rig):
         How the film sits on the ball.
     ball_is_known : bool
         Whether the experimenter said so; if not, the other form is a rival.
-    sample_time, noise, reading, command_range
+    sample_time, noise, reading, model_error, command_range
         As for every `Rig`.
     """
 
@@ -77,13 +77,15 @@ class Diaphragm(Rig):
     ball_is_known: bool = False
     sample_time: float = 0.02
     noise: float = 2e-6
+    model_error: float = 1.2e-6
 
     kind: ClassVar[str] = "diaphragm"
     input_name: ClassVar[str] = "command"
     input_unit: ClassVar[str] = "V"
     output_name: ClassVar[str] = "displacement"
     output_unit: ClassVar[str] = "m"
-    model_error: ClassVar[float] = 1.2e-6
+    model_share: ClassVar[float] = 0.015
+    """Against a 120-node membrane the three coordinates err by 1.1 % up to 2.4 kV and 1.4 % at 2.6 kV."""
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
