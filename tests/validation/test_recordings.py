@@ -1,6 +1,6 @@
 """Recordings of an independent rig: a finite-element membrane with another integrator (tests/recordings/README.md).
 
-noise.csv and steps.csv are diagnosed; check.csv only judges. Bounds are the issue's: 2.0 µm is the sensor alone,
+noise.csv and steps.csv are diagnosed; check.csv only judges. Bounds: 2.0 µm is the sensor alone,
 2.2 µm is what an independent three-coordinate prototype reached. Three cases run always, all nine as a study:
 ``python -m pytest -m study tests/validation/test_recordings.py``.
 """

@@ -25,8 +25,9 @@ FLAGS = ("-O2", "-fPIC", "-shared")
 def cache_folder() -> Path:
     """Where compiled code is kept, made with mode 0700; ``DEATWIN_CACHE`` overrides it."""
     folder = Path(os.environ.get("DEATWIN_CACHE") or _user_cache() / "deatwin")
-    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-    folder.chmod(0o700)
+    if not folder.is_dir():
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        folder.chmod(0o700)  # whatever the umask
     return folder
 
 

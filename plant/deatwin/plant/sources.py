@@ -45,14 +45,14 @@ def load_plant(source: str | os.PathLike[str]) -> CalibratedPlant:
 
 def _call(text: str) -> Plant:
     module_name, _, function_name = text.rpartition(":")
-    sys.path.insert(0, os.getcwd())
+    if os.getcwd() not in sys.path:
+        sys.path.insert(0, os.getcwd())  # stays there: worker processes import the module too
     try:
-        function = getattr(importlib.import_module(module_name), function_name)
+        plant = getattr(importlib.import_module(module_name), function_name)()
     except (ImportError, AttributeError, ValueError) as error:
-        raise RigError(f"{text}: cannot be imported: {error}; give module:function") from None
-    finally:
-        sys.path.remove(os.getcwd())
-    plant = function()
+        raise RigError(f"{text}: cannot be imported: {error}; give module:function") from error
+    except Exception as error:  # whatever a user's own code may raise
+        raise RigError(f"{text}: raised {type(error).__name__}: {error}") from error
     if not isinstance(plant, Plant):
         raise RigError(f"{text}: returned a {type(plant).__name__}, a Plant is needed")
     return plant

@@ -46,7 +46,13 @@ Experiments = Annotated[
         help="The recordings of one experiment, from rest; give it once for each experiment.",
     ),
 ]
-Jobs = Annotated[int, typer.Option(help="Worker processes; -1 takes all cores.")]
+def _whole_workers(value: int) -> int:
+    if value != -1 and value < 1:
+        raise typer.BadParameter("give 1 or more, or -1 for all cores")
+    return value
+
+
+Jobs = Annotated[int, typer.Option(callback=_whole_workers, help="Worker processes; -1 takes all cores.")]
 Seed = Annotated[int, typer.Option(min=0, help="Seed of everything that is random.")]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors and, with --json, the result.")]

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Calibration, Part
+from deatwin.ident.greybox.fit import Part
 from deatwin.ident.mismatch.bench import Bench
-from deatwin.ident.mismatch.detect import noise_floor
-from deatwin.ident.mismatch.name import Candidate, judge
+from deatwin.ident.mismatch.name import Candidate, judge, noise_seen
 from deatwin.ident.mismatch.search import approach, settle
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant.errors import SimulationError
@@ -70,19 +69,14 @@ def calibrate_base(bench: Bench) -> Base:
     usable = [fit for fit in fits if fit.status.ok]
     if not usable:
         raise _cannot_simulate(plant, fitted)
-    noise = _noise(usable[0], fitted)
-    known = [c for c in (judge(fit, bench.unseen, noise) for fit in usable) if c is not None]
+    noise = min(noise_seen(fit, fitted) for fit in usable)
+    known = [c for c in (judge(bench, fit, noise) for fit in usable) if c is not None]
     if not known:
         raise _cannot_simulate(usable[0].plant, bench.unseen)
-    chosen = next((c for c in known if c.adequate), known[0])
+    sound = [c for c in known if c.adequate] or [c for c in known if not c.mismatch]
+    chosen = sound[0] if sound else known[0]
     rivals = sorted((c for c in known if c is not chosen), key=lambda c: -c.evidence)
     return Base(chosen=chosen, rivals=tuple(rivals), noise=noise)
-
-
-def _noise(fit: Calibration, parts: Sequence[Part]) -> float:
-    sizes = [int(mask.sum()) for part in parts for mask in part.masks if mask.any()]
-    pieces = np.split(fit.residuals, np.cumsum(sizes)[:-1])
-    return noise_floor(pieces, fit.plant.rig.sample_time, fit.plant.rig.noise)
 
 
 def _cannot_simulate(plant: Plant, parts: Sequence[Part]) -> SimulationError:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from deatwin.ident.greybox.fit import Part
 from deatwin.plant.effects.base import Effect
@@ -25,6 +25,8 @@ class Bench:
         What is fitted, what only judges, and both together.
     jobs : int
         Worker processes.
+    stated_error : float
+        Model error that the user's rig states, SI; the nominal plant's rig has that for the motion seen.
     """
 
     nominal: Plant
@@ -33,3 +35,18 @@ class Bench:
     unseen: tuple[Part, ...]
     everything: tuple[Part, ...]
     jobs: int
+    stated_error: float
+
+    def as_stated(self, plant: Plant) -> Plant:
+        """A plant with the model error that the user's rig states, for files.
+
+        Parameters
+        ----------
+        plant : Plant
+            From this bench.
+
+        Returns
+        -------
+        Plant
+        """
+        return plant.with_rig(replace(plant.rig, model_error=self.stated_error))

@@ -88,7 +88,7 @@ def conclude(findings: Findings) -> Diagnosis:
     rig, base, answer = findings.final.plant.rig, findings.base, findings.answer
     unit, size = findings.unit
     model = CalibratedPlant(
-        plant=findings.final.plant, noise=base.noise, model_error=answer.unseen_test.excess,
+        plant=findings.bench.as_stated(findings.final.plant), noise=base.noise, model_error=answer.unseen_test.excess,
         names=findings.final.names, covariance=findings.final.covariance,
         provenance={"verdict": findings.verdict.value},
     )  # fmt: skip
@@ -96,7 +96,7 @@ def conclude(findings: Findings) -> Diagnosis:
     rivals = findings.naming.rivals if findings.named else ()
     names = tuple(dict.fromkeys(e for c in (answer, *rivals) for e in c.effects))
     fit = _fit_table(findings)
-    test = max(base.chosen.fitted_test, base.chosen.unseen_test, key=lambda t: t.excess)
+    test = min(base.chosen.fitted_test, base.chosen.unseen_test, key=lambda t: (t.p_value, -t.excess))
     return Diagnosis(
         output={"name": rig.output_name, "unit": unit},
         verdict=findings.verdict,
@@ -115,6 +115,7 @@ def conclude(findings: Findings) -> Diagnosis:
         fit=fit,
         warnings=(
             *findings.checked.findings,
+            *_form(findings),
             *(f"{name} could not be tried: no fit with it could be simulated" for name in findings.naming.failed),
             *(f"{name} ended on a bound of its range" for name in findings.final.at_bound),
         ),
@@ -123,11 +124,23 @@ def conclude(findings: Findings) -> Diagnosis:
     )
 
 
+def _form(findings: Findings) -> list[str]:
+    """What the recordings say of the rig where they speak against its file, or where the file is silent."""
+    stated, found = findings.bench.nominal.rig.to_dict(), findings.final.plant.rig.to_dict()
+    return [
+        f"the recordings fit a rig with {name} = {found[name]!r} better than with {value!r}"
+        for name, value in stated.items()
+        if found[name] != value
+    ]
+
+
 def _causes(findings: Findings) -> tuple[Cause, ...]:
     naming, final, base = findings.naming, findings.final, findings.base
     shares = shares_explained(base.chosen, findings.answer, naming.candidates, base.noise)
     causes = []
     for effect in final.plant.effects:
+        if effect.name not in findings.answer.effects:
+            continue  # the plant on the bench had it already
         parameters = {}
         for parameter in effect.parameters:
             low, high = final.interval(parameter.name)

@@ -13,6 +13,8 @@ from deatwin.ident.mismatch.losses import block_losses, exceeds
 __all__ = ["SIGNIFICANCE", "Detection", "detect", "noise_floor"]
 
 SIGNIFICANCE = 0.01
+BEYOND_DOUBT = 2.0
+"""An excess this many times the model error is a mismatch whatever its scatter."""
 TOP_OF_SPECTRUM = 0.8
 """Share of the Nyquist frequency above which a residual is taken to be sensor noise."""
 SHEET_TOLERANCE = 1.3
@@ -49,8 +51,11 @@ class Detection:
 
     @property
     def mismatch(self) -> bool:
-        """Whether physics is missing: significant beyond noise *and* model error."""
-        return self.p_value < SIGNIFICANCE
+        """Whether physics is missing: significant beyond noise *and* model error, or too large to doubt.
+
+        A mismatch that comes in bursts scatters so much that no test of its mean is significant.
+        """
+        return self.p_value < SIGNIFICANCE or self.excess > BEYOND_DOUBT * self.model_error
 
 
 def detect(residuals: np.ndarray, noise: float, model_error: float) -> Detection:

@@ -72,8 +72,6 @@ def diagnose(
     tell(0.0, "checking the recordings")
     several = (experiments,) if isinstance(experiments, Experiment) else tuple(experiments)
     checked = gate(plant, several)
-    motion = float(np.std(np.concatenate([record.outputs[0] for e in several for record in e.recordings])))
-    plant = plant.with_rig(plant.rig.for_motion(motion))
     bench = _bench(plant, checked, catalogue() if effects is None else effects, jobs)
 
     tell(0.02, "calibrating the base plant")
@@ -84,11 +82,11 @@ def diagnose(
         base = calibrate_base(bench)
 
     checked = confirm(checked, readings(base.chosen.calibration.plant, several))
-    naming = Naming(candidates=(base.chosen,), best=None, rivals=(), probabilities={})
+    naming = Naming(candidates=(base.chosen,), best=None, rivals=(), probabilities={}, noise=base.noise)
     if base.chosen.mismatch and checked.soundness is Soundness.SOUND:
         tell(0.3, "trying single effects")
         naming = _name(bench, base, lambda share, text: tell(0.3 + 0.6 * share, text))
-        base = replace(base, chosen=naming.candidates[0])
+        base = replace(base, chosen=naming.candidates[0], noise=naming.noise)
 
     tell(0.9, "verifying on unseen data")
     verification = verify(base.chosen, naming.best or base.chosen, np.random.default_rng(seed))
@@ -112,9 +110,17 @@ def _bench(
 ) -> Bench:
     fitted, unseen, everything = split(checked, onset)
     return Bench(
-        nominal=plant, effects=tuple(e for e in effects if plant.accepts(e)), fitted=fitted, unseen=unseen,
+        nominal=plant.with_rig(plant.rig.for_motion(_motion(checked))), stated_error=plant.rig.model_error,
+        effects=tuple(e for e in effects if plant.accepts(e)), fitted=fitted, unseen=unseen,
         everything=everything, jobs=jobs,
     )  # fmt: skip
+
+
+def _motion(checked: Gate) -> float:
+    """Standard deviation of the sound readings within each record, SI."""
+    pairs = zip(checked.experiments, checked.sound, strict=True)
+    pieces = [r.outputs[0, m] for e, masks in pairs for r, m in zip(e.recordings, masks, strict=True) if m.any()]
+    return float(np.sqrt(sum(p.var() * p.size for p in pieces) / sum(p.size for p in pieces)))
 
 
 def _late_onset(base: Base, checked: Gate) -> float | None:
@@ -135,7 +141,7 @@ def _name(bench: Bench, base: Base, tell: Progress) -> Naming:
     if singles.best is not None:
         return singles
     pairs = try_pairs(
-        bench, singles, base.noise, lambda share: tell(0.5 + 0.5 * share, "trying pairs of effects")
+        bench, singles, lambda share: tell(0.5 + 0.5 * share, "trying pairs of effects")
     )
     better = [r for r in base.rivals if r.losses.mean() < CLEARLY_BETTER * base.chosen.losses.mean()]
     if pairs.best is None and better:

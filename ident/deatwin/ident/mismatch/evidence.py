@@ -14,6 +14,8 @@ from deatwin.plant.recording import Experiment
 
 __all__ = ["CandidateSummary", "Evidence", "readings", "tracks"]
 
+FEWEST = 16
+"""Samples of a record that can be located in time and frequency."""
 Readings = tuple[tuple[np.ndarray, ...], ...]
 
 
@@ -104,6 +106,8 @@ def tracks(plant: Plant, experiments: Sequence[Experiment]) -> tuple[Track, ...]
     found = []
     for experiment, simulated in zip(experiments, readings(plant, experiments), strict=True):
         for record, reading in zip(experiment.recordings, simulated, strict=True):
+            if record.n_samples < FEWEST:
+                continue  # a splinter between two gaps has no place of its own
             signals = {
                 rig.input_name: record.inputs[0],
                 rig.output_name: reading / size,

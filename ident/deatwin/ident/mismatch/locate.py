@@ -208,8 +208,8 @@ def locate_frequency(tracks: Sequence[Track], noise: float) -> tuple[Band, ...]:
     ratio = np.asarray(total) / segments / (2 * noise**2 * step)
     ratio[0] *= 2  # a one-sided spectrum counts the mean and the Nyquist line once
     ratio[-1] *= 2
-    # Half-overlapping Hann segments are worth 18/35 of as many independent ones (Welch 1967).
-    degrees = 2 * max(1.0, segments * 36 / 70)
+    # Neighbouring half-overlapping Hann segments correlate by 1/6, so many are worth 1/(1 + 2/36) of as many.
+    degrees = 2 * max(1.0, segments * 18 / 19)
     lines = np.flatnonzero(_discoveries(chi2.sf(ratio * degrees, degrees)) & (ratio > LOUD))
     width = frequency[1]
     bands = []
@@ -242,7 +242,8 @@ def locate_region(tracks: Sequence[Track], unit: float) -> tuple[Region, ...]:
         Neighbouring bins whose means have one sign joined; the largest mean first.
     """
     residual = np.concatenate([t.residual for t in tracks]) / unit
-    seconds = np.concatenate([np.floor(t.timepts) for t in tracks])
+    # Clocks of several experiments overlap: seconds of different records are different seconds.
+    seconds = np.concatenate([np.floor(t.timepts) + 1e9 * k for k, t in enumerate(tracks)])
     found = []
     for signal in tracks[0].signals:
         values = np.concatenate([t.signals[signal] for t in tracks])
@@ -253,19 +254,21 @@ def locate_region(tracks: Sequence[Track], unit: float) -> tuple[Region, ...]:
         for number in range(edges.size - 1):
             inside = index == number
             mean, p = _mean_test(residual[inside], seconds[inside])
-            found.append((signal, number, float(edges[number]), float(edges[number + 1]), mean, p))
+            found.append((signal, number, float(edges[number]), float(edges[number + 1]), mean, int(inside.sum()), p))
     passed = _discoveries(np.array([row[-1] for row in found]))
     regions: list[Region] = []
-    last: tuple[str, int] | None = None
-    for (signal, number, low, high, mean, _), good in zip(found, passed, strict=True):
+    last, weight = ("", -2), 0
+    for (signal, number, low, high, mean, count, _), good in zip(found, passed, strict=True):
         if not good:
             continue
         joins = last == (signal, number - 1) and regions[-1].mean_residual * mean > 0
         if joins:
             merged = regions.pop()
-            mean, low = (merged.mean_residual + mean) / 2, merged.low
+            mean = (weight * merged.mean_residual + count * mean) / (weight + count)
+            low = merged.low
+            count += weight
         regions.append(Region(signal=signal, low=low, high=high, mean_residual=mean))
-        last = (signal, number)
+        last, weight = (signal, number), count
     return tuple(sorted(regions, key=lambda r: -abs(r.mean_residual)))
 
 

@@ -80,7 +80,10 @@ def evidence(losses: np.ndarray, parameters: int) -> float:
 
 
 def bootstrap_gain(before: np.ndarray, after: np.ndarray, rng: np.random.Generator) -> float:
-    """Lower 95 % bound of how much the rms error falls, by a paired bootstrap over blocks.
+    """Lower 95 % bound of how much the rms error falls, by a paired moving-block bootstrap.
+
+    Runs of as many neighbouring losses as the square root of their number are drawn together, since a slow
+    residual ties neighbours.
 
     Parameters
     ----------
@@ -93,7 +96,14 @@ def bootstrap_gain(before: np.ndarray, after: np.ndarray, rng: np.random.Generat
     -------
     float
         In the residual's unit.
+
+    References
+    ----------
+    Politis & Romano (1992), circular block-resampling.
     """
-    picks = rng.integers(0, before.size, size=(RESAMPLES, before.size))
+    count = before.size
+    run = max(1, round(np.sqrt(count)))
+    starts = rng.integers(0, count, size=(RESAMPLES, -(-count // run)))
+    picks = ((starts[:, :, None] + np.arange(run)) % count).reshape(RESAMPLES, -1)[:, :count]
     gains = np.sqrt(before[picks].mean(axis=1)) - np.sqrt(after[picks].mean(axis=1))
     return float(np.quantile(gains, 0.05))

@@ -10,7 +10,7 @@ import numpy as np
 
 from deatwin.ident.greybox.fit import Calibration, Part
 from deatwin.ident.mismatch.bench import Bench
-from deatwin.ident.mismatch.detect import Detection, detect
+from deatwin.ident.mismatch.detect import Detection, detect, noise_floor
 from deatwin.ident.mismatch.losses import block_losses, evidence
 from deatwin.ident.mismatch.screen import screened
 from deatwin.ident.mismatch.search import search
@@ -24,6 +24,8 @@ __all__ = [
     "fit_candidate",
     "free_run_residuals",
     "judge",
+    "noise_seen",
+    "seen_with",
     "try_pairs",
     "try_singles",
 ]
@@ -43,7 +45,7 @@ class Candidate:
     Parameters
     ----------
     effects : tuple of str
-        Their canonical names; empty for the base plant.
+        Canonical names of the effects that were added to the plant on the bench; none for the base.
     calibration : Calibration
         The fit.
     unseen : ndarray, shape (n,)
@@ -65,11 +67,12 @@ class Candidate:
 
     @property
     def adequate(self) -> bool:
-        """Whether what it leaves is no larger than noise and model error, on either part.
+        """Whether it explains the recordings.
 
-        That is more than the absence of a significant mismatch: an explanation has to explain.
+        What it leaves of the fitted part must be no larger than noise and model error, which is more than the
+        absence of a significant mismatch; the unseen part, which is extrapolated, must not refute it.
         """
-        return self.fitted_test.within_floor and self.unseen_test.within_floor
+        return self.fitted_test.within_floor and not self.unseen_test.mismatch
 
     @property
     def losses(self) -> np.ndarray:
@@ -97,23 +100,29 @@ class Naming:
     probabilities : mapping of tuple of str to float
         Of each candidate of the size of the best one, by evidence.
     failed : tuple of str
-        Effects that could not be tried: no fit with them could be simulated. That is no evidence against them.
+        Effects and pairs that could not be tried, since no fit with them could be simulated; that is no evidence
+        against them.
+    noise : float
+        Standard deviation of the sensor's noise, as the best explanation shows it, SI.
     """
 
     candidates: tuple[Candidate, ...]
     best: Candidate | None
     rivals: tuple[Candidate, ...]
     probabilities: dict[tuple[str, ...], float]
+    noise: float
     failed: tuple[str, ...] = ()
 
 
 def fit_candidate(
-    nominal: Plant, base: Calibration, effect: Effect, fitted: Sequence[Part], unseen: Sequence[Part], noise: float
+    bench: Bench, nominal: Plant, base: Calibration, effect: Effect, noise: float
 ) -> Candidate | None:
     """Build an effect into a plant, fit the whole anew, and judge it.
 
     Parameters
     ----------
+    bench : Bench
+        Recordings.
     nominal : Plant
         Where the fit starts: a base plant that was fitted without the effect has been bent to imitate it, and
         the way back is long.
@@ -122,8 +131,6 @@ def fit_candidate(
         the nominal plant leads nowhere.
     effect : Effect
         To be added.
-    fitted, unseen : sequence of Part
-        What is fitted, and what only judges.
     noise : float
         Standard deviation of the sensor's noise, SI.
 
@@ -132,24 +139,24 @@ def fit_candidate(
     Candidate or None
         None if the plant with the effect cannot be simulated.
     """
-    start = screened(base, effect, fitted)
-    calibration = search(nominal.with_effects(start), fitted, noise)
+    start = screened(base, effect, bench.fitted)
+    calibration = search(nominal.with_effects(start), bench.fitted, noise)
     if not calibration.status.ok or calibration.rms > FAILED_SEARCH * base.rms:
         # The plant without the effect is a special case of the one with it: a worse fit is a failed search.
-        again = search(base.plant.with_effects(start), fitted, noise)
+        again = search(base.plant.with_effects(start), bench.fitted, noise)
         calibration = again if again.status.ok else calibration
-    return judge(calibration, unseen, noise) if calibration.status.ok else None
+    return judge(bench, calibration, noise) if calibration.status.ok else None
 
 
-def judge(calibration: Calibration, unseen: Sequence[Part], noise: float) -> Candidate | None:
+def judge(bench: Bench, calibration: Calibration, noise: float) -> Candidate | None:
     """Free-run residuals of a fitted plant on the unseen part.
 
     Parameters
     ----------
+    bench : Bench
+        Recordings.
     calibration : Calibration
         The fit.
-    unseen : sequence of Part
-        What only judges.
     noise : float
         Standard deviation of the sensor's noise, SI.
 
@@ -158,12 +165,13 @@ def judge(calibration: Calibration, unseen: Sequence[Part], noise: float) -> Can
     Candidate or None
         None if the plant cannot be simulated there.
     """
-    residuals = free_run_residuals(calibration.plant, unseen)
+    residuals = free_run_residuals(calibration.plant, bench.unseen)
     if residuals is None:
         return None
     model_error = calibration.plant.rig.model_error
     return Candidate(
-        effects=calibration.plant.effect_names, calibration=calibration, unseen=residuals,
+        effects=tuple(e for e in calibration.plant.effect_names if e not in bench.nominal.effect_names),
+        calibration=calibration, unseen=residuals,
         fitted_test=detect(calibration.residuals, noise, model_error),
         unseen_test=detect(residuals, noise, model_error),
     )  # fmt: skip
@@ -214,15 +222,17 @@ def try_singles(
     Naming
     """
     nominal = bench.nominal.with_rig(base.calibration.plant.rig)
-    tasks = [(nominal, base.calibration, e, bench.fitted, bench.unseen, noise) for e in bench.effects]
+    tasks = [(bench, nominal, base.calibration, effect, noise) for effect in bench.effects]
     singles = _try(tasks, bench.jobs, finished)
+    noise = _quietest(bench, singles, noise)
+    singles = [seen_with(c, noise) for c in singles]
     tried = {name for single in singles for name in single.effects}
     failed = tuple(e.name for e in bench.effects if e.name not in tried)
-    return replace(_decide((base, *singles), singles), failed=failed)
+    return replace(_decide((seen_with(base, noise), *singles), singles, noise), failed=failed)
 
 
 def try_pairs(
-    bench: Bench, naming: Naming, noise: float, finished: Callable[[float], None] | None = None
+    bench: Bench, naming: Naming, finished: Callable[[float], None] | None = None
 ) -> Naming:
     """Build each other effect into the best plant with a single one.
 
@@ -232,8 +242,6 @@ def try_pairs(
         Effects and recordings.
     naming : Naming
         What `try_singles` found.
-    noise : float
-        Standard deviation of the sensor's noise, SI.
     finished : callable, optional
         Called with the share that is done.
 
@@ -248,9 +256,14 @@ def try_pairs(
     one = max(singles, key=lambda c: c.evidence).calibration
     start = _with_fitted(bench.nominal.with_rig(one.plant.rig), one.plant)
     others = [effect for effect in bench.effects if effect.name not in one.plant.effect_names]
-    tasks = [(start, one, effect, bench.fitted, bench.unseen, noise) for effect in others]
+    tasks = [(bench, start, one, effect, naming.noise) for effect in others]
     pairs = _try(tasks, bench.jobs, finished)
-    return replace(_decide((*naming.candidates, *pairs), pairs), failed=naming.failed)
+    noise = _quietest(bench, pairs, naming.noise)
+    pairs = [seen_with(c, noise) for c in pairs]
+    before = [seen_with(c, noise) for c in naming.candidates]
+    tried = {name for pair in pairs for name in pair.effects}
+    failed = tuple("+".join((*one.plant.effect_names, e.name)) for e in others if e.name not in tried)
+    return replace(_decide((*before, *pairs), pairs, noise), failed=(*naming.failed, *failed))
 
 
 def _try(tasks: list[Any], jobs: int, finished: Callable[[float], None] | None) -> list[Candidate]:
@@ -264,11 +277,58 @@ def _try(tasks: list[Any], jobs: int, finished: Callable[[float], None] | None) 
 
 def _with_fitted(nominal: Plant, fitted: Plant) -> Plant:
     """The nominal plant with another one's effects and their values."""
-    own = {p.name: fitted.parameters[p.name].value for effect in fitted.effects for p in effect.parameters}
-    return nominal.with_effects(*fitted.effects).with_values(own)
+    added = [effect for effect in fitted.effects if effect.name not in nominal.effect_names]
+    own = {p.name: fitted.parameters[p.name].value for effect in added for p in effect.parameters}
+    return nominal.with_effects(*added).with_values(own)
 
 
-def _decide(tried: Sequence[Candidate], stage: Sequence[Candidate]) -> Naming:
+def seen_with(candidate: Candidate, noise: float) -> Candidate:
+    """A candidate judged with another noise.
+
+    Parameters
+    ----------
+    candidate : Candidate
+        Its residuals stay.
+    noise : float
+        Standard deviation of the sensor's noise, SI.
+
+    Returns
+    -------
+    Candidate
+    """
+    model_error = candidate.calibration.plant.rig.model_error
+    return replace(
+        candidate, fitted_test=detect(candidate.calibration.residuals, noise, model_error),
+        unseen_test=detect(candidate.unseen, noise, model_error),
+    )  # fmt: skip
+
+
+def noise_seen(fit: Calibration, parts: Sequence[Part]) -> float:
+    """The sensor's noise as the residuals of a fit show it.
+
+    Parameters
+    ----------
+    fit : Calibration
+        On `parts`.
+    parts : sequence of Part
+        What was fitted.
+
+    Returns
+    -------
+    float
+        Standard deviation, SI; never below the data sheet's.
+    """
+    sizes = [int(mask.sum()) for part in parts for mask in part.masks if mask.any()]
+    pieces = np.split(fit.residuals, np.cumsum(sizes)[:-1])
+    return noise_floor(pieces, fit.plant.rig.sample_time, fit.plant.rig.noise)
+
+
+def _quietest(bench: Bench, candidates: Sequence[Candidate], noise: float) -> float:
+    """What a wrong plant leaves at the top of the spectrum is no noise: the best explanation shows the least."""
+    return min([noise, *(noise_seen(c.calibration, bench.fitted) for c in candidates)])
+
+
+def _decide(tried: Sequence[Candidate], stage: Sequence[Candidate], noise: float) -> Naming:
     """The best of one stage, and the ones that cannot be ruled out beside it."""
     ranked = sorted(stage, key=lambda c: -c.evidence)
     weights = np.exp([c.evidence - ranked[0].evidence for c in ranked])
@@ -276,7 +336,7 @@ def _decide(tried: Sequence[Candidate], stage: Sequence[Candidate]) -> Naming:
     adequate = [c for c in ranked if c.adequate]
     best = adequate[0] if adequate else None
     rivals = tuple(c for c in adequate[1:] if best is not None and _cannot_rule_out(c, best))
-    return Naming(candidates=tuple(tried), best=best, rivals=rivals, probabilities=probabilities)
+    return Naming(candidates=tuple(tried), best=best, rivals=rivals, probabilities=probabilities, noise=noise)
 
 
 def _cannot_rule_out(rival: Candidate, best: Candidate) -> bool:

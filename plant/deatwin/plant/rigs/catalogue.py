@@ -44,4 +44,8 @@ def rig_kind(name: str) -> type[Rig]:
     try:
         return _kinds()[name]
     except KeyError:
-        raise RigError(f"there is no rig {name!r}{nearest(name, _kinds())} (known: {', '.join(_kinds())})") from None
+        known = ", ".join(_kinds())
+        raise RigError(
+            f"there is no rig {name!r}{nearest(name, _kinds())} (known: {known}; "
+            f"others come by the entry point {GROUP!r})"
+        ) from None
