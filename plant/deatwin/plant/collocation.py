@@ -31,6 +31,9 @@ of a 16 Hz ball mode after a step to 0.2 µm, five to 0.003 µm, for a third mor
 UPDATES = (1, 1, 1, 10)
 """Newton updates after the tangent step: the first number for every sample, each further one only while the
 last update is large."""
+EULER_STEPS, EULER_UPDATES = 4, 6
+"""A sample that even these do not settle, such as one with a kink of friction, starts anew from implicit Euler
+steps, so many between two stages, with so many Newton updates each."""
 SETTLED = 1e-5
 """Size of the last update, against each unknown's scale, below which Newton's quadratic convergence has
 finished: what is left is of the order of its square."""
@@ -191,6 +194,17 @@ class _Stage:
         ]
         return ca.Function("defect", [ca.vec(w), *values, x, mass, h], [ca.vertcat(*rows)])
 
+    def one_step(self) -> ca.Function:
+        """``(w, f, J, x, M, h) -> (residual, its Jacobian)`` of one implicit Euler step."""
+        n = self.n_x + self.n_z
+        w, value, x = ca.SX.sym("w", n), ca.SX.sym("f", n), ca.SX.sym("x", self.n_x)
+        jacobian = ca.SX.sym("J", self.jacobian.sparsity_out(1))
+        mass, h = ca.SX.sym("mass", self.n_x), ca.SX.sym("h")
+        residual = ca.vertcat(mass * (w[: self.n_x, :] - x) - h * value[: self.n_x, :], -value[self.n_x :, :])
+        weight = ca.diag(ca.vertcat(ca.repmat(h, self.n_x), ca.SX.ones(self.n_z)))
+        system = ca.diag(ca.vertcat(mass, ca.SX(self.n_z, 1))) - weight @ jacobian
+        return ca.Function("one_step", [w, value, jacobian, x, mass, h], [residual, system])
+
     def tangent(self, count: int) -> ca.Function:
         """``(w, F_d F_p of each stage, x, dx, dd, M, dM/dp, h) -> `` right side of the tangent system."""
         inverse = np.linalg.inv(radau(count)[1])
@@ -262,4 +276,31 @@ def _newton(equations: Equations, stage: _Stage) -> ca.Function:
     for number, count in enumerate(UPDATES[1:]):
         more = ca.Function(f"more_{number}", [size, w, *step], iterate(w, count))
         found, last = ca.Function.if_else(f"refine_{number}", more, done)(last > SETTLED, last, found, *step)
+    euler = _euler(stage, [x, z, d, u, t, h, p, c])
+    anew = ca.Function("anew", [size, z, w, *step], iterate(euler(x, z, d, u, t, h, p, c), UPDATES[-1]))
+    keep = ca.Function("keep", [size, z, w, *step], [w, size])
+    found, last = ca.Function.if_else("start_anew", anew, keep)(last > SETTLED, last, z, found, *step)
     return ca.Function("newton", [x, z, d, u, t, h, p, c], [ca.reshape(found, n, STAGES), last])
+
+
+def _euler(stage: _Stage, arguments: list[ca.MX]) -> ca.Function:
+    """``(x, z, d, u, t, h, p, c) -> `` a guess of all stages by small implicit Euler steps."""
+    x, z, d, u, t, h, p, c = arguments
+    n = stage.n_x + stage.n_z
+    one = stage.one_step()
+    mass = stage.mass(p, c)
+    w, before, last = ca.MX.sym("w", n), ca.MX.sym("before", stage.n_x), ca.MX.sym("t_last")
+    small, m = ca.MX.sym("h_small"), ca.MX.sym("m", stage.n_x)
+    value, jacobian = stage.jacobian(w, d, u, last, p, c)
+    defect, system = one(w, value, jacobian, before, m, small)
+    update = ca.Function("euler_update", [w, before, d, u, last, small, m, p, c], [w - ca.solve(system, defect, "qr")])
+    nodes, _ = radau(STAGES)
+    at, stages, clock = ca.vertcat(x, z), [], t
+    for width in np.diff(np.concatenate([[0.0], nodes])):
+        for _ in range(EULER_STEPS):
+            short = width / EULER_STEPS * h
+            clock, start = clock + short, at[: stage.n_x]
+            for _ in range(EULER_UPDATES):
+                at = update(at, start, d, u, clock, short, mass, p, c)
+        stages.append(at)
+    return ca.Function("euler", arguments, [ca.vertcat(*stages)])
