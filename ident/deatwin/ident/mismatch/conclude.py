@@ -111,7 +111,10 @@ def conclude(findings: Findings) -> Diagnosis:
         causes=causes,
         names=names,
         indistinguishable=tuple(_distance(answer, rival, base.noise) for rival in rivals),
-        sentence=sentence(findings.verdict, causes, names, fit, base.noise / size, unit, findings.checked.findings),
+        sentence=sentence(
+            findings.verdict, causes, names, fit, base.noise / size, rig.model_error / size, unit,
+            findings.checked.findings,
+        ),
         fit=fit,
         warnings=(
             *findings.checked.findings,

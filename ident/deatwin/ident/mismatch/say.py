@@ -37,6 +37,7 @@ def sentence(
     rivals: Sequence[str],
     fit: Mapping[str, Mapping[str, float | None]],
     noise: float,
+    model_error: float,
     unit: str,
     findings: Sequence[str] = (),
 ) -> str:
@@ -52,8 +53,8 @@ def sentence(
         Effects that could be the explanation instead.
     fit : mapping
         As in the file.
-    noise : float
-        In `unit`.
+    noise, model_error : float
+        Of the sensor and of the plant's own equations, in `unit`.
     unit : str
         Of amplitudes.
     findings : sequence of str
@@ -68,10 +69,11 @@ def sentence(
     left = "" if residual is None else (
         f"a residual of {number(residual)} {unit} on the fitted data, with {number(noise)} {unit} of sensor noise"
     )  # fmt: skip
+    within = f"within the plant's own model error of {number(model_error)} {unit}"
     if verdict is Verdict.NONE:
-        return f"Nothing is missing: the plant follows the recordings to {left}."
+        return f"Nothing is missing {within}: the plant follows the recordings to {left}."
     if verdict is Verdict.PARAMETERS:
-        return f"Only the parameters were off: the calibrated plant follows the recordings to {left}."
+        return f"Nothing but other parameters is needed {within}: the calibrated plant leaves {left}."
     if verdict is Verdict.DATA_FAULT:
         return f"The recording is at fault: {'; '.join(findings)}."
     if verdict is Verdict.UNKNOWN:

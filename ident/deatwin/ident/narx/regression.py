@@ -288,6 +288,8 @@ def flatten(recordings: Recordings) -> tuple[Recording, ...]:
         return (recordings,)
     if isinstance(recordings, Experiment):
         return tuple(recordings.recordings)
+    if isinstance(recordings, str | bytes) or not isinstance(recordings, Iterable):
+        raise ModelError(f"fit takes recordings and experiments, not a {type(recordings).__name__}")
     chosen = tuple(record for item in recordings for record in flatten(item))
     if not chosen:
         raise ModelError("no recording was given; fit needs at least one")

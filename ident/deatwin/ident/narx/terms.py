@@ -6,6 +6,7 @@ several channels ``y1(k-1)u3(k-2)^2``; the constant term is ``1``.
 
 from __future__ import annotations
 
+import math
 import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -22,6 +23,9 @@ Lags = int | Sequence[int]
 
 _KINDS = "yu"  # the order in which factors are written; noise terms e(k-l) will follow
 _FACTOR = re.compile(r"\s*\*?\s*([yu])(\d*)\(\s*k\s*(?:-\s*(\d+)\s*)?\)(?:\s*\^\s*(\d+))?\s*")
+
+MOST_TERMS = 20_000
+"""Candidates beyond which the Gram matrix alone would need gigabytes."""
 
 
 @total_ordering
@@ -193,6 +197,12 @@ def generate_terms(
         variables += [Variable(kind, channel, lag) for channel in channels for lag in lags]
     if not variables:
         raise ModelError("no lags at all; give output_lags or input_lags")
+    candidates = math.comb(len(variables) + degree, degree)
+    if candidates > MOST_TERMS:
+        raise ModelError(
+            f"{len(variables)} lagged signals of degree {degree} make {candidates} candidate terms; "
+            f"at most {MOST_TERMS} can be handled: take fewer lags or a lower degree"
+        )
     return tuple(
         Term.product(chosen)
         for n in range(degree + 1)

@@ -135,7 +135,7 @@ def test_scikit_learn_contract():
         ({"max_terms": 0}, "max_terms"),
         ({"degree": 0}, "degree"),
         ({"max_terms": 500}, "too few"),
-        ({"output_lags": 400}, "samples"),
+        ({"output_lags": 600, "degree": 1}, "samples"),
     ],
 )
 def test_senseless_arguments_are_refused(arguments, says):
@@ -150,3 +150,9 @@ def test_data_that_say_nothing_are_refused():
         Frols().fit([])
     with pytest.raises(ModelError, match="sample time"):
         Frols().fit([bilinear(), Recording.from_arrays(np.ones(50), np.ones(50), 1.0)])
+
+
+@pytest.mark.parametrize("given", ["recording.csv", None, 3.0])
+def test_fit_refuses_what_is_no_recording(given):
+    with pytest.raises(ModelError, match="fit takes recordings and experiments"):
+        Frols().fit(given)

@@ -67,3 +67,8 @@ def test_regressors_equal_the_written_products():
     np.testing.assert_array_equal(table.rows(u, y, 10, 20), table.rows(u, y, 3, 30)[:, 7:17])
     levels = np.array([2.0 if v.kind == "y" else 3.0 for v in table.variables])
     np.testing.assert_allclose(table.at(levels), [1, 18, 3, 54, 2])
+
+
+def test_too_many_candidates_are_refused_before_they_are_made():
+    with pytest.raises(ModelError, match="candidate terms; at most 20000 can be handled"):
+        generate_terms(30, 30, 9)
