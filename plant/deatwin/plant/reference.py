@@ -106,5 +106,5 @@ class _System:
         found = self._advance(
             x0=scaled[self._moving], z0=scaled[self._algebraic], p=np.concatenate([held, [command, time]])
         )
-        scaled[self._moving], scaled[self._algebraic] = np.ravel(found["xf"]), np.ravel(found["zf"])
+        scaled[self._moving], scaled[self._algebraic] = np.asarray(found["xf"]).ravel(), np.asarray(found["zf"]).ravel()
         return scaled * self._scale
