@@ -263,7 +263,14 @@ def try_pairs(
     before = [seen_with(c, noise) for c in naming.candidates]
     tried = {name for pair in pairs for name in pair.effects}
     failed = tuple("+".join((*one.plant.effect_names, e.name)) for e in others if e.name not in tried)
-    return replace(_decide((*before, *pairs), pairs, noise), failed=(*naming.failed, *failed))
+    counting = [pair for pair in pairs if _each_counts(pair, before)]
+    decided = _decide((*before, *pairs), counting, noise)
+    single = next(c for c in before if c.calibration is one)
+    idle = [pair for pair in pairs if pair.adequate]
+    if decided.best is None and idle and single.fitted_test.within_floor:
+        # The second effect only takes up what the plant's own error leaves: it is a rival, not a cause.
+        decided = replace(_decide((*before, *pairs), [single, *idle], noise), best=single, rivals=tuple(idle))
+    return replace(decided, failed=(*naming.failed, *failed))
 
 
 def _try(tasks: list[Any], jobs: int, finished: Callable[[float], None] | None) -> list[Candidate]:
@@ -273,6 +280,18 @@ def _try(tasks: list[Any], jobs: int, finished: Callable[[float], None] | None) 
 
     found = run_jobs(fit_candidate, tasks, workers=jobs, finished=count)
     return [candidate for candidate in found if candidate is not None]
+
+
+def _each_counts(pair: Candidate, tried: Sequence[Candidate]) -> bool:
+    """Whether the error grows by more than the model error when either effect is taken out."""
+    losses = {c.effects: float(c.losses.mean()) for c in tried}
+    model_error = pair.calibration.plant.rig.model_error
+    for effect in pair.effects:
+        rest = tuple(e for e in pair.effects if e != effect)
+        without = losses.get(rest, losses[()])
+        if without - float(pair.losses.mean()) < model_error**2:
+            return False
+    return True
 
 
 def _with_fitted(nominal: Plant, fitted: Plant) -> Plant:

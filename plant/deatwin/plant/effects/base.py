@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from enum import Enum
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -74,8 +74,6 @@ class Effect(ABC):
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """The parameters under their names in a plant, ``effect.name``."""
-        from dataclasses import replace
-
         return tuple(replace(p, name=f"{self.name}.{p.name}") for p in self.describe())
 
     @property

@@ -1,0 +1,65 @@
+"""Decisions between explanations, on residuals whose sizes are given."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from deatwin.ident.mismatch.detect import detect
+from deatwin.ident.mismatch.name import Candidate, _cannot_rule_out, _decide, _each_counts, seen_with
+
+NOISE, MODEL_ERROR = 2.0, 1.2
+RIG = SimpleNamespace(model_error=MODEL_ERROR)
+
+
+def candidate(*effects: str, rms: float, unseen: float | None = None) -> Candidate:
+    """An explanation that leaves residuals of exactly these sizes."""
+    fitted, late = np.tile([rms, -rms], 3500), np.tile([unseen or rms, -(unseen or rms)], 1500)
+    calibration = SimpleNamespace(plant=SimpleNamespace(rig=RIG), residuals=fitted, names=("a",) * (7 + len(effects)))
+    return Candidate(
+        effects=effects, calibration=calibration, unseen=late,
+        fitted_test=detect(fitted, NOISE, MODEL_ERROR), unseen_test=detect(late, NOISE, MODEL_ERROR),
+    )  # fmt: skip
+
+
+def test_the_best_adequate_explanation_stands_alone():
+    right, wrong = candidate("creep", rms=2.1), candidate("electrode_rc", rms=4.7)
+    decided = _decide((right, wrong), (wrong, right), NOISE)
+    assert decided.best is right
+    assert decided.rivals == ()
+    assert decided.probabilities[("creep",)] == pytest.approx(1.0)
+
+
+def test_equal_explanations_are_rivals():
+    one, other = candidate("creep", rms=2.10), candidate("permittivity_drift", rms=2.11)
+    decided = _decide((one, other), (one, other), NOISE)
+    assert decided.rivals == (other,)
+    assert _cannot_rule_out(other, one)
+
+
+def test_nothing_adequate_is_no_explanation():
+    decided = _decide((), (candidate("creep", rms=3.5),), NOISE)
+    assert decided.best is None
+
+
+def test_good_on_the_fitted_part_alone_is_not_enough():
+    assert not candidate("creep", rms=2.1, unseen=5.0).adequate
+
+
+def test_an_effect_of_a_pair_must_count_for_more_than_the_model_error():
+    base = candidate(rms=5.7)
+    drift, creep = candidate("permittivity_drift", rms=2.54), candidate("creep", rms=4.98)
+    pair = candidate("creep", "permittivity_drift", rms=2.05)
+    # taking creep out costs 2.54² - 2.05² = 2.25, more than 1.2² = 1.44
+    assert _each_counts(pair, (base, drift, creep))
+    near = candidate("creep", rms=2.2)
+    # taking the second effect out of this pair costs 2.2² - 2.05² = 0.64 only
+    assert not _each_counts(candidate("creep", "electrode_rc", rms=2.05), (base, near))
+
+
+def test_another_noise_changes_the_judgement_not_the_residuals():
+    loud = candidate("hysteresis", rms=2.9)
+    assert not loud.adequate
+    again = seen_with(loud, 2.8)
+    assert again.adequate
+    assert again.losses.mean() == loud.losses.mean()
