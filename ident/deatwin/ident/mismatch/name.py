@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,6 @@ __all__ = [
     "free_run_residuals",
     "judge",
     "noise_seen",
-    "seen_with",
     "try_pairs",
     "try_singles",
 ]
@@ -50,15 +50,24 @@ class Candidate:
         The fit.
     unseen : ndarray, shape (n,)
         Residuals on the unseen part, SI.
-    fitted_test, unseen_test : Detection
-        Whether what is left is more than noise and model error.
+    noise : float
+        Standard deviation of the sensor's noise by which it is judged, SI.
     """
 
     effects: tuple[str, ...]
     calibration: Calibration
     unseen: np.ndarray
-    fitted_test: Detection
-    unseen_test: Detection
+    noise: float
+
+    @cached_property
+    def fitted_test(self) -> Detection:
+        """Whether what is left of the fitted part is more than noise and model error."""
+        return detect(self.calibration.residuals, self.noise, self.calibration.plant.rig.model_error)
+
+    @cached_property
+    def unseen_test(self) -> Detection:
+        """The same of the unseen part."""
+        return detect(self.unseen, self.noise, self.calibration.plant.rig.model_error)
 
     @property
     def mismatch(self) -> bool:
@@ -168,13 +177,8 @@ def judge(bench: Bench, calibration: Calibration, noise: float) -> Candidate | N
     residuals = free_run_residuals(calibration.plant, bench.unseen)
     if residuals is None:
         return None
-    model_error = calibration.plant.rig.model_error
-    return Candidate(
-        effects=tuple(e for e in calibration.plant.effect_names if e not in bench.nominal.effect_names),
-        calibration=calibration, unseen=residuals,
-        fitted_test=detect(calibration.residuals, noise, model_error),
-        unseen_test=detect(residuals, noise, model_error),
-    )  # fmt: skip
+    added = tuple(e for e in calibration.plant.effect_names if e not in bench.nominal.effect_names)
+    return Candidate(effects=added, calibration=calibration, unseen=residuals, noise=noise)
 
 
 def free_run_residuals(plant: Plant, parts: Sequence[Part]) -> np.ndarray | None:
@@ -225,10 +229,10 @@ def try_singles(
     tasks = [(bench, nominal, base.calibration, effect, noise) for effect in bench.effects]
     singles = _try(tasks, bench.jobs, finished)
     noise = _quietest(bench, singles, noise)
-    singles = [seen_with(c, noise) for c in singles]
+    singles = [replace(c, noise=noise) for c in singles]
     tried = {name for single in singles for name in single.effects}
     failed = tuple(e.name for e in bench.effects if e.name not in tried)
-    return replace(_decide((seen_with(base, noise), *singles), singles, noise), failed=failed)
+    return replace(_decide((replace(base, noise=noise), *singles), singles, noise), failed=failed)
 
 
 def try_pairs(
@@ -259,8 +263,8 @@ def try_pairs(
     tasks = [(bench, start, one, effect, naming.noise) for effect in others]
     pairs = _try(tasks, bench.jobs, finished)
     noise = _quietest(bench, pairs, naming.noise)
-    pairs = [seen_with(c, noise) for c in pairs]
-    before = [seen_with(c, noise) for c in naming.candidates]
+    pairs = [replace(c, noise=noise) for c in pairs]
+    before = [replace(c, noise=noise) for c in naming.candidates]
     tried = {name for pair in pairs for name in pair.effects}
     failed = tuple("+".join((*one.plant.effect_names, e.name)) for e in others if e.name not in tried)
     counting = [pair for pair in pairs if _each_counts(pair, before)]
@@ -299,27 +303,6 @@ def _with_fitted(nominal: Plant, fitted: Plant) -> Plant:
     added = [effect for effect in fitted.effects if effect.name not in nominal.effect_names]
     own = {p.name: fitted.parameters[p.name].value for effect in added for p in effect.parameters}
     return nominal.with_effects(*added).with_values(own)
-
-
-def seen_with(candidate: Candidate, noise: float) -> Candidate:
-    """A candidate judged with another noise.
-
-    Parameters
-    ----------
-    candidate : Candidate
-        Its residuals stay.
-    noise : float
-        Standard deviation of the sensor's noise, SI.
-
-    Returns
-    -------
-    Candidate
-    """
-    model_error = candidate.calibration.plant.rig.model_error
-    return replace(
-        candidate, fitted_test=detect(candidate.calibration.residuals, noise, model_error),
-        unseen_test=detect(candidate.unseen, noise, model_error),
-    )  # fmt: skip
 
 
 def noise_seen(fit: Calibration, parts: Sequence[Part]) -> float:

@@ -1,12 +1,12 @@
 """Decisions between explanations, on residuals whose sizes are given."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from deatwin.ident.mismatch.detect import detect
-from deatwin.ident.mismatch.name import Candidate, _cannot_rule_out, _decide, _each_counts, seen_with
+from deatwin.ident.mismatch.name import Candidate, _cannot_rule_out, _decide, _each_counts
 
 NOISE, MODEL_ERROR = 2.0, 1.2
 RIG = SimpleNamespace(model_error=MODEL_ERROR)
@@ -16,10 +16,7 @@ def candidate(*effects: str, rms: float, unseen: float | None = None) -> Candida
     """An explanation that leaves residuals of exactly these sizes."""
     fitted, late = np.tile([rms, -rms], 3500), np.tile([unseen or rms, -(unseen or rms)], 1500)
     calibration = SimpleNamespace(plant=SimpleNamespace(rig=RIG), residuals=fitted, names=("a",) * (7 + len(effects)))
-    return Candidate(
-        effects=effects, calibration=calibration, unseen=late,
-        fitted_test=detect(fitted, NOISE, MODEL_ERROR), unseen_test=detect(late, NOISE, MODEL_ERROR),
-    )  # fmt: skip
+    return Candidate(effects=effects, calibration=calibration, unseen=late, noise=NOISE)
 
 
 def test_the_best_adequate_explanation_stands_alone():
@@ -60,6 +57,6 @@ def test_an_effect_of_a_pair_must_count_for_more_than_the_model_error():
 def test_another_noise_changes_the_judgement_not_the_residuals():
     loud = candidate("hysteresis", rms=2.9)
     assert not loud.adequate
-    again = seen_with(loud, 2.8)
+    again = replace(loud, noise=2.8)
     assert again.adequate
     assert again.losses.mean() == loud.losses.mean()
