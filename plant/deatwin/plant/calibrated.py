@@ -105,6 +105,7 @@ class CalibratedPlant:
         run = plant.simulator.run_with_sensitivities(
             timeline.commands, start=timeline.start, sample_time=timeline.sample_time,
             rest_command=plant.rig.start.rest_command, values=plant.free_values,
+            channels=timeline.channels,
         )  # fmt: skip
         n_rows = timeline.commands.size + 1
         mean, variance = np.full(n_rows, np.nan), np.full(n_rows, np.nan)

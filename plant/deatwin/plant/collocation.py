@@ -100,7 +100,7 @@ def step_functions(equations: Equations) -> StepFunctions:
     stage = _Stage.of(equations)
     solve = _newton(equations, stage)
     names = ("x", "z", "d", "u", "t", "h", "p", "c")
-    sizes = (stage.n_x, stage.n_z, stage.n_d, 1, 1, 1, stage.n_p, equations.constants.size)
+    sizes = (stage.n_x, stage.n_z, stage.n_d, stage.n_u, 1, 1, stage.n_p, equations.constants.size)
     a = {n: ca.MX.sym(n, k) for n, k in zip(names, sizes, strict=True)}
     values = [a[n] for n in names]
     stages, update = solve(*values)
@@ -127,6 +127,7 @@ class _Stage:
     n_x: int
     n_z: int
     n_d: int
+    n_u: int
     n_p: int
     residual: ca.Function
     jacobian: ca.Function
@@ -139,7 +140,8 @@ class _Stage:
     def of(cls, equations: Equations) -> _Stage:
         w = ca.SX.sym("w", len(equations.states) + len(equations.coordinates))
         n_x, n_d = len(equations.states), len(equations.held)
-        d, u, t = ca.SX.sym("d", n_d), ca.SX.sym("u"), ca.SX.sym("t")
+        n_u = equations.held_inputs(0.0).size
+        d, u, t = ca.SX.sym("d", n_d), ca.SX.sym("u", n_u), ca.SX.sym("t")
         p, c = ca.SX.sym("p", len(equations.parameters.free)), ca.SX.sym("c", equations.constants.size)
         arguments = [w, d, u, t, p, c]
         split = [w[:n_x, :], w[n_x:, :], d, u, t, p, c]
@@ -150,6 +152,7 @@ class _Stage:
             n_x=n_x,
             n_z=w.numel() - n_x,
             n_d=n_d,
+            n_u=n_u,
             n_p=p.numel(),
             residual=ca.Function("stage_residual", arguments, [f]),
             jacobian=ca.Function("stage_jacobian", arguments, [f, ca.jacobian(f, w)]),
@@ -245,7 +248,7 @@ def _newton(equations: Equations, stage: _Stage) -> ca.Function:
     scale = ca.repmat(ca.DM(equations.scale), STAGES, 1)
     w = ca.MX.sym("w", n * STAGES)
     x, z, d = ca.MX.sym("x", stage.n_x), ca.MX.sym("z", stage.n_z), ca.MX.sym("d", stage.n_d)
-    u, t, h = ca.MX.sym("u"), ca.MX.sym("t"), ca.MX.sym("h")
+    u, t, h = ca.MX.sym("u", stage.n_u), ca.MX.sym("t"), ca.MX.sym("h")
     p, c = ca.MX.sym("p", stage.n_p), ca.MX.sym("c", equations.constants.size)
     step = [x, d, u, t, h, p, c]
 

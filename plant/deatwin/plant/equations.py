@@ -3,15 +3,15 @@
 .. math::
     M(p)\\,\\dot x = f(x, z, d, u, t, p), \\qquad 0 = g(x, z, d, u, t, p), \\qquad y = h(x, z, d, u, t, p)
 
-with states *x*, algebraic coordinates *z*, quantities *d* held at their value at rest, command *u*, clock *t*
-and parameters *p*. A zero on the diagonal of *M* turns a state into an algebraic one, so that a vanishing
+with states *x*, algebraic coordinates *z*, quantities *d* held at their value at rest, inputs *u* (the command,
+its past samples and further channels, where effects ask for them), clock *t* and parameters *p*. A zero on the diagonal of *M* turns a state into an algebraic one, so that a vanishing
 time constant is exact.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import casadi as ca
@@ -54,6 +54,10 @@ class Equations:
         ``(p, c) -> (x; z)`` to start the search of the rest state.
     hold : casadi.Function
         ``(x, z, p, c) -> d`` at rest.
+    history : int
+        How many past samples of the command follow it in *u*.
+    channels : mapping of str to float
+        Further inputs at the end of *u*, each with the value that it has where nobody measured it.
     """
 
     states: tuple[str, ...]
@@ -70,6 +74,47 @@ class Equations:
     rest: ca.Function
     guess: ca.Function
     hold: ca.Function
+    history: int = 0
+    channels: Mapping[str, float] = field(default_factory=dict)
+
+    def held_inputs(self, command: float) -> np.ndarray:
+        """Inputs under a command that has long been constant.
+
+        Parameters
+        ----------
+        command : float
+            In its unit.
+
+        Returns
+        -------
+        ndarray, shape (n_u,)
+            Channels at the value that they have where nobody measured them.
+        """
+        return np.array([command] * (1 + self.history) + list(self.channels.values()))
+
+    def inputs(
+        self, commands: np.ndarray, rest_command: float, measured: Mapping[str, np.ndarray] | None = None
+    ) -> np.ndarray:
+        """Inputs of each sample.
+
+        Parameters
+        ----------
+        commands : ndarray, shape (n,)
+            In their unit.
+        rest_command : float
+            What was applied before them.
+        measured : mapping of str to ndarray, each of shape (n,) or longer, optional
+            Channels by name, SI.
+
+        Returns
+        -------
+        ndarray, shape (n_u, n)
+        """
+        n = commands.size
+        before = np.concatenate([np.full(self.history, rest_command), commands])
+        past = [before[self.history - k : self.history - k + n] for k in range(self.history + 1)]
+        known = measured or {}
+        return np.vstack([*past, *(known.get(name, np.full(n, value))[:n] for name, value in self.channels.items())])
 
     @property
     def free_values(self) -> np.ndarray:
@@ -85,12 +130,12 @@ class Builder:
     parameters : ParameterSet
         Of rig and effects.
     effects : sequence of Effect
-        In the order in which they act.
+        At one signal they act in the order of their `order`, then of their names.
     """
 
     def __init__(self, parameters: ParameterSet, effects: Sequence[Effect]) -> None:
         self._parameters = parameters
-        self._effects = tuple(effects)
+        self._effects = tuple(sorted(effects, key=lambda e: (e.order, e.name)))
         self._symbols = {name: ca.SX.sym(name) for name in parameters}
         self._states: dict[str, tuple[Symbol, float, Symbol | None]] = {}
         self._rates: dict[str, tuple[Symbol, Symbol]] = {}
@@ -100,7 +145,10 @@ class Builder:
         self._held: dict[str, tuple[Symbol, Symbol]] = {}
         self._constants: list[tuple[Symbol, np.ndarray]] = []
         self._watched: dict[str, Symbol] = {}
+        self._shared: dict[str, Any] = {}
         self._offered: set[tuple[Place, str]] = set()
+        self._past: list[Symbol] = []
+        self._channels: dict[str, tuple[Symbol, float]] = {}
         self.command = ca.SX.sym("command")
         self.time = ca.SX.sym("time")
 
@@ -151,6 +199,41 @@ class Builder:
         symbol = ca.SX.sym(name, numbers.size)
         self._constants.append((symbol, numbers))
         return symbol
+
+    def past_commands(self, count: int) -> list[Symbol]:
+        """The command of this sample and of some before it.
+
+        Parameters
+        ----------
+        count : int
+            How many samples to look back.
+
+        Returns
+        -------
+        list of casadi.SX, length 1 + count
+            This sample's first; before the first sample the command was the one at rest.
+        """
+        while len(self._past) < count:
+            self._past.append(ca.SX.sym(f"command_{len(self._past) + 1}_ago"))
+        return [self.command, *self._past[:count]]
+
+    def channel(self, name: str, default: float) -> Symbol:
+        """A further measured input, such as the temperature.
+
+        Parameters
+        ----------
+        name : str
+            As the recordings call it.
+        default : float
+            Its value where nobody measured it, SI.
+
+        Returns
+        -------
+        casadi.SX
+        """
+        if name not in self._channels:
+            self._channels[name] = (ca.SX.sym(name), default)
+        return self._channels[name][0]
 
     def state(self, name: str, *, scale: float, start: Symbol | None = None) -> Symbol:
         """A differential state.
@@ -283,27 +366,46 @@ class Builder:
         self._watched[name] = value
         return value
 
-    def signal(self, name: str) -> Symbol:
-        """A watched signal, for effects that need more than the one they rewrite.
+    def share(self, name: str, value: Any) -> Any:
+        """Let effects have something that results do not report.
 
         Parameters
         ----------
         name : str
-            As given to `watch`.
+            For `signal`.
+        value : symbol or object
+            For example the film.
 
         Returns
         -------
-        symbol
+        same kind as `value`
+            `value`.
+        """
+        self._shared[name] = value
+        return value
+
+    def signal(self, name: str) -> Any:
+        """A watched or shared signal, for effects that need more than the one they rewrite.
+
+        Parameters
+        ----------
+        name : str
+            As given to `watch` or `share`.
+
+        Returns
+        -------
+        symbol or object
 
         Raises
         ------
         RigError
             If the rig does not have it (yet).
         """
+        known = {**self._watched, **self._shared}
         try:
-            return self._watched[name]
+            return known[name]
         except KeyError:
-            raise RigError(f"this rig has no signal {name!r}{nearest(name, self._watched)}") from None
+            raise RigError(f"this rig has no signal {name!r}{nearest(name, known)}") from None
 
     def finish(self, output: Symbol) -> Equations:
         """Close the system.
@@ -332,7 +434,8 @@ class Builder:
         f = _column(*(self._rates[n][0] for n in self._states))
         g = _column(*self._balances)
         mass = _column(*(self._rates[n][1] for n in self._states))
-        arguments = [x, z, d, self.command, self.time, p, c]
+        u = _column(self.command, *self._past, *(s for s, _ in self._channels.values()))
+        arguments = [x, z, d, u, self.time, p, c]
         unknowns = {**{n: s[0] for n, s in self._states.items()},
                     **{n: s[0] for n, s in self._coordinates.items()}}  # fmt: skip
         guess = _column(*(self._guesses.get(n, 0.0) for n in unknowns))
@@ -348,9 +451,11 @@ class Builder:
             mass=ca.Function("mass", [p, c], [mass]),
             output=ca.Function("output", arguments, [output]),
             watched=ca.Function("watched", arguments, [_column(*self._watched.values())]),
-            rest=ca.Function("rest", [x, z, self.command, p, c], [self._rest_residual(f, g, d)]),
+            rest=ca.Function("rest", [x, z, u, p, c], [self._rest_residual(f, g, d)]),
             guess=ca.Function("guess", [p, c], [guess]),
             hold=ca.Function("hold", [x, z, p, c], [_column(*(v for _, v in self._held.values()))]),
+            history=len(self._past),
+            channels={name: default for name, (_, default) in self._channels.items()},
         )
 
     def _rest_residual(self, f: Symbol, g: Symbol, held: Symbol) -> Symbol:

@@ -1,4 +1,4 @@
-"""A film in a rig: points with volumes and stretches, its energy, and the branches that relax in it."""
+"""A film in a rig: points with volumes and stretches, its energy and capacitance, and what relaxes in it."""
 
 from __future__ import annotations
 
@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 
+from deatwin.plant.dielectric import VACUUM_PERMITTIVITY
 from deatwin.plant.material import maxwell_branch
 
 if TYPE_CHECKING:
     from deatwin.plant.equations import Builder
 
-__all__ = ["Film", "relaxation_stiffness"]
+__all__ = ["Film", "FilmPoint", "point_capacitances", "relaxation_stiffness"]
 
 Symbol = Any
 Stretches = Sequence[tuple[Symbol, Symbol]]
@@ -52,17 +53,66 @@ def relaxation_stiffness(
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class FilmPoint:
+    """A quadrature point of the film.
+
+    Parameters
+    ----------
+    volume : casadi.SX or float
+        Reference volume, m³.
+    stretches : pair of casadi.SX
+        Principal in-plane stretches, meridional and hoop where the film is round.
+    radius : casadi.SX or float, or None
+        Reference radius over that of the electrode, 0 to 1; None for film without an electrode.
+    """
+
+    volume: Symbol
+    stretches: tuple[Symbol, Symbol]
+    radius: Symbol | None = None
+
+    @property
+    def active(self) -> bool:
+        """Whether there is an electrode here."""
+        return self.radius is not None
+
+
+def point_capacitances(points: Sequence[FilmPoint], permittivity: Symbol, thickness: Symbol) -> list[Symbol]:
+    r"""What each point adds to the capacitance, :math:`\varepsilon_r\varepsilon_0(\lambda_1\lambda_2/H)^2\,dV_0`.
+
+    Parameters
+    ----------
+    points : sequence of FilmPoint
+        Of the film.
+    permittivity : symbol
+        Relative.
+    thickness : symbol
+        H of the unstretched film, m.
+
+    Returns
+    -------
+    list of symbol
+        F; 0 where there is no electrode.
+    """
+    factor = permittivity * VACUUM_PERMITTIVITY / thickness**2
+    return [
+        factor * p.volume * (p.stretches[0] * p.stretches[1]) ** 2 if p.active else ca.SX(0) for p in points
+    ]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Film:
     """The film as effects at the place *film* see it.
 
     Parameters
     ----------
-    energy : casadi.SX
-        Stored energy, J.
-    volumes : sequence of casadi.SX
-        Reference volume of each quadrature point, m³.
-    stretches : sequence of pairs of casadi.SX
-        Principal in-plane stretches at each point.
+    points : sequence of FilmPoint
+        Where stretches are taken.
+    elastic : casadi.SX
+        Energy of the equilibrium network, J.
+    relaxing : casadi.SX
+        Energy of the branches, J.
+    capacitances : sequence of casadi.SX
+        What each point adds to the capacitance, F; 0 where there is no electrode.
     stretch : casadi.SX
         The coordinate that a branch copies.
     relaxed : callable
@@ -73,13 +123,87 @@ class Film:
         Where to look for the relaxed state.
     """
 
-    energy: Symbol
-    volumes: Sequence[Symbol]
-    stretches: Stretches
+    points: Sequence[FilmPoint]
+    elastic: Symbol
     stretch: Symbol
     relaxed: Callable[[Any], Stretches]
     stiffness: float
     rest_stretch: float
+    relaxing: Symbol = 0.0
+    capacitances: Sequence[Symbol] = ()
+
+    @property
+    def stored(self) -> Symbol:
+        """Stored mechanical energy, J."""
+        return self.elastic + self.relaxing
+
+    @property
+    def capacitance(self) -> Symbol:
+        """F."""
+        return sum(self.capacitances, ca.SX(0))
+
+    def force(self, coordinate: Symbol, squared_voltage: Symbol) -> Symbol:
+        r"""Generalised force of the film against a coordinate, at a given voltage.
+
+        .. math:: \frac{\partial E}{\partial q} - \frac{V^2}{2}\frac{\partial C}{\partial q}
+
+        Parameters
+        ----------
+        coordinate : casadi.SX
+            q.
+        squared_voltage : casadi.SX
+            V², which may itself depend on q: it is not differentiated.
+
+        Returns
+        -------
+        casadi.SX
+            J per unit of q.
+        """
+        electric = squared_voltage / 2 * ca.gradient(self.capacitance, coordinate) if self.capacitances else 0
+        return ca.gradient(self.stored, coordinate) - electric
+
+    def with_elastic(self, factor: Symbol) -> Film:
+        """The same film with a softer or stiffer equilibrium network.
+
+        Parameters
+        ----------
+        factor : symbol
+            On its energy; it may depend on time and on coordinates of its own, not on the film's.
+
+        Returns
+        -------
+        Film
+        """
+        return replace(self, elastic=factor * self.elastic)
+
+    def with_energy(self, density: Callable[[Any, Any], Symbol]) -> Film:
+        """The same film with a further hyperelastic energy.
+
+        Parameters
+        ----------
+        density : callable
+            ``density(stretch_1, stretch_2)``, J/m³.
+
+        Returns
+        -------
+        Film
+        """
+        return replace(self, elastic=self.elastic + sum(p.volume * density(*p.stretches) for p in self.points))
+
+    def with_permittivity(self, factor: Callable[[FilmPoint], Symbol]) -> Film:
+        """The same film with a permittivity that differs from point to point.
+
+        Parameters
+        ----------
+        factor : callable
+            ``factor(point)`` on the permittivity of a point under the electrode.
+
+        Returns
+        -------
+        Film
+        """
+        pairs = zip(self.points, self.capacitances, strict=True)
+        return replace(self, capacitances=[factor(p) * c if p.active else c for p, c in pairs])
 
     def with_branch(self, name: str, modulus: Symbol, time: Symbol, build: Builder) -> Film:
         r"""Add a Maxwell branch, lumped to one viscous stretch :math:`\xi`.
@@ -105,7 +229,9 @@ class Film:
         """
         xi = build.state(f"{name}_stretch", scale=1.0)
         build.guess(xi, self.rest_stretch)
-        points = zip(self.volumes, self.stretches, self.relaxed(xi), strict=True)
-        energy = sum(v * maxwell_branch(a / c, b / d) for v, (a, b), (c, d) in points)
+        pairs = zip(self.points, self.relaxed(xi), strict=True)
+        energy = sum(
+            p.volume * maxwell_branch(p.stretches[0] / c, p.stretches[1] / d) for p, (c, d) in pairs
+        )
         build.rate(xi, -(xi**2) * ca.gradient(energy, xi) / self.stiffness, mass=time)
-        return replace(self, energy=self.energy + modulus * energy)
+        return replace(self, relaxing=self.relaxing + modulus * energy)

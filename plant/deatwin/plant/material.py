@@ -16,7 +16,7 @@ import casadi as ca
 from deatwin.plant.errors import RigError, nearest
 from deatwin.plant.parameters import Parameter, Scale
 
-__all__ = ["MATERIALS", "Material", "first_invariant", "gent", "material", "maxwell_branch", "neo_hookean"]
+__all__ = ["MATERIALS", "Branch", "Material", "first_invariant", "gent", "material", "maxwell_branch", "neo_hookean"]
 
 Symbol = Any  # a CasADi SX, MX, DM or a float
 
@@ -102,6 +102,25 @@ def maxwell_branch(elastic_1: Symbol, elastic_2: Symbol) -> Symbol:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Branch:
+    """A Maxwell branch in parallel with the equilibrium network: a neo-Hookean spring behind a dashpot.
+
+    Parameters
+    ----------
+    name : str
+        ``branch`` for the first one, ``branch_2``, ``branch_3``, ... for the others.
+    modulus : Parameter
+        Shear modulus of the spring, Pa.
+    time : Parameter
+        Relaxation time, s.
+    """
+
+    name: str
+    modulus: Parameter
+    time: Parameter
+
+
+@dataclass(frozen=True, kw_only=True)
 class Material:
     """A film material: its energy function and a published set of starting values.
 
@@ -113,8 +132,8 @@ class Material:
         ``energy(stretch_1, stretch_2, *elastic parameters)``, J/m³.
     elastic : tuple of Parameter
         Parameters of `energy`, in its order.
-    branch : tuple of Parameter
-        ``branch_modulus`` and ``branch_time`` of the nominal Maxwell branch.
+    branches : tuple of Branch
+        Maxwell branches, none for a purely elastic material.
     permittivity : Parameter
         Relative permittivity of the stretched film.
     """
@@ -122,13 +141,14 @@ class Material:
     name: str
     energy: Callable[..., Symbol]
     elastic: tuple[Parameter, ...]
-    branch: tuple[Parameter, Parameter]
+    branches: tuple[Branch, ...]
     permittivity: Parameter
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """All parameters of the material: elastic, branch, permittivity."""
-        return (*self.elastic, *self.branch, self.permittivity)
+        """All parameters of the material: elastic, those of the branches, permittivity."""
+        of_branches = (parameter for branch in self.branches for parameter in (branch.modulus, branch.time))
+        return (*self.elastic, *of_branches, self.permittivity)
 
 
 def _vhb(name: str) -> Material:
@@ -146,14 +166,17 @@ def _vhb(name: str) -> Material:
                 source=f"3(lambda_L^2 - 1) with lambda_L = 5.99, {wang}",
             ),
         ),
-        branch=(
-            Parameter(
-                name="branch_modulus", value=26.06e3, unit="Pa", lower=1.0, upper=1e6, scale=Scale.LOGARITHMIC,
-                source=f"first branch, {wang}",
-            ),
-            Parameter(
-                name="branch_time", value=0.6074, unit="s", lower=0.02, upper=20.0, scale=Scale.LOGARITHMIC,
-                source=f"first branch, {wang}",
+        branches=(
+            Branch(
+                name="branch",
+                modulus=Parameter(
+                    name="branch_modulus", value=26.06e3, unit="Pa", lower=1.0, upper=1e6, scale=Scale.LOGARITHMIC,
+                    source=f"first branch, {wang}",
+                ),
+                time=Parameter(
+                    name="branch_time", value=0.6074, unit="s", lower=0.02, upper=20.0, scale=Scale.LOGARITHMIC,
+                    source=f"first branch, {wang}",
+                ),
             ),
         ),
         permittivity=Parameter(

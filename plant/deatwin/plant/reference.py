@@ -52,19 +52,20 @@ def reference_outputs(
     system = _System(equations, values, timeline.sample_time, relative_tolerance)
     unknowns = np.concatenate([rest.x, rest.z])
     times = timeline.start + timeline.sample_time * np.arange(timeline.commands.size)
-    readings = [float(equations.output(rest.x, rest.z, rest.d, command, times[0], *known))]
-    for command, time in zip(timeline.commands, times, strict=True):
+    inputs = equations.inputs(timeline.commands, command, timeline.channels)
+    readings = [float(equations.output(rest.x, rest.z, rest.d, equations.held_inputs(command), times[0], *known))]
+    for held, time in zip(inputs.T, times, strict=True):
         try:
-            unknowns = system.advance(unknowns, rest.d, command, time)
+            unknowns = system.advance(unknowns, rest.d, held, time)
         except RuntimeError as error:
             reason = str(error).strip().splitlines()[-1]
             raise SimulationError(
-                f"the reference simulation stopped at {time:.2f} s and a command of {command:.3f} "
+                f"the reference simulation stopped at {time:.2f} s and a command of {held[0]:.3f} "
                 f"{plant.rig.input_unit}: {reason}"
             ) from None
         x, z = np.split(unknowns, [len(equations.states)])
         after = time + timeline.sample_time
-        readings.append(float(equations.output(x, z, rest.d, command, after, *known)))
+        readings.append(float(equations.output(x, z, rest.d, held, after, *known)))
     return tuple(np.array(readings)[None, rows + 1] for rows in timeline.readings)
 
 
@@ -85,26 +86,27 @@ class _System:
         moving = ca.SX.sym("moving", self._moving.size)
         algebraic = ca.SX.sym("algebraic", self._algebraic.size)
         held = ca.SX.sym("held", len(equations.held))
-        command, origin, elapsed = (ca.SX.sym(name) for name in ("command", "origin", "elapsed"))
+        inputs = ca.SX.sym("inputs", equations.held_inputs(0.0).size)
+        origin, elapsed = ca.SX.sym("origin"), ca.SX.sym("elapsed")
         w = ca.SX(self._scale.size, 1)
         w[self._moving.tolist()], w[self._algebraic.tolist()] = moving, algebraic
         w *= self._scale
         residual = equations.dynamics(
-            w[:n_x, :], w[n_x:, :], held, command, origin + elapsed, values, equations.constants
+            w[:n_x, :], w[n_x:, :], held, inputs, origin + elapsed, values, equations.constants
         )
         rate = residual[self._moving.tolist()] / (mass * self._scale[:n_x])[self._moving]
         problem = {
-            "x": moving, "z": algebraic, "t": elapsed, "p": ca.vertcat(held, command, origin),
+            "x": moving, "z": algebraic, "t": elapsed, "p": ca.vertcat(held, inputs, origin),
             "ode": rate, "alg": residual[self._algebraic.tolist()],
         }  # fmt: skip
         options = {"reltol": relative_tolerance, "abstol": relative_tolerance, "max_num_steps": 100_000}
         self._advance = ca.integrator("reference", "idas", problem, 0.0, sample_time, options)
 
-    def advance(self, unknowns: np.ndarray, held: np.ndarray, command: float, time: float) -> np.ndarray:
+    def advance(self, unknowns: np.ndarray, held: np.ndarray, inputs: np.ndarray, time: float) -> np.ndarray:
         """States and coordinates at the end of a sample, shape (n_x + n_z,), SI."""
         scaled = unknowns / self._scale
         found = self._advance(
-            x0=scaled[self._moving], z0=scaled[self._algebraic], p=np.concatenate([held, [command, time]])
+            x0=scaled[self._moving], z0=scaled[self._algebraic], p=np.concatenate([held, inputs, [time]])
         )
         scaled[self._moving], scaled[self._algebraic] = np.asarray(found["xf"]).ravel(), np.asarray(found["zf"]).ravel()
         return scaled * self._scale

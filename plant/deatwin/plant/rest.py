@@ -62,11 +62,11 @@ def rest_state(
         With `found` false, and the last iterate, where there is no equilibrium in reach.
     """
     functions = _functions(equations)
-    constants = equations.constants
+    constants, inputs = equations.constants, equations.held_inputs(command)
     w = np.asarray(equations.guess(values, constants)).ravel() if guess is None else guess
     found = False
     for _ in range(UPDATES):
-        residual, jacobian = (np.asarray(v) for v in functions[0](w, command, values, constants))
+        residual, jacobian = (np.asarray(v) for v in functions[0](w, inputs, values, constants))
         if not (np.isfinite(residual).all() and np.isfinite(jacobian).all()):
             break
         step = np.linalg.lstsq(jacobian, residual.ravel(), rcond=None)[0]
@@ -77,7 +77,7 @@ def rest_state(
             found = True
             break
     n_x = len(equations.states)
-    w_p = np.asarray(functions[1](w, command, values, constants))
+    w_p = np.asarray(functions[1](w, inputs, values, constants))
     d, d_w, d_p = (np.asarray(v) for v in functions[2](w, values, constants))
     return RestState(
         found=found, x=w[:n_x], z=w[n_x:], d=d.ravel(), x_p=w_p[:n_x], z_p=w_p[n_x:], d_p=d_w @ w_p + d_p
@@ -118,14 +118,14 @@ def _functions(equations: Equations) -> tuple[ca.Function, ca.Function, ca.Funct
     """Residual with its Jacobian, slope of the solution, and held quantities with their derivatives."""
     n_x = len(equations.states)
     w = ca.SX.sym("w", equations.scale.size)
-    u = ca.SX.sym("u")
+    u = ca.SX.sym("u", equations.held_inputs(0.0).size)
     p = ca.SX.sym("p", len(equations.parameters.free))
     c = ca.SX.sym("c", equations.constants.size)
     r = equations.rest(w[:n_x, :], w[n_x:, :], u, p, c)
     r_w, r_p = ca.jacobian(r, w), ca.jacobian(r, p)
     d = equations.hold(w[:n_x, :], w[n_x:, :], p, c)
     slope_w, slope_p = ca.MX.sym("w", w.numel()), ca.MX.sym("p", p.numel())
-    slope_u, slope_c = ca.MX.sym("u"), ca.MX.sym("c", c.numel())
+    slope_u, slope_c = ca.MX.sym("u", u.numel()), ca.MX.sym("c", c.numel())
     arguments = [slope_w, slope_u, slope_p, slope_c]
     parts = ca.Function("parts", [w, u, p, c], [ca.densify(r_w), r_p])(*arguments)
     return (

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
@@ -92,6 +92,7 @@ class Simulator:
         sample_time: float,
         rest_command: float,
         values: np.ndarray,
+        channels: Mapping[str, np.ndarray] | None = None,
         progress: Progress | None = None,
     ) -> Run:
         """Simulate from rest.
@@ -108,6 +109,8 @@ class Simulator:
             Command at rest.
         values : ndarray, shape (n_p,)
             Free parameters, SI.
+        channels : mapping of str to ndarray, each of shape (n,), optional
+            Further inputs that were measured, SI.
         progress : callable, optional
             Called with the share that is done.
 
@@ -120,12 +123,13 @@ class Simulator:
         if not rest.found:
             return _run(RunStatus.NO_REST, [np.empty(0)], None, None)
         status = RunStatus.DONE
-        first = float(self._reading(rest.x, rest.z, rest.d, rest_command, start, values))
+        first = float(self._reading(rest, rest_command, start, values))
+        inputs = self.equations.inputs(commands, rest_command, channels)
         state = [rest.x, rest.z]
         outputs, watched = [np.array([first])], []
         held = np.repeat(rest.d[:, None], CHUNK, axis=1)
-        for begin, count, inputs in self._chunks(commands, start, sample_time, values):
-            x, z, y, w, update = self._march["plain_march"](*state, held, *inputs)
+        for begin, count, piece in self._chunks(inputs, start, sample_time, values):
+            x, z, y, w, update = self._march["plain_march"](*state, held, *piece)
             good = _valid(update, y, count)
             outputs.append(np.asarray(y).ravel()[:good])
             watched.append(np.asarray(w)[:, :good])
@@ -139,13 +143,20 @@ class Simulator:
         return _run(status, outputs, None, signals)
 
     def run_with_sensitivities(
-        self, commands: np.ndarray, *, start: float, sample_time: float, rest_command: float, values: np.ndarray
+        self,
+        commands: np.ndarray,
+        *,
+        start: float,
+        sample_time: float,
+        rest_command: float,
+        values: np.ndarray,
+        channels: Mapping[str, np.ndarray] | None = None,
     ) -> Run:
         """Simulate from rest together with the derivatives by all free parameters.
 
         Parameters
         ----------
-        commands, start, sample_time, rest_command, values
+        commands, start, sample_time, rest_command, values, channels
             As for `run`.
 
         Returns
@@ -158,13 +169,15 @@ class Simulator:
             return _run(RunStatus.NO_REST, [np.empty(0)], None, None)
         status = RunStatus.DONE
         n_p = values.size
-        point = (rest.x, rest.z, rest.d, rest_command, start, values, self.equations.constants)
+        at_rest = self.equations.held_inputs(rest_command)
+        point = (rest.x, rest.z, rest.d, at_rest, start, values, self.equations.constants)
+        inputs = self.equations.inputs(commands, rest_command, channels)
         first = float(self.equations.output(*point))
         outputs, slopes = [np.array([first])], [self._rest_slope(point, rest.x_p, rest.z_p, rest.d_p)]
         state = [rest.x, rest.z, rest.x_p]
         held, held_p = np.repeat(rest.d[:, None], CHUNK, axis=1), np.tile(rest.d_p, (1, CHUNK))
-        for begin, count, inputs in self._chunks(commands, start, sample_time, values):
-            x, z, dx, y, dy, update = self._march["sensitive_march"](*state, held_p, held, *inputs)
+        for begin, count, piece in self._chunks(inputs, start, sample_time, values):
+            x, z, dx, y, dy, update = self._march["sensitive_march"](*state, held_p, held, *piece)
             good = _valid(update, y, count)
             outputs.append(np.asarray(y).ravel()[:good])
             slopes.append(np.asarray(dy).reshape(CHUNK, n_p)[:good])
@@ -196,10 +209,11 @@ class Simulator:
             With the status `RunStatus.NO_REST` where no state of rest was found.
         """
         rest = rest_state(self.equations, rest_command, values)
-        first = self._reading(rest.x, rest.z, rest.d, rest_command, start, values)
+        first = self._reading(rest, rest_command, start, values)
         fixed = (sample_time, values, self.equations.constants)
         return Stepper(
-            self._step, rest, float(first), start=start, fixed=fixed,
+            self._step, rest, float(first), start=start, fixed=fixed, inputs=self.equations.held_inputs(rest_command),
+            history=self.equations.history,
             why=lambda command: self._why(rest, rest_command, command, values),
         )  # fmt: skip
 
@@ -208,23 +222,22 @@ class Simulator:
         """One sample, compiled only for those who step: the marches hold their own copy."""
         return compile_functions({"plain_step": self._plain})["plain_step"]
 
-    def _chunks(self, commands: np.ndarray, start: float, sample_time: float, values: np.ndarray) -> Iterator[Chunk]:
-        """Commands in pieces of `CHUNK`, the last one filled up with its last command."""
+    def _chunks(self, inputs: np.ndarray, start: float, sample_time: float, values: np.ndarray) -> Iterator[Chunk]:
+        """Inputs in pieces of `CHUNK`, the last one filled up with its last sample."""
         fixed = [
             np.full((1, CHUNK), sample_time),
             np.repeat(values[:, None], CHUNK, axis=1),
             np.repeat(self.equations.constants[:, None], CHUNK, axis=1),
         ]
-        for begin in range(0, commands.size, CHUNK):
-            piece = commands[begin : begin + CHUNK]
-            padded = np.concatenate([piece, np.full(CHUNK - piece.size, piece[-1])])
+        for begin in range(0, inputs.shape[1], CHUNK):
+            piece = inputs[:, begin : begin + CHUNK]
+            padded = np.hstack([piece, np.repeat(piece[:, -1:], CHUNK - piece.shape[1], axis=1)])
             times = start + sample_time * np.arange(begin, begin + CHUNK)
-            yield begin, piece.size, [padded[None], times[None], *fixed]
+            yield begin, piece.shape[1], [padded, times[None], *fixed]
 
-    def _reading(
-        self, x: np.ndarray, z: np.ndarray, d: np.ndarray, command: float, time: float, values: np.ndarray
-    ) -> ca.DM:
-        return self.equations.output(x, z, d, command, time, values, self.equations.constants)
+    def _reading(self, rest: RestState, command: float, time: float, values: np.ndarray) -> ca.DM:
+        inputs = self.equations.held_inputs(command)
+        return self.equations.output(rest.x, rest.z, rest.d, inputs, time, values, self.equations.constants)
 
     def _rest_slope(
         self, point: tuple[Any, ...], x_p: np.ndarray, z_p: np.ndarray, d_p: np.ndarray
@@ -266,15 +279,21 @@ class Stepper:
         Clock time of the first command, s.
     fixed : tuple
         Sample time in s, free parameters and constants.
+    inputs : ndarray, shape (n_u,)
+        At rest.
+    history : int
+        How many past commands follow the command among the inputs.
     why : callable
         Says why a command could not be followed.
     """
 
     def __init__(
         self, step: ca.Function, rest: RestState, reading: float, *, start: float,
-        fixed: tuple[float, np.ndarray, np.ndarray], why: Callable[[float], RunStatus],
+        fixed: tuple[float, np.ndarray, np.ndarray], inputs: np.ndarray, history: int,
+        why: Callable[[float], RunStatus],
     ) -> None:  # fmt: skip
         self._step, self._fixed, self._why = step, fixed, why
+        self._inputs, self._history = inputs, history
         self._x, self._z, self._held = rest.x, rest.z, rest.d
         self._reading, self._start, self._count = reading, start, 0
         self._status = RunStatus.DONE if rest.found else RunStatus.NO_REST
@@ -316,8 +335,11 @@ class Stepper:
             A plant that has failed stays as it was before that sample.
         """
         if self._status.ok:
-            x, z, y, _, update = self._step(self._x, self._z, self._held, command, self.time, *self._fixed)
+            inputs = self._inputs.copy()
+            inputs[: 1 + self._history] = [command, *self._inputs[: self._history]]
+            x, z, y, _, update = self._step(self._x, self._z, self._held, inputs, self.time, *self._fixed)
             if _valid(update, y, 1):
+                self._inputs = inputs
                 self._x, self._z, self._reading, self._count = x, z, float(y), self._count + 1
             else:
                 self._status = self._why(command)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -25,6 +26,8 @@ class Timeline:
         Clock time at which the first command is applied, s.
     sample_time : float
         s.
+    channels : mapping of str to ndarray, each of shape (n,)
+        Further inputs that were measured, SI; where a recording lacks one, its last value is kept.
     readings : tuple of ndarray of int
         For each recording, the sample at whose end each of its rows was read; -1 is the state before the first.
     """
@@ -33,6 +36,7 @@ class Timeline:
     start: float
     sample_time: float
     readings: tuple[np.ndarray, ...]
+    channels: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     @classmethod
     def of(

@@ -202,6 +202,7 @@ class Problem:
             run = plant.simulator.run_with_sensitivities(
                 timeline.commands[: counted.max() + 1], start=timeline.start, sample_time=timeline.sample_time,
                 rest_command=plant.rig.start.rest_command, values=plant.free_values,
+                channels=timeline.channels,
             )  # fmt: skip
             if not run.status.ok or run.sensitivities is None:
                 return None

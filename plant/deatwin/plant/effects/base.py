@@ -7,6 +7,8 @@ from dataclasses import dataclass, fields, replace
 from enum import Enum
 from typing import TYPE_CHECKING, Any, ClassVar
 
+import numpy as np
+
 from deatwin.plant.parameters import Parameter
 
 if TYPE_CHECKING:
@@ -48,6 +50,8 @@ class Effect(ABC):
     place: ClassVar[Place]
     signal: ClassVar[str]
     strength: ClassVar[str]
+    order: ClassVar[int] = 0
+    """Among the effects at one signal, those of lower order act first."""
     wording: ClassVar[str]
     """Says in a sentence what the physics does; with ``{parameter}`` fields."""
 
@@ -70,6 +74,23 @@ class Effect(ABC):
         -------
         same kind as `signal`
         """
+
+    def starts(self, timepts: np.ndarray, residual: np.ndarray) -> tuple[Effect, ...]:
+        """Where a residual says that a fit should begin.
+
+        Parameters
+        ----------
+        timepts : ndarray, shape (n,)
+            Clock times, s.
+        residual : ndarray, shape (n,)
+            Measured minus simulated without this effect, SI.
+
+        Returns
+        -------
+        tuple of Effect
+            This effect at the shapes that look promising; none by default, then a grid of shapes is tried.
+        """
+        return ()
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:

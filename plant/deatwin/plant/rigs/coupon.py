@@ -10,7 +10,7 @@ import casadi as ca
 
 from deatwin.plant.effects.base import Place
 from deatwin.plant.equations import Builder
-from deatwin.plant.film import Film, relaxation_stiffness
+from deatwin.plant.film import Film, FilmPoint, relaxation_stiffness
 from deatwin.plant.material import Material, material
 from deatwin.plant.parameters import Parameter
 from deatwin.plant.rigs.base import Rig, StartProcedure
@@ -77,16 +77,15 @@ class Coupon(Rig):
         volume = build.constant("volume", self._volume)
         elastic = [build.parameter(p.name) for p in self._material.elastic]
         strip = Film(
-            energy=volume * self._material.energy(*_uniaxial(stretch)[0], *elastic),
-            volumes=[volume],
-            stretches=_uniaxial(stretch),
+            points=[FilmPoint(volume=volume, stretches=_uniaxial(stretch)[0])],
+            elastic=volume * self._material.energy(*_uniaxial(stretch)[0], *elastic),
             stretch=stretch,
             relaxed=_uniaxial,
             stiffness=build.constant("relaxation_stiffness", self._stiffness),
             rest_stretch=1.0,
         )
-        energy = build.place(Place.FILM, "film", strip).energy
-        force = build.watch("force", ca.gradient(energy, stretch) / build.constant("length", self.length))
+        stored = build.place(Place.FILM, "film", strip).stored
+        force = build.watch("force", ca.gradient(stored, stretch) / build.constant("length", self.length))
         return build.place(Place.SENSOR, "reading", force + build.parameter("zero"))
 
     @cached_property

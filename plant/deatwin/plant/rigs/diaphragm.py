@@ -14,10 +14,9 @@ from typing import Any, ClassVar, Self
 import casadi as ca
 import numpy as np
 
-from deatwin.plant.dielectric import electric_energy
 from deatwin.plant.effects.base import Place
 from deatwin.plant.equations import Builder
-from deatwin.plant.film import Film, relaxation_stiffness
+from deatwin.plant.film import Film, FilmPoint, point_capacitances, relaxation_stiffness
 from deatwin.plant.material import Material, material
 from deatwin.plant.parameters import Parameter, Scale
 from deatwin.plant.rigs.base import ReadingTime, Rig, StartProcedure
@@ -118,60 +117,57 @@ class Diaphragm(Rig):
         outer_drop = build.coordinate("outer_drop", scale=1e-3)
         deflection = build.state("deflection", scale=1e-3)
         velocity = build.watch("velocity", build.state("velocity", scale=0.05))
-        amplified = build.parameter("gain") * build.place(Place.DRIVE, "command", build.command)
-        voltage = build.watch("film_voltage", build.place(Place.DRIVE, "film_voltage", amplified))
-        film = self._film(stretch, deflection - outer_drop, outer_drop, voltage, build)
-        energy = build.place(Place.FILM, "film", film).energy
+        displacement = build.watch("displacement", deflection - build.at_rest("rest_deflection", deflection))
+        film = build.place(Place.FILM, "film", self._film(stretch, deflection - outer_drop, outer_drop, build))
+        squared = self._squared_voltage(build.share("film", film), build)
 
         mass = build.parameter("mass")
-        drop = ca.gradient(energy, deflection)
         friction = build.place(Place.BALL, "force", -build.parameter("damping") * velocity)
         build.rate(deflection, velocity)
-        build.rate(velocity, (mass * GRAVITY - drop + friction) / mass)
-        build.balance(ca.gradient(energy, outer_drop) / mass)
-        build.balance(ca.gradient(energy, stretch) / mass)
+        build.rate(velocity, (mass * GRAVITY - film.force(deflection, squared) + friction) / mass)
+        build.balance(film.force(outer_drop, squared) / mass)
+        build.balance(film.force(stretch, squared) / mass)
         self._guess_rest(build, stretch, deflection, outer_drop)
-
-        displacement = deflection - build.at_rest("rest_deflection", deflection)
-        build.watch("displacement", displacement)
         return build.place(Place.SENSOR, "reading", displacement + build.parameter("zero"))
 
-    def _film(self, stretch: Symbol, inner: Symbol, outer: Symbol, voltage: Symbol, build: Builder) -> Film:
+    def _squared_voltage(self, film: Film, build: Builder) -> Symbol:
+        """From the command through amplifier and electrode to the square that makes the Maxwell stress, V²."""
+        build.watch("capacitance", film.capacitance)
+        command = build.place(Place.DRIVE, "command", build.command)
+        amplified = build.place(Place.DRIVE, "amplifier_voltage", build.parameter("gain") * command)
+        voltage = build.watch("film_voltage", build.place(Place.DRIVE, "film_voltage", amplified))
+        effective = build.place(Place.DRIVE, "field_voltage", voltage)
+        return build.place(Place.DRIVE, "squared_voltage", effective**2)
+
+    def _film(self, stretch: Symbol, inner: Symbol, outer: Symbol, build: Builder) -> Film:
         geometry = self._geometry.as_symbols(build)
         thickness = build.parameter("thickness")
-        zones = geometry.zones(self.ball, stretch)
         drops = (inner, outer)
-        stretches: list[tuple[Symbol, Symbol]] = []
-        volumes: list[Symbol] = []
-        electric: Symbol = 0
-        permittivity, field = build.parameter("permittivity"), voltage / thickness
-        for number, zone in enumerate(zones):
+        points: list[FilmPoint] = []
+        for number, zone in enumerate(geometry.zones(self.ball, stretch)):
             for rho, area in geometry.points(number):
                 meridional, hoop = zone.flat(rho)
                 slope = drops[number] * meridional / (hoop * rho * zone.log_ratio)
-                point = (ca.sqrt(meridional**2 + slope**2), hoop)
-                stretches.append(point)
-                volumes.append(area * thickness)
-                if number == 0:
-                    electric += volumes[-1] * electric_energy(*point, permittivity, field)
-        elastic = [build.parameter(p.name) for p in self._material.elastic]
+                radius = rho / geometry.electrode_reference if number == 0 else None
+                stretches = (ca.sqrt(meridional**2 + slope**2), hoop)
+                points.append(FilmPoint(volume=area * thickness, stretches=stretches, radius=radius))
         if self.ball == "sliding":
             disc = np.pi * geometry.contact_reference**2 * thickness
-            stretches.append((stretch, stretch))
-            volumes.append(disc)
-            electric += disc * electric_energy(stretch, stretch, permittivity, field)
-        stored = sum(
-            v * self._material.energy(*s, *elastic) for v, s in zip(volumes, stretches, strict=True)
-        )
+            points.append(FilmPoint(volume=disc, stretches=(stretch, stretch), radius=0.0))
+        elastic = [build.parameter(p.name) for p in self._material.elastic]
         film = Film(
-            energy=stored + electric, volumes=volumes, stretches=stretches, stretch=stretch,
+            points=points,
+            elastic=sum(p.volume * self._material.energy(*p.stretches, *elastic) for p in points),
+            capacitances=point_capacitances(points, build.parameter("permittivity"), thickness),
+            stretch=stretch,
             relaxed=lambda xi: geometry.relaxed(self.ball, xi),
             stiffness=build.constant("relaxation_stiffness", self._stiffness),
             rest_stretch=self.prestretch,
-        )  # fmt: skip
-        return film.with_branch(
-            "branch", build.parameter("branch_modulus"), build.parameter("branch_time"), build
         )
+        for branch in self._material.branches:
+            modulus, time = build.parameter(branch.modulus.name), build.parameter(branch.time.name)
+            film = film.with_branch(branch.name, modulus, time, build)
+        return film
 
     def _guess_rest(self, build: Builder, stretch: Symbol, deflection: Symbol, outer: Symbol) -> None:
         r"""Sag of a uniformly stretched membrane, :math:`z = mg\ln(B/r_c)/(2\pi N)`."""
