@@ -4,8 +4,8 @@
     M(p)\\,\\dot x = f(x, z, d, u, t, p), \\qquad 0 = g(x, z, d, u, t, p), \\qquad y = h(x, z, d, u, t, p)
 
 with states *x*, algebraic coordinates *z*, quantities *d* held at their value at rest, inputs *u* (the command,
-its past samples and further channels, where effects ask for them), clock *t* and parameters *p*. A zero on the diagonal of *M* turns a state into an algebraic one, so that a vanishing
-time constant is exact.
+its past samples and further channels, where effects ask for them), clock *t* and parameters *p*. A zero on the
+diagonal of *M* turns a state into an algebraic one, so that a vanishing time constant is exact.
 """
 
 from __future__ import annotations

@@ -1,8 +1,4 @@
-r"""Hyperelastic energies of an incompressible film, and the published sets for VHB tapes.
-
-Energies are per reference volume, functions of the two in-plane stretches; the third one follows from
-:math:`\lambda_1\lambda_2\lambda_3 = 1`.
-"""
+"""Film materials: an energy, its Maxwell branches, a permittivity, and the published sets for VHB tapes."""
 
 from __future__ import annotations
 
@@ -11,94 +7,14 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
 
-import casadi as ca
-
+from deatwin.plant.energies import arruda_boyce, first_invariant, gent, maxwell_branch, neo_hookean
 from deatwin.plant.errors import RigError, nearest
 from deatwin.plant.parameters import Parameter, Scale
+from deatwin.plant.stress import shear_modulus
 
 __all__ = ["MATERIALS", "Branch", "Material", "first_invariant", "gent", "material", "maxwell_branch", "neo_hookean"]
 
-Symbol = Any  # a CasADi SX, MX, DM or a float
-
-
-def first_invariant(stretch_1: Symbol, stretch_2: Symbol) -> Symbol:
-    r""":math:`I_1 = \lambda_1^2 + \lambda_2^2 + (\lambda_1\lambda_2)^{-2}`.
-
-    Parameters
-    ----------
-    stretch_1, stretch_2 : symbol or float
-        Principal in-plane stretches.
-
-    Returns
-    -------
-    symbol or float
-        Dimensionless.
-    """
-    return stretch_1**2 + stretch_2**2 + 1 / (stretch_1 * stretch_2) ** 2
-
-
-def neo_hookean(stretch_1: Symbol, stretch_2: Symbol, shear_modulus: Symbol) -> Symbol:
-    r"""Neo-Hookean energy :math:`W = \tfrac{\mu}{2}(I_1 - 3)`.
-
-    Parameters
-    ----------
-    stretch_1, stretch_2 : symbol or float
-        Principal in-plane stretches.
-    shear_modulus : symbol or float
-        :math:`\mu` in Pa.
-
-    Returns
-    -------
-    symbol or float
-        Energy per reference volume, J/m³.
-    """
-    return shear_modulus / 2 * (first_invariant(stretch_1, stretch_2) - 3)
-
-
-def gent(stretch_1: Symbol, stretch_2: Symbol, shear_modulus: Symbol, stretch_limit: Symbol) -> Symbol:
-    r"""Gent energy :math:`W = -\tfrac{\mu J_m}{2}\ln\bigl(1 - (I_1-3)/J_m\bigr)`.
-
-    Parameters
-    ----------
-    stretch_1, stretch_2 : symbol or float
-        Principal in-plane stretches.
-    shear_modulus : symbol or float
-        :math:`\mu` in Pa.
-    stretch_limit : symbol or float
-        :math:`J_m`, the largest possible :math:`I_1 - 3`.
-
-    Returns
-    -------
-    symbol or float
-        Energy per reference volume, J/m³.
-
-    References
-    ----------
-    Gent, Rubber Chem. Technol. 69 (1996) 59, doi:10.5254/1.3538357.
-    """
-    extension = first_invariant(stretch_1, stretch_2) - 3
-    # The root has no value beyond the limit, so neither has a stress there; that of the logarithm alone has.
-    return -shear_modulus * stretch_limit * ca.log(ca.sqrt(1 - extension / stretch_limit))
-
-
-def maxwell_branch(elastic_1: Symbol, elastic_2: Symbol) -> Symbol:
-    r"""Energy of a Maxwell branch's spring per unit of its shear modulus, :math:`\tfrac12(I_1^e - 3)`.
-
-    Parameters
-    ----------
-    elastic_1, elastic_2 : symbol or float
-        Elastic stretches :math:`\lambda_i^e = \lambda_i/\xi_i` of the spring in the branch.
-
-    Returns
-    -------
-    symbol or float
-        Dimensionless.
-
-    References
-    ----------
-    Foo et al., J. Appl. Phys. 111 (2012) 034102, doi:10.1063/1.3680878.
-    """
-    return (first_invariant(elastic_1, elastic_2) - 3) / 2
+Symbol = Any
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -150,43 +66,114 @@ class Material:
         of_branches = (parameter for branch in self.branches for parameter in (branch.modulus, branch.time))
         return (*self.elastic, *of_branches, self.permittivity)
 
+    @property
+    def shear_modulus(self) -> float:
+        """Shear modulus at small strain when all branches are relaxed, Pa; a third of the elastic modulus."""
+        return float(shear_modulus(self.energy, *(parameter.value for parameter in self.elastic)))
 
-def _vhb(name: str) -> Material:
-    wang = "Wang, Decker, Henann & Chester, J. Mech. Phys. Solids 95 (2016) 213"
+
+def _modulus(value: float, source: str) -> Parameter:
+    return Parameter(
+        name="shear_modulus", value=value, unit="Pa", lower=5e3, upper=200e3, scale=Scale.LOGARITHMIC, source=source
+    )
+
+
+def _stretch_limit(value: float, source: str) -> Parameter:
+    return Parameter(
+        name="stretch_limit", value=value, unit="1", lower=40.0, upper=1e4, scale=Scale.RECIPROCAL, source=source
+    )
+
+
+def _locking_stretch(value: float, source: str) -> Parameter:
+    return Parameter(
+        name="locking_stretch", value=value, unit="1", lower=3.5, upper=1e4, scale=Scale.RECIPROCAL, source=source
+    )
+
+
+def _permittivity(value: float, source: str) -> Parameter:
+    return Parameter(
+        name="permittivity", value=value, unit="1", lower=1.5, upper=10.0, scale=Scale.LOGARITHMIC, source=source
+    )
+
+
+def _branches(source: str, *values: tuple[float, float]) -> tuple[Branch, ...]:
+    """Branches of the (modulus in Pa, time in s) given; a time may move by about 30 both ways."""
+    names = ["branch", *(f"branch_{i}" for i in range(2, len(values) + 1))]
+    return tuple(
+        Branch(
+            name=name,
+            modulus=Parameter(
+                name=f"{name}_modulus", value=modulus, unit="Pa", lower=1.0, upper=1e6, scale=Scale.LOGARITHMIC,
+                source=source,
+            ),
+            time=Parameter(
+                name=f"{name}_time", value=time, unit="s", lower=float(f"{time / 30:.0e}"),
+                upper=float(f"{time * 33:.0e}"), scale=Scale.LOGARITHMIC, source=source,
+            ),
+        )
+        for name, (modulus, time) in zip(names, values, strict=True)
+    )  # fmt: skip
+
+
+_WANG = "Wang, Decker, Henann & Chester, J. Mech. Phys. Solids 95 (2016) 213"
+_HOSSAIN = (
+    "Hossain, Vu & Steinmann, Comput. Mater. Sci. 59 (2012) 65, identified at 50 % deformation; "
+    "read in a public code's benchmark that cites it"
+)
+_FOO = (
+    "Foo, Cai, Koh, Bauer & Suo, J. Appl. Phys. 111 (2012) 034102, doi:10.1063/1.3680878; "
+    "unconfirmed: as later literature quotes it"
+)
+_RANGE = _permittivity(4.5, "published values for stretched VHB lie between 3.5 and 4.7")
+
+
+def _common(name: str) -> Material:
+    """One relaxation and a modulus in the middle of the published ones: what a rig of unknown history starts from."""
     return Material(
         name=name,
         energy=gent,
         elastic=(
-            Parameter(
-                name="shear_modulus", value=25e3, unit="Pa", lower=5e3, upper=200e3, scale=Scale.LOGARITHMIC,
-                source="middle of the published range for VHB at rest, 14 to 45 kPa",
-            ),
-            Parameter(
-                name="stretch_limit", value=107.0, unit="1", lower=40.0, upper=1e4, scale=Scale.RECIPROCAL,
-                source=f"3(lambda_L^2 - 1) with lambda_L = 5.99, {wang}",
-            ),
+            _modulus(25e3, "middle of the published range for VHB at rest, 14 to 45 kPa"),
+            _stretch_limit(107.0, f"3(lambda_L^2 - 1) with lambda_L = 5.99, {_WANG}"),
         ),
-        branches=(
-            Branch(
-                name="branch",
-                modulus=Parameter(
-                    name="branch_modulus", value=26.06e3, unit="Pa", lower=1.0, upper=1e6, scale=Scale.LOGARITHMIC,
-                    source=f"first branch, {wang}",
-                ),
-                time=Parameter(
-                    name="branch_time", value=0.6074, unit="s", lower=0.02, upper=20.0, scale=Scale.LOGARITHMIC,
-                    source=f"first branch, {wang}",
-                ),
-            ),
-        ),
-        permittivity=Parameter(
-            name="permittivity", value=4.5, unit="1", lower=1.5, upper=10.0, scale=Scale.LOGARITHMIC,
-            source="published values for stretched VHB lie between 3.5 and 4.7",
-        ),
-    )  # fmt: skip
+        branches=_branches(f"first branch, {_WANG}", (26.06e3, 0.6074)),
+        permittivity=_RANGE,
+    )
 
 
-MATERIALS: Mapping[str, Material] = MappingProxyType({n: _vhb(n) for n in ("VHB 4905", "VHB 4910")})
+def _published() -> tuple[Material, ...]:
+    """Complete sets. Their authors' flow rules differ from ours at large strain, not at small: same times there."""
+    return (
+        Material(
+            name="VHB 4910 Wang 2016",
+            energy=arruda_boyce,
+            elastic=(_modulus(15.36e3, _WANG), _locking_stretch(5.99, _WANG)),
+            branches=_branches(_WANG, (26.06e3, 0.6074), (26.53e3, 6.56), (10.83e3, 61.25)),
+            permittivity=_permittivity(4.8, _WANG),
+        ),
+        Material(
+            name="VHB 4910 Hossain 2012",
+            energy=arruda_boyce,
+            elastic=(
+                _modulus(13.7e3, _HOSSAIN),
+                _locking_stretch(886.6, f"root of 7.86e5 links: far from any limit at that strain; {_HOSSAIN}"),
+            ),
+            branches=_branches(_HOSSAIN, (56.4e3, 0.82), (31.5e3, 10.7), (19.8e3, 500.0)),
+            permittivity=_RANGE,
+        ),
+        Material(
+            name="VHB 4910 Foo 2012",
+            energy=gent,
+            elastic=(_modulus(18e3, _FOO), _stretch_limit(110.0, _FOO)),
+            branches=_branches(f"its spring's own limit, 55, is left out here; {_FOO}", (42e3, 400.0)),
+            permittivity=_permittivity(4.5, f"3.98e-11 F/m; {_FOO}"),
+        ),
+    )
+
+
+MATERIALS: Mapping[str, Material] = MappingProxyType(
+    {entry.name: entry for entry in (_common("VHB 4905"), _common("VHB 4910"), *_published())}
+)
 """Materials by the name that a rig file uses."""
 
 
