@@ -23,6 +23,8 @@ from numpy.typing import NDArray
 
 from deatwin.plant.errors import DataError
 
+__all__ = ["Piece", "even_pieces"]
+
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
@@ -31,6 +33,7 @@ _ROUNDING = 0.25  # of a sample, at most
 _SHORT_STEPS = 0.005  # of all steps
 _LONG_STEPS = 0.01  # of all steps
 _ROUNDED_STEPS = 0.1  # of all steps are unusual where times are rounded, at least
+_AGREE = 0.0025  # of a sample: a start that is no further off the clock is kept as the file has it
 _FEW_GAPS = 3  # are gaps in a record of any length
 _GAP = 1.6  # samples
 _SLACK = 1.1  # for the fit of the clock, which rounded times move a little
@@ -58,14 +61,45 @@ class Piece:
     clock: Floats
     interpolated: bool
 
+    @classmethod
+    def even(cls, samples: int, sample_time: float, start: float) -> "Piece":
+        """Return a whole file whose clock is stated, not measured.
+
+        Parameters
+        ----------
+        samples : int
+            How many rows the file has.
+        sample_time : float
+            Time between two samples, s.
+        start : float
+            Time of the first, s.
+
+        Returns
+        -------
+        Piece
+        """
+        clock = start + sample_time * np.arange(samples, dtype=np.float64)
+        return cls(first=0, last=samples, timepts=clock, clock=clock, interpolated=False)
+
     def take(self, values: Floats) -> Floats:
-        """Return a channel of the whole file, (n,), on the clock of this piece, (k,), in the same unit."""
+        """Return a channel on the clock of this piece, (k,).
+
+        Parameters
+        ----------
+        values : (n,) array
+            The channel of the whole file, in any unit.
+
+        Returns
+        -------
+        (k,) array
+            In the same unit.
+        """
         rows = values[self.first : self.last]
         return np.interp(self.clock, self.timepts, rows) if self.interpolated else rows
 
 
 def even_pieces(
-    timepts: Floats, where: Callable[[int], str], *, allow_gaps: bool
+    timepts: Floats, where: Callable[[int], str], *, allow_gaps: bool, stated: float | None = None
 ) -> tuple[float, list[Piece]]:
     """Return the sample time of a record and its pieces between gaps.
 
@@ -77,6 +111,8 @@ def even_pieces(
         Takes a sample number and returns how an error text names its place.
     allow_gaps : bool
         Split the record at gaps. Else a gap is an error.
+    stated : float, optional
+        The sample time that the file or its user states, s; the times must keep it.
 
     Returns
     -------
@@ -90,6 +126,8 @@ def even_pieces(
     DataError
         If there are fewer than two samples, times do not increase, there is a gap, or the sampling is uneven.
     """
+    if len(timepts) == 1 and stated:
+        return stated, [Piece.even(1, stated, float(timepts[0]))]
     if len(timepts) < 2:
         raise DataError(f"{where(0)}: one sample only; a recording needs at least two")
     steps = np.diff(timepts)
@@ -108,26 +146,47 @@ def even_pieces(
     if (odd := ~long & (steps > usual + 2.0 * tolerance)).any():
         raise _odd_step(timepts, odd, usual, tolerance, where)
     runs = list(pairwise([0, *(np.flatnonzero(long | short) + 1), len(timepts)]))
-    sample_time = _sample_time(timepts, runs, usual, tolerance, where)
+    sample_time = _sample_time(timepts, runs, usual, tolerance, where, stated)
     if long.any() and not allow_gaps:
         raise _gap(timepts, long, usual, where)
     edges = [0, *(np.flatnonzero(long) + 1), len(timepts)]
-    return sample_time, list(_pieces(timepts, edges, short, sample_time))
+    return sample_time, list(_pieces(timepts, edges, short, sample_time, tolerance))
 
 
-def _pieces(timepts: Floats, edges: list[int], short: Flags, sample_time: float) -> Iterator[Piece]:
-    """Yield the pieces between edges; one that holds a short step is to be interpolated."""
+def _pieces(
+    timepts: Floats, edges: list[int], short: Flags, sample_time: float, tolerance: float
+) -> Iterator[Piece]:
+    """Yield the pieces between edges; one that holds a short step is to be interpolated.
+
+    A piece that lies on the clock of the first one as well as its times tell begins on that clock.
+    """
+    origin = None
     for first, last in pairwise(edges):
         rows = timepts[first:last]
+        start = _start(rows, sample_time)
+        origin = start if origin is None else origin
+        common = origin + sample_time * round((start - origin) / sample_time)
+        if _AGREE * sample_time < abs(common - start) <= tolerance:
+            start = common
         shifted = bool(short[first : last - 1].any())
         samples = int((rows[-1] - rows[0]) / sample_time * (1.0 + 1e-9)) + 1 if shifted else len(rows)
         yield Piece(
             first=int(first),
             last=int(last),
             timepts=rows,
-            clock=rows[0] + sample_time * np.arange(samples),
+            clock=(rows[0] if shifted else start) + sample_time * np.arange(samples, dtype=np.float64),
             interpolated=shifted,
         )
+
+
+def _start(rows: Floats, sample_time: float) -> float:
+    """Return the first time of an even clock: the file's own, unless the clock through all times says otherwise.
+
+    Where times are rounded or jitter, the first alone may be a quarter of a sample off, all together are not.
+    """
+    late = rows - rows[0] - sample_time * np.arange(len(rows))
+    shift = 0.5 * float(late.max() + late.min())
+    return float(rows[0]) + (shift if abs(shift) > _AGREE * sample_time else 0.0)
 
 
 def _rounding(timepts: Floats, steps: Floats, usual: float) -> float:
@@ -141,16 +200,26 @@ def _rounding(timepts: Floats, steps: Floats, usual: float) -> float:
 
 
 def _sample_time(
-    timepts: Floats, runs: list[tuple[int, int]], usual: float, tolerance: float, where: Callable[[int], str]
+    timepts: Floats,
+    runs: list[tuple[int, int]],
+    usual: float,
+    tolerance: float,
+    where: Callable[[int], str],
+    stated: float | None,
 ) -> float:
-    """Return the sample time that all runs keep: the usual step, else the one fitted by least squares."""
+    """Return the sample time that all runs keep: the stated one, else the usual step, else the fitted one."""
     ranks = np.concatenate([np.arange(last - first) - 0.5 * (last - first - 1) for first, last in runs])
-    fitted = float(ranks @ timepts / (ranks @ ranks))
-    for step in (float(f"{usual:.9g}"), fitted):
+    fitted = float(ranks @ timepts / (ranks @ ranks)) if ranks.any() else usual
+    for step in (stated,) if stated else (float(f"{usual:.9g}"), fitted):
         late = np.concatenate([_off_clock(timepts[first:last], step) for first, last in runs])
         if late.max() <= tolerance:
             return step
     sample = int(np.argmax(late))
+    if stated:
+        raise DataError(
+            f"{where(sample)}: the times do not keep the stated sample time of {stated:g} s; they go on by "
+            f"{fitted:.9g} s; correct one of the two"
+        )
     raise DataError(
         f"{where(sample)}: uneven sampling: time {timepts[sample]:g} s is {late[sample]:.3g} s off "
         f"the even clock of {fitted:g} s (tolerance {tolerance:.2g} s); resample the record evenly"

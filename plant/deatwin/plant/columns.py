@@ -1,8 +1,10 @@
 """Which column of a table is the time, the input, the output and the further channels."""
 
-from deatwin.plant.csvtable import CsvTable
 from deatwin.plant.errors import DataError, nearest
+from deatwin.plant.formats.table import Table
 from deatwin.plant.units import UNITS, split_unit
+
+__all__ = ["COLUMNS", "data_columns", "extra_columns", "no_times", "time_column", "usual_unit"]
 
 # The columns of a recording as deatwin writes them, by the name that each has inside.
 COLUMNS = {
@@ -14,58 +16,78 @@ COLUMNS = {
     "temperature": "temperature_C",
     "force": "force_N",
 }
+_USUAL = {"input": "command", "output": "displacement"}
 _EXTRAS = ("film_voltage", "current", "temperature", "force")
 # A column that would be passed over is refused as a misspelling from this likeness on.
 _MISSPELT = 0.85
 _TIME_NAMES = ("time", "t", "zeit", "temps", "时间")
 
 
-def data_column(table: CsvTable, name: str, wanted: str | None) -> int:
-    """Return the column of the input or the output.
+def data_columns(table: Table, role: str, wanted: str | None) -> tuple[int, ...]:
+    """Return the columns of the inputs or the outputs.
 
     Parameters
     ----------
-    table : CsvTable
-    name : str
-        Its usual name, ``command`` or ``displacement``.
+    table : Table
+    role : str
+        ``input`` or ``output``.
     wanted : str, optional
-        The column that the user asked for, by header or by place.
+        The column that the user asked for, by header or by place. Else those that the file declares count, else
+        the usual one, ``command`` or ``displacement``.
 
     Returns
     -------
-    int
-        Counted from 0.
+    tuple of int
+        Counted from 0; one, unless the file declares more or none.
 
     Raises
     ------
     DataError
         If there is no such column, or the usual one has a unit of another kind.
     """
-    column = _usual_column(table, name) if wanted is None else table.column(wanted)
+    if wanted is not None:
+        return (table.column(wanted),)
+    if table.declared.signals:
+        return table.columns_of(role)
+    name = _USUAL[role]
+    column = _usual_column(table, name)
     if column is None:
-        role = "input" if name == "command" else "output"
         raise _no_column(table, name, f"rename it, or name the one to use: --{role}-column")
-    return column
+    return (column,)
 
 
-def time_column(table: CsvTable, taken: set[int]) -> int:
+def usual_unit(name: str) -> str:
+    """Return the SI unit of a signal with one of deatwin's own names, an empty text for others.
+
+    Parameters
+    ----------
+    name : str
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> usual_unit("temperature"), usual_unit("humidity")
+    ('K', '')
+    """
+    return UNITS[split_unit(COLUMNS[name])[1]].si if name in COLUMNS else ""
+
+
+def time_column(table: Table, taken: set[int]) -> int | None:
     """Return the column of the times: the one with the usual name, else the first with a unit of time.
 
     Parameters
     ----------
-    table : CsvTable
+    table : Table
     taken : set of int
         Columns that are something else.
 
     Returns
     -------
-    int
-        Counted from 0.
-
-    Raises
-    ------
-    DataError
-        If there is none.
+    int or None
+        Counted from 0; None where there is none.
     """
     free = [column for column in range(len(table.headers)) if column not in taken]
     timed = [column for column in free if UNITS[table.units[column]].si == "s"]
@@ -75,29 +97,48 @@ def time_column(table: CsvTable, taken: set[int]) -> int:
         for column in free
         if table.names[column].lower() in _TIME_NAMES and (column in timed or not table.units[column])
     ]
-    if not named and not timed:
-        raise _no_column(table, "time", "the times need this name, or a unit: (s) behind or below their name")
-    return (named or timed)[0]
+    return next(iter(named or timed), None)
 
 
-def extra_columns(table: CsvTable, taken: set[int]) -> dict[str, int]:
-    """Return the columns of the further channels, by their names inside.
+def no_times(table: Table) -> DataError:
+    """Return the error of a file that says nothing about its times.
 
     Parameters
     ----------
-    table : CsvTable
+    table : Table
+
+    Returns
+    -------
+    DataError
+    """
+    advice = (
+        "the times need this name, or a unit: (s) behind or below their name; "
+        "for evenly sampled values without times give the sample time in seconds: --dt, in Python dt"
+    )
+    return _no_column(table, "time", advice)
+
+
+def extra_columns(table: Table, taken: set[int]) -> list[int]:
+    """Return the columns of the further channels: those that the file declares, else those with usual names.
+
+    Parameters
+    ----------
+    table : Table
     taken : set of int
         Columns that are the time, the input or the output.
 
     Returns
     -------
-    dict of str to int
+    list of int
+        Counted from 0.
 
     Raises
     ------
     DataError
         If one has a unit of another kind, or a column that is passed over has nearly such a name.
     """
+    if table.declared.signals:
+        return [column for column in table.columns_of("extra") if column not in taken]
     found = {name: column for name in _EXTRAS if (column := _usual_column(table, name)) is not None}
     absent = [COLUMNS[name] for name in _EXTRAS if name not in found]
     for column, header in enumerate(table.headers):
@@ -105,10 +146,10 @@ def extra_columns(table: CsvTable, taken: set[int]) -> dict[str, int]:
             continue
         if hint := nearest(header, absent, likeness=_MISSPELT):
             raise DataError(f'{table.path}: unknown column "{header}"{hint}')
-    return {name: column for name, column in found.items() if column not in taken}
+    return [column for column in found.values() if column not in taken]
 
 
-def _usual_column(table: CsvTable, name: str) -> int | None:
+def _usual_column(table: Table, name: str) -> int | None:
     """Return the column with one of deatwin's own names and a unit of the right kind, or None."""
     if name not in table.names:
         return None
@@ -122,7 +163,7 @@ def _usual_column(table: CsvTable, name: str) -> int | None:
     return column
 
 
-def _no_column(table: CsvTable, name: str, advice: str) -> DataError:
+def _no_column(table: Table, name: str, advice: str) -> DataError:
     """Return the error of a column that is missing."""
     usual = COLUMNS[name]
     return DataError(

@@ -1,47 +1,87 @@
 """Recordings from files and into files.
 
-A CSV recording has the columns ``time_s,command_V,displacement_mm``; further channels may be
-``film_voltage_V``, ``current_uA``, ``temperature_C`` and ``force_N``; other columns are passed over. The last
-part of a name is its unit and may be another one of the same kind. Inside, everything is in SI units.
+A recording has the columns ``time_s,command_V,displacement_mm``; further channels may be ``film_voltage_V``,
+``current_uA``, ``temperature_C`` and ``force_N``; other columns are passed over. The last part of a name is its unit
+and may be another one of the same kind. Inside, everything is in SI units. The end of the file's name says its
+format: CSV (``.csv``, ``.txt``, ``.tsv``), MATLAB (``.mat``), TDMS (``.tdms``), NetCDF (``.nc``).
+
+What `write_recording` writes reads back as the same recording to the last bit.
 """
 
 import secrets
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from deatwin.plant.checks import check_command_range
-from deatwin.plant.clock import Piece, even_pieces
-from deatwin.plant.columns import COLUMNS, data_column, extra_columns, time_column
-from deatwin.plant.csvtable import CsvTable, read_table
+from deatwin.plant.assemble import on_one_clock, recordings_of
+from deatwin.plant.columns import data_columns
+from deatwin.plant.csvtable import read_table
+from deatwin.plant.csvwrite import csv_text
 from deatwin.plant.errors import DataError
+from deatwin.plant.formats.mat import read_mat, write_mat
+from deatwin.plant.formats.netcdf import read_netcdf, write_netcdf
+from deatwin.plant.formats.table import Table
+from deatwin.plant.formats.tdms import read_tdms, write_tdms
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.rigs.rigfile import RigFile
-from deatwin.plant.units import UNITS, split_unit
+
+__all__ = [
+    "read_commands",
+    "read_csv",
+    "read_experiment",
+    "read_recording",
+    "read_recordings",
+    "write_csv",
+    "write_recording",
+    "write_text_atomic",
+]
+
+Way = TypeVar("Way")
+
+# A new format is a line in each: reader to a Table, writer of a Recording.
+_READERS: dict[str, Callable[[str | Path], Table]] = {
+    ".csv": read_table,
+    ".txt": read_table,
+    ".tsv": read_table,
+    ".mat": read_mat,
+    ".tdms": read_tdms,
+    ".nc": read_netcdf,
+}
+_WRITERS: dict[str, Callable[[Path, Recording], None]] = {
+    ".csv": lambda path, recording: _write_text(path, csv_text(recording)),
+    ".mat": write_mat,
+    ".tdms": write_tdms,
+    ".nc": write_netcdf,
+}
 
 
-def read_csv(
+def read_recordings(
     path: str | Path,
     *,
     input_column: str | None = None,
     output_column: str | None = None,
     allow_gaps: bool = False,
+    dt: float | None = None,
     rig: RigFile | None = None,
 ) -> tuple[Recording, ...]:
-    """Read a CSV recording.
+    """Read the recordings of a file, in the format that the end of its name says.
 
     Parameters
     ----------
     path : str or Path
         The file.
     input_column, output_column : str, optional
-        Header of the input and the output, or the place, ``"#2"`` for the second column; by default the
-        columns ``command`` and ``displacement``. A unit may stand in the header or in a line below it; values
-        without a known unit are taken as they are.
+        Header of the input and the output, or the place, ``"#2"`` for the second column; by default what the
+        file declares, else the columns ``command`` and ``displacement``. A unit may stand in the header, in a
+        line below it, or in an attribute; values without a known unit are taken as they are.
     allow_gaps : bool, default False
         Split the record at its gaps and keep the clock. Else a gap is an error.
+    dt : float, optional
+        Sample time, s, for a file without times. Where it has times, they must keep it.
     rig : RigFile, optional
         Refuse commands far outside of this rig's range.
 
@@ -53,30 +93,54 @@ def read_csv(
     Raises
     ------
     DataError
-        If the file is missing or empty, has no header, lacks a column, holds a cell that is not a number,
-        times that do not increase, a gap or uneven sampling, or commands far outside of the rig's range.
+        If the file is missing, empty, damaged or of an unknown format, lacks a column or the times, holds a
+        value that is not a number, times that do not increase, a gap or uneven sampling, or commands far
+        outside of the rig's range; or a package that the format needs is not installed.
     """
-    table = read_table(path)
-    chosen = {
-        "input": data_column(table, "command", input_column),
-        "output": data_column(table, "displacement", output_column),
-    }
-    return _recordings(table, chosen, allow_gaps=allow_gaps, rig=rig)
+    return _recordings(_table(path), input_column, output_column, allow_gaps=allow_gaps, dt=dt, rig=rig)
 
 
-def read_commands(
-    path: str | Path, *, input_column: str | None = None, rig: RigFile | None = None
-) -> Recording:
-    """Read the commands of a CSV file; an output is neither needed nor looked at.
+def read_csv(
+    path: str | Path,
+    *,
+    input_column: str | None = None,
+    output_column: str | None = None,
+    allow_gaps: bool = False,
+    dt: float | None = None,
+    rig: RigFile | None = None,
+) -> tuple[Recording, ...]:
+    """Read the recordings of a CSV file, whatever the end of its name.
 
     Parameters
     ----------
-    path : str or Path
-        The file.
-    input_column : str, optional
-        Header or place of the command.
-    rig : RigFile, optional
-        Refuse commands far outside of this rig's range.
+    path, input_column, output_column, allow_gaps, dt, rig
+        As in `read_recordings`.
+
+    Returns
+    -------
+    tuple of Recording
+
+    Raises
+    ------
+    DataError
+        As `read_recordings`.
+    """
+    return _recordings(read_table(path), input_column, output_column, allow_gaps=allow_gaps, dt=dt, rig=rig)
+
+
+def read_commands(
+    path: str | Path,
+    *,
+    input_column: str | None = None,
+    dt: float | None = None,
+    rig: RigFile | None = None,
+) -> Recording:
+    """Read the commands of a file; an output is neither needed nor looked at.
+
+    Parameters
+    ----------
+    path, input_column, dt, rig
+        As in `read_recordings`.
 
     Returns
     -------
@@ -86,19 +150,11 @@ def read_commands(
     Raises
     ------
     DataError
-        As `read_csv`.
+        As `read_recordings`.
     """
-    table = read_table(path)
-    chosen = {"input": data_column(table, "command", input_column)}
-    return _recordings(table, chosen, allow_gaps=False, rig=rig)[0]
-
-
-# MAT, TDMS and NetCDF readers take their place here, each with the signature of `read_csv`.
-_READERS: dict[str, Callable[..., tuple[Recording, ...]]] = {
-    ".csv": read_csv,
-    ".txt": read_csv,
-    ".tsv": read_csv,
-}
+    table = _table(path)
+    chosen = {"input": data_columns(table, "input", input_column), "output": ()}
+    return recordings_of(table, chosen, allow_gaps=False, dt=dt, rig=rig)[0]
 
 
 def read_recording(
@@ -106,18 +162,15 @@ def read_recording(
     *,
     input_column: str | None = None,
     output_column: str | None = None,
+    dt: float | None = None,
     rig: RigFile | None = None,
 ) -> Recording:
-    """Read one recording without gaps, in the format that the end of the file's name says.
+    """Read one recording without gaps.
 
     Parameters
     ----------
-    path : str or Path
-        The file.
-    input_column, output_column : str, optional
-        Header or place of the input and the output.
-    rig : RigFile, optional
-        Refuse commands far outside of this rig's range.
+    path, input_column, output_column, dt, rig
+        As in `read_recordings`.
 
     Returns
     -------
@@ -126,9 +179,9 @@ def read_recording(
     Raises
     ------
     DataError
-        As `read_csv`, and for a format that is not known.
+        As `read_recordings`.
     """
-    return _reader(path)(path, input_column=input_column, output_column=output_column, rig=rig)[0]
+    return read_recordings(path, input_column=input_column, output_column=output_column, dt=dt, rig=rig)[0]
 
 
 def read_experiment(
@@ -137,6 +190,7 @@ def read_experiment(
     input_column: str | None = None,
     output_column: str | None = None,
     allow_gaps: bool = False,
+    dt: float | None = None,
     rig: RigFile | None = None,
 ) -> Experiment:
     """Read the recordings of one experiment, which share one running clock.
@@ -144,13 +198,10 @@ def read_experiment(
     Parameters
     ----------
     paths : iterable of (str or Path)
-        The files, in any order.
-    input_column, output_column : str, optional
-        Header or place of the input and the output, the same in all files.
-    allow_gaps : bool, default False
-        Split records at their gaps. Else a gap is an error.
-    rig : RigFile, optional
-        Refuse commands far outside of this rig's range.
+        The files, in any order. TDMS waveforms that say when they started (``wf_start_time``) are laid on the
+        clock of the earliest.
+    input_column, output_column, allow_gaps, dt, rig
+        As in `read_recordings`, the same for all files.
 
     Returns
     -------
@@ -159,16 +210,38 @@ def read_experiment(
     Raises
     ------
     DataError
-        As `read_csv` and `Experiment`.
+        As `read_recordings` and `Experiment`.
     """
-    options = {
-        "input_column": input_column,
-        "output_column": output_column,
-        "allow_gaps": allow_gaps,
-        "rig": rig,
-    }
-    recordings = [recording for path in paths for recording in _reader(path)(path, **options)]
-    return Experiment(recordings=tuple(recordings))
+    recordings = [
+        recording
+        for path in paths
+        for recording in read_recordings(
+            path, input_column=input_column, output_column=output_column, allow_gaps=allow_gaps, dt=dt, rig=rig
+        )
+    ]
+    return Experiment(recordings=on_one_clock(recordings))
+
+
+def write_recording(path: str | Path, recording: Recording) -> None:
+    """Write a recording into a file that `read_recording` reads back to the last bit.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file; it appears whole or not at all. ``.csv``, ``.mat``, ``.tdms`` and ``.nc`` are known.
+    recording : Recording
+        In CSV the usual signals get their usual columns, others their name and SI unit; names, provenance or a
+        sample time that the columns cannot hold stand in a line ``# deatwin/recording/1`` above the header. The
+        other formats are in SI units and hold the same description.
+
+    Raises
+    ------
+    DataError
+        If the format is not known, a package that it needs is not installed, or the file cannot be written.
+    """
+    write = _by_ending(path, _WRITERS, "written")
+    with _replacing(path) as temporary:
+        write(temporary, recording)
 
 
 def write_csv(path: str | Path, columns: Mapping[str, ArrayLike]) -> None:
@@ -196,28 +269,6 @@ def write_csv(path: str | Path, columns: Mapping[str, ArrayLike]) -> None:
     write_text_atomic(path, "\n".join([",".join(values), *(",".join(map(repr, row)) for row in rows)]) + "\n")
 
 
-def write_recording(path: str | Path, recording: Recording) -> None:
-    """Write a recording as a CSV file that `read_csv` reads; times are rounded to 1 ns.
-
-    Parameters
-    ----------
-    path : str or Path
-        The file.
-    recording : Recording
-        The usual signals get their usual columns, others their name and SI unit.
-    """
-    columns = {COLUMNS["time"]: np.round(recording.timepts, 9)}
-    names = (*recording.input_names, *recording.output_names, *recording.extras)
-    units = (*recording.input_units, *recording.output_units, *[""] * len(recording.extras))
-    rows = (*recording.inputs, *recording.outputs, *recording.extras.values())
-    for name, unit, values in zip(names, units, rows, strict=True):
-        if name in COLUMNS:
-            columns[COLUMNS[name]] = UNITS[split_unit(COLUMNS[name])[1]].from_si(values)
-        else:
-            columns[f"{name}_{unit}" if unit else name] = values
-    write_csv(path, columns)
-
-
 def write_text_atomic(path: str | Path, text: str) -> None:
     """Write a UTF-8 text file through a temporary file beside it, so that no reader sees half of it.
 
@@ -233,77 +284,53 @@ def write_text_atomic(path: str | Path, text: str) -> None:
     DataError
         If it cannot be written.
     """
+    with _replacing(path) as temporary:
+        _write_text(temporary, text)
+
+
+@contextmanager
+def _replacing(path: str | Path) -> Iterator[Path]:
+    """Give a temporary file beside a file, and let it take the file's place if all went well."""
     target = Path(path)
     temporary = target.with_name(f".{target.name}.{secrets.token_hex(4)}")
     try:
-        temporary.write_text(text, encoding="utf-8", newline="")
+        yield temporary
         temporary.replace(target)
     except OSError as error:
-        raise DataError(f"{path}: cannot be written: {error.strerror}") from None
+        raise DataError(f"{path}: cannot be written: {error.strerror or error}") from None
     finally:
         temporary.unlink(missing_ok=True)
 
 
-def _reader(path: str | Path) -> Callable[..., tuple[Recording, ...]]:
-    """Return the reader of a file's format."""
+def _write_text(path: Path, text: str) -> None:
+    path.write_text(text, encoding="utf-8", newline="")
+
+
+def _by_ending(path: str | Path, ways: Mapping[str, Way], verb: str) -> Way:
+    """Return how a file's format is read or written."""
     ending = Path(path).suffix.lower()
-    if ending not in _READERS:
-        raise DataError(f'{path}: files "{ending}" cannot be read; known are {", ".join(_READERS)}')
-    return _READERS[ending]
+    if ending not in ways:
+        raise DataError(f'{path}: files "{ending}" cannot be {verb}; known are {", ".join(ways)}')
+    return ways[ending]
+
+
+def _table(path: str | Path) -> Table:
+    """Return the table of a file in the format that its name says."""
+    return _by_ending(path, _READERS, "read")(path)
 
 
 def _recordings(
-    table: CsvTable, chosen: dict[str, int], *, allow_gaps: bool, rig: RigFile | None
+    table: Table,
+    input_column: str | None,
+    output_column: str | None,
+    *,
+    allow_gaps: bool,
+    dt: float | None,
+    rig: RigFile | None,
 ) -> tuple[Recording, ...]:
-    """Return the recordings of a table, given its input column and, if any, its output column."""
-    time = time_column(table, set(chosen.values()))
-    extras = extra_columns(table, {time, *chosen.values()})
-    used = [time, *chosen.values(), *extras.values()]
-    numbers = {
-        column: UNITS[table.units[column]].to_si(values)
-        for column, values in zip(used, table.numbers(used), strict=True)
+    """Return the recordings of a table, whose columns the user may have named."""
+    chosen = {
+        "input": data_columns(table, "input", input_column),
+        "output": data_columns(table, "output", output_column),
     }
-    sample_time, pieces = even_pieces(numbers[time], table.where, allow_gaps=allow_gaps)
-    recordings = tuple(_recording(table, chosen, extras, numbers, piece, sample_time) for piece in pieces)
-    if rig is not None:
-        for recording in recordings:
-            check_command_range(recording, rig.drive)
-    return recordings
-
-
-def _recording(
-    table: CsvTable,
-    chosen: dict[str, int],
-    extras: dict[str, int],
-    numbers: dict[int, NDArray[np.float64]],
-    piece: Piece,
-    sample_time: float,
-) -> Recording:
-    """Return the recording of one piece of a table, whose columns `numbers` holds in SI units."""
-
-    def rows(role: str) -> NDArray[np.float64]:
-        channels = [piece.take(numbers[chosen[role]])] if role in chosen else []
-        return np.reshape(channels, (len(channels), len(piece.clock)))
-
-    return Recording(
-        inputs=rows("input"),
-        outputs=rows("output"),
-        sample_time=sample_time,
-        start=float(piece.clock[0]),
-        input_names=(table.names[chosen["input"]],),
-        input_units=(UNITS[table.units[chosen["input"]]].si,),
-        output_names=(table.names[chosen["output"]],) if "output" in chosen else (),
-        output_units=(UNITS[table.units[chosen["output"]]].si,) if "output" in chosen else (),
-        extras={name: piece.take(numbers[column]) for name, column in extras.items()},
-        provenance=_provenance(table, piece),
-    )
-
-
-def _provenance(table: CsvTable, piece: Piece) -> dict[str, str]:
-    """Return where the samples of a piece come from."""
-    found = {
-        "file": table.path,
-        "sha256": table.sha256,
-        "rows": f"{table.rows[piece.first]}-{table.rows[piece.last - 1]}",
-    }
-    return found | ({"resampled": "linear, from times off the even clock"} if piece.interpolated else {})
+    return recordings_of(table, chosen, allow_gaps=allow_gaps, dt=dt, rig=rig)

@@ -3,11 +3,12 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from deatwin.plant.columns import usual_unit
 from deatwin.plant.errors import DataError
 
 # Two clocks that drift apart by less than this share of a sample over a record count as one.
@@ -34,6 +35,8 @@ class Recording:
         The SI unit of each row; an empty text where it is not known.
     extras : mapping of str to (n,) array
         Further channels in SI units, for example ``temperature`` in K.
+    extra_units : mapping of str to str
+        The SI unit of each; where not given, that of its usual name, else an empty text.
     provenance : mapping of str to str
         Where the samples come from: file, sha256 and the like.
 
@@ -53,6 +56,7 @@ class Recording:
     input_units: tuple[str, ...] = ("V",)
     output_units: tuple[str, ...] = ("m",)
     extras: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+    extra_units: Mapping[str, str] = field(default_factory=dict)
     provenance: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -76,7 +80,9 @@ class Recording:
             if values.shape != (n,):
                 raise DataError(f'extra channel "{name}" has the shape {values.shape}: it must be ({n},)')
             _require_finite(name, values)
+        units = {name: self.extra_units.get(name, usual_unit(name)) for name in extras}
         object.__setattr__(self, "extras", extras)
+        object.__setattr__(self, "extra_units", units)
         object.__setattr__(self, "provenance", dict(self.provenance))
 
     @classmethod
@@ -92,6 +98,7 @@ class Recording:
         input_units: Sequence[str] | None = None,
         output_units: Sequence[str] | None = None,
         extras: Mapping[str, ArrayLike] | None = None,
+        extra_units: Mapping[str, str] | None = None,
         provenance: Mapping[str, str] | None = None,
     ) -> Self:
         """Make a recording of arrays; one-dimensional ones become one row.
@@ -111,6 +118,8 @@ class Recording:
             The SI unit of each row; unknown ("") where names are given without units.
         extras : mapping of str to (n,) array_like, optional
             Further channels in SI units.
+        extra_units : mapping of str to str, optional
+            The SI unit of each.
         provenance : mapping of str to str, optional
             Where the samples come from.
 
@@ -143,6 +152,7 @@ class Recording:
             input_units=units_in,
             output_units=units_out,
             extras={name: np.asarray(values, dtype=np.float64) for name, values in (extras or {}).items()},
+            extra_units=extra_units or {},
             provenance=provenance or {},
         )
 
@@ -192,6 +202,24 @@ class Recording:
             start=self.start + first * self.sample_time,
             extras={name: values[first:last] for name, values in self.extras.items()},
         )
+
+    def to_pandas(self) -> Any:
+        """Return the recording as a `pandas.DataFrame`; see `deatwin.plant.conversion.as_data_frame`."""
+        from deatwin.plant.conversion import as_data_frame
+
+        return as_data_frame(self)
+
+    def to_xarray(self) -> Any:
+        """Return the recording as an `xarray.Dataset`; see `deatwin.plant.conversion.as_dataset`."""
+        from deatwin.plant.conversion import as_dataset
+
+        return as_dataset(self)
+
+    def to_input_output_data(self) -> Any:
+        """Return the recording as `nonlinear_benchmarks.Input_output_data`, inputs and outputs only."""
+        from deatwin.plant.conversion import as_input_output_data
+
+        return as_input_output_data(self)
 
     def __repr__(self) -> str:
         signals = ", ".join(

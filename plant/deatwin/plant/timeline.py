@@ -8,10 +8,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from deatwin.plant.errors import DataError
-from deatwin.plant.recording import Experiment
+from deatwin.plant.recording import Experiment, Recording, label
 from deatwin.plant.rigs.base import ReadingTime, StartProcedure
 
 __all__ = ["Timeline"]
+
+OFF_CLOCK = 0.01
+"""Share of a sample by which a record may miss the clock of the one before."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -62,7 +65,7 @@ class Timeline:
         Raises
         ------
         DataError
-            If the recordings have another sample time than the plant.
+            If the recordings have another sample time than the plant, or do not share a clock.
         """
         if abs(experiment.sample_time / sample_time - 1) > 1e-3:
             raise DataError(
@@ -73,16 +76,48 @@ class Timeline:
         origin = experiment.start - parts[0].size * sample_time
         first, readings = parts[0].size, []
         offset = 0 if reading is ReadingTime.END_OF_HOLD else -1
+        before = None
         for record in experiment.recordings:
-            at = round((record.start - origin) / sample_time)
+            at = first + (0 if before is None else _pause(before, record))
             if at > first:  # between records the last command is held
                 parts.append(np.full(at - first, parts[-1][-1] if parts[-1].size else record.inputs[0, 0]))
             parts.append(record.inputs[0])
             readings.append(np.arange(at, at + record.n_samples) + offset)
-            first = at + record.n_samples
+            first, before = at + record.n_samples, record
+        commands = np.concatenate(parts)
+        rows = [r - offset for r in readings]
         return cls(
-            commands=np.concatenate(parts), start=origin, sample_time=sample_time, readings=tuple(readings)
+            commands=commands, start=origin, sample_time=sample_time, readings=tuple(readings),
+            channels=_channels(experiment, rows, commands.size),
+        )  # fmt: skip
+
+
+def _pause(before: Recording, record: Recording) -> int:
+    """Samples between two records, counted from the end of the first: errors of the sample time do not add up."""
+    pause = (record.start - before.end) / before.sample_time
+    if abs(pause - round(pause)) > OFF_CLOCK:
+        raise DataError(
+            f"{label(record)}: it starts at {record.start:.9g} s, {abs(pause - round(pause)):.2g} of a sample off the "
+            f"clock of {label(before)}; shift its times onto that clock, or give it as an experiment of its own "
+            "(--experiment)"
         )
+    return round(pause)
+
+
+def _channels(experiment: Experiment, rows: list[np.ndarray], count: int) -> dict[str, np.ndarray]:
+    """Extra channels on the experiment's clock: where nothing is measured the last value is kept."""
+    names = dict.fromkeys(name for record in experiment.recordings for name in record.extras)
+    return {name: _kept(experiment, rows, count, name) for name in names}
+
+
+def _kept(experiment: Experiment, rows: list[np.ndarray], count: int, name: str) -> np.ndarray:
+    values = np.full(count, np.nan)
+    for record, at in zip(experiment.recordings, rows, strict=True):
+        if name in record.extras:
+            values[at] = record.extras[name]
+    measured = np.flatnonzero(np.isfinite(values))
+    last = np.searchsorted(measured, np.arange(count), side="right") - 1
+    return values[measured[np.maximum(last, 0)]]
 
 
 def _start_commands(procedure: StartProcedure, first: float, sample_time: float) -> np.ndarray:

@@ -32,6 +32,8 @@ class GivenPlant:
         The rig file, whose command range is checked.
     input_column, output_column : str or None
         Columns asked for; by default those with the names of the plant's own signals.
+    dt : float or None
+        Sample time of files that hold no times, s.
     """
 
     source: str
@@ -39,16 +41,24 @@ class GivenPlant:
     described: RigFile | None
     input_column: str | None
     output_column: str | None
+    dt: float | None = None
 
     @classmethod
-    def load(cls, source: str, *, input_column: str | None = None, output_column: str | None = None) -> GivenPlant:
+    def load(
+        cls,
+        source: str,
+        *,
+        input_column: str | None = None,
+        output_column: str | None = None,
+        dt: float | None = None,
+    ) -> GivenPlant:
         """Load the plant.
 
         Parameters
         ----------
         source : str
             As in the class.
-        input_column, output_column : str, optional
+        input_column, output_column, dt : optional
             As in the class.
 
         Returns
@@ -68,6 +78,7 @@ class GivenPlant:
             described=read_rig(source) if source.endswith(".toml") else None,
             input_column=input_column or _own_column(rig.input_name),
             output_column=output_column or _own_column(rig.output_name),
+            dt=dt,
         )
 
     def experiment(self, files: Iterable[str | Path], *, allow_gaps: bool = False) -> Experiment:
@@ -86,7 +97,7 @@ class GivenPlant:
         """
         return read_experiment(
             files, input_column=self.input_column, output_column=self.output_column, allow_gaps=allow_gaps,
-            rig=self.described,
+            dt=self.dt, rig=self.described,
         )  # fmt: skip
 
     def commands(self, file: str | Path) -> Recording:
@@ -95,13 +106,13 @@ class GivenPlant:
         Parameters
         ----------
         file : path
-            CSV.
+            Any format that recordings come in.
 
         Returns
         -------
         Recording
         """
-        return read_commands(file, input_column=self.input_column, rig=self.described)
+        return read_commands(file, input_column=self.input_column, dt=self.dt, rig=self.described)
 
 
 def reading_column(rig: Rig) -> tuple[str, float]:

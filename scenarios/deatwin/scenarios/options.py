@@ -17,6 +17,7 @@ __all__ = [
     "OutputColumn",
     "Quiet",
     "RigSource",
+    "SampleTime",
     "Seed",
     "fold_experiments",
     "unfold_experiment",
@@ -38,6 +39,9 @@ OutputColumn = Annotated[
     typer.Option(metavar="NAME", help="Header of the output column, or its place."),
 ]
 AllowGaps = Annotated[bool, typer.Option("--allow-gaps", help="Split a record at its gaps and keep the clock.")]
+SampleTime = Annotated[
+    float | None, typer.Option("--dt", metavar="SECONDS", help="Sample time of files that hold no times.")
+]
 Experiments = Annotated[
     list[str] | None,
     typer.Option(
@@ -46,6 +50,8 @@ Experiments = Annotated[
         help="The recordings of one experiment, from rest; give it once for each experiment.",
     ),
 ]
+
+
 def _whole_workers(value: int) -> int:
     if value != -1 and value < 1:
         raise typer.BadParameter("give 1 or more, or -1 for all cores")

@@ -1,11 +1,13 @@
 """Radau IIA: coefficients, order, and states without mass."""
 
+import casadi as ca
 import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from deatwin.plant import Plant, collocation
+from deatwin.plant import Plant, collocation, newton
 from deatwin.plant.collocation import radau, step_functions
+from deatwin.plant.rest import rest_state
 
 
 @pytest.mark.parametrize("stages", range(1, 7))
@@ -59,3 +61,28 @@ def test_a_state_without_mass_is_an_algebraic_one(oscillator):
     plant = Plant(rig=oscillator(), values={"mass": 0.0})
     exact = 4.0 / 400 * (1 - np.exp(-400 / 2.0 * 0.02))
     assert position_after(plant, 20, duration=0.02) == pytest.approx(exact, rel=1e-9)
+
+
+def test_large_and_small_plants_take_steps_of_the_same_scheme(base, monkeypatch):
+    # Straight-line elimination against sparse QR: both solve the same systems, to some rounding.
+    equations = base.equations
+    rest = rest_state(equations, 2.0, base.free_values)
+    start = (rest.x, rest.z, rest.d, 3.0, 0.0, 0.02, base.free_values, equations.constants)
+    small = step_functions(equations).plain(*start)
+    monkeypatch.setattr(newton, "UNROLLED", 0)
+    large = step_functions(equations).plain(*start)
+    for a, b in zip(small[:3], large[:3], strict=True):
+        np.testing.assert_allclose(np.asarray(a), np.asarray(b), rtol=1e-12)
+
+
+def test_a_step_that_the_simplified_method_leaves_is_still_solved(base, monkeypatch):
+    # Without corrections every step falls back on the full method; both settle to SETTLED.
+    equations = base.equations
+    rest = rest_state(equations, 2.0, base.free_values)
+    start = (rest.x, rest.z, rest.d, 3.0, 0.0, 0.02, base.free_values, equations.constants)
+    usual = step_functions(equations).plain(*start)
+    monkeypatch.setattr(newton, "CORRECTIONS", ())
+    full = step_functions(equations).plain(*start)
+    assert float(full[-1]) <= newton.SETTLED
+    differences = np.asarray(ca.vertcat(*full[:2]) - ca.vertcat(*usual[:2])).ravel() / equations.scale
+    assert np.abs(differences).max() < 2 * newton.SETTLED

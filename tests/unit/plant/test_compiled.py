@@ -1,7 +1,10 @@
 """Compiled code and the virtual machine."""
 
 import logging
+import os
 import stat
+import subprocess
+import sys
 
 import casadi as ca
 import numpy as np
@@ -19,7 +22,7 @@ def compiler_named(monkeypatch):
     def name(program):
         monkeypatch.setenv("DEATWIN_COMPILER", program)
         compiled.compiler.cache_clear()
-        compiled._say_once.cache_clear()
+        monkeypatch.delenv(compiled.SAID, raising=False)
 
     yield name
     monkeypatch.undo()
@@ -74,3 +77,31 @@ def test_without_a_working_compiler_the_virtual_machine_serves(
     assert float(functions["square"](3.0)) == 9.0
     assert "slower" in caplog.text
     assert list(tmp_path.iterdir()) == []
+
+
+def test_workers_do_not_repeat_what_was_said(compiler_named, monkeypatch):
+    compiler_named("")
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(sys.path))
+    code = "from deatwin.plant.compiled import compile_functions as c; c({}); c({})"
+
+    def said():
+        return subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stderr
+
+    assert said().count("slower") == 1
+    compiled.compile_functions({})
+    assert said() == ""
+
+
+def test_the_flags_change_no_reading(full, monkeypatch):
+    # Contracted products and shared reciprocals round differently, about 1e-16 an operation.
+    if compiled.compiler() is None:
+        pytest.skip("there is no C compiler here")
+    inputs = band_limited_noise(np.random.default_rng(6), 6.0, 0.02)
+    settings = dict(start=0.0, sample_time=0.02, rest_command=0.0, values=full.free_values)
+    ours = full.simulator.run(inputs, **settings).outputs
+    monkeypatch.setattr(compiled, "FLAGS", ("-O0", "-ffp-contract=off", "-fPIC", "-shared"))
+    monkeypatch.setattr(compiled, "WIDE_VECTORS", "never")
+    compiled._target.cache_clear()
+    plain = Simulator(full.equations).run(inputs, **settings).outputs
+    compiled._target.cache_clear()
+    np.testing.assert_allclose(ours, plain, rtol=0, atol=1e-12 * np.abs(plain).max())

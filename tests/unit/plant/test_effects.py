@@ -25,7 +25,8 @@ def test_an_effect_that_is_off_is_not_there(effect, base, experiment):
 
 @pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.name)
 def test_an_effect_that_is_on_is_seen(effect, base, experiment):
-    difference = reading(base.with_effects(effect), experiment) - reading(base, experiment)
+    seen = replace(effect, **{effect.event: 2.0}) if effect.event else effect
+    difference = reading(base.with_effects(seen), experiment) - reading(base, experiment)
     assert difference.std() > 1e-8  # 1e4 times what Newton leaves
 
 
@@ -48,11 +49,12 @@ def test_an_unknown_effect_gets_the_near_one():
 def test_an_electrode_without_resistance_passes_the_voltage_exactly(base, experiment):
     plant = base.with_effects(ElectrodeRC(time=0.0))
     signals = plant.simulate(experiment(NOISE)).require().watched[0]
-    np.testing.assert_array_equal(signals["film_voltage"], 800.0 * NOISE)
+    # The unknown is the charge: Newton's last update is below 1e-5 of 1 kV, what is left below its square.
+    np.testing.assert_allclose(signals["film_voltage"], 800.0 * NOISE, rtol=0, atol=1e-7)
 
 
 def test_an_electrode_lags_by_its_time(base, experiment):
-    plant = base.with_effects(ElectrodeRC(time=0.05))
+    plant = base.with_effects(ElectrodeRC(time=0.05, film_share=0.0))
     step = np.r_[np.zeros(50), np.full(50, 2.0)]
     voltage = plant.simulate(experiment(step)).watched[0]["film_voltage"][50:]
     exact = 1600.0 * (1 - np.exp(-0.02 * np.arange(1, 51) / 0.05))

@@ -1,10 +1,28 @@
-"""Excitation signals."""
+"""Excitation signals: noise, sweeps, holds, and what is done to any signal."""
+
+from math import comb, factorial
 
 import numpy as np
 import pytest
+import scipy.integrate
+import scipy.signal
+import scipy.stats
+from numpy.polynomial.hermite_e import HermiteE
 
 from deatwin.plant.errors import DataError
-from deatwin.plant.excitation import band_limited_noise, random_holds
+from deatwin.plant.excitation import (
+    band_limited_noise,
+    binary_sequence,
+    linear_chirp,
+    logarithmic_chirp,
+    random_holds,
+    share_above_band,
+    staircase,
+    triangles,
+    two_level_noise,
+    with_alternating_polarity,
+    with_rests,
+)
 
 SAMPLE_TIME = 0.02
 
@@ -29,9 +47,7 @@ class TestBandLimitedNoise:
         assert 0.30 < command.var() < 0.36
 
     def test_depends_on_the_generator_only(self) -> None:
-        first, again, other = (
-            band_limited_noise(np.random.default_rng(seed), 20.0, SAMPLE_TIME) for seed in (4, 4, 5)
-        )
+        first, again, other = (band_limited_noise(np.random.default_rng(seed), 20.0, SAMPLE_TIME) for seed in (4, 4, 5))
         np.testing.assert_array_equal(first, again)
         assert np.abs(first - other).max() > 0.1
 
@@ -42,8 +58,10 @@ class TestBandLimitedNoise:
             ({"band": 0.0}, r"band 0 Hz"),
             ({"mean": 0.5}, r"lower < mean < upper"),
             ({"variance": -1.0}, r"variance >= 0"),
+            ({"variance": np.nan}, r"variance >= 0"),
             ({"duration": 0.5}, r"needs at least 1 s"),
             ({"duration": 0.0}, r"at least one sample"),
+            ({"duration": np.inf}, r"at least one sample"),
             ({"sample_time": 0.0}, r"at least one sample"),
         ],
     )
@@ -51,6 +69,151 @@ class TestBandLimitedNoise:
         given = {"duration": 10.0, "sample_time": SAMPLE_TIME} | options
         with pytest.raises(DataError, match=message):
             band_limited_noise(np.random.default_rng(6), **given)
+
+
+def clipped_gaussian_in_theory(lower: float, upper: float) -> tuple[float, float]:
+    """Variance of a clipped standard Gaussian process of a flat band, and its share above the band.
+
+    Price's theorem: the clipped process has the autocorrelation sum c_k² ρ^k, with c_k the coefficients of the
+    clipping in normalised Hermite polynomials. ρ^k has as its spectrum the k-fold convolution of the band's box
+    with itself, of which the Irwin-Hall distribution says how much lies within the band.
+    """
+
+    def coefficient(k: int) -> float:  # by parts: E[g He_k] = E[g' He_(k-1)], and g' is 1 between the limits
+        if k == 1:
+            return scipy.stats.norm.cdf(upper) - scipy.stats.norm.cdf(lower)
+        ends = [scipy.stats.norm.pdf(x) * HermiteE.basis(k - 2)(x) for x in (lower, upper)]
+        return (ends[0] - ends[1]) / np.sqrt(float(factorial(k)))
+
+    def within(k: int) -> float:  # P(|sum of k uniform on (-1, 1)| < 1), in whole numbers until the last step
+        def below(x2: int) -> int:  # 2^k k! P(sum of k uniform on (0, 1) < x2 / 2)
+            return sum((-1) ** j * comb(k, j) * (x2 - 2 * j) ** k for j in range(k + 1) if x2 > 2 * j)
+
+        return (below(k + 1) - below(k - 1)) / (2**k * factorial(k))
+
+    def moment(power: int) -> float:
+        inside = scipy.integrate.quad(lambda x: x**power * scipy.stats.norm.pdf(x), lower, upper)[0]
+        below, above = scipy.stats.norm.cdf(lower), scipy.stats.norm.sf(upper)
+        return inside + below * lower**power + above * upper**power
+
+    variance = moment(2) - moment(1) ** 2
+    in_band = sum(coefficient(k) ** 2 * within(k) for k in range(1, 100))  # the rest is below 1e-5
+    return variance, 1.0 - in_band / variance
+
+
+class TestShareAboveBand:
+    @pytest.mark.parametrize(("lower", "upper"), [(1.1, 3.75), (2.0, 3.0)])
+    def test_clipping_moves_the_share_that_theory_says(self, lower: float, upper: float) -> None:
+        variance, share = clipped_gaussian_in_theory((lower - 2.4) / 0.6, (upper - 2.4) / 0.6)
+        signals = [
+            band_limited_noise(np.random.default_rng(seed), 1100.0, SAMPLE_TIME, lower=lower, upper=upper)
+            for seed in range(30)
+        ]
+        shares = np.array([share_above_band(signal, SAMPLE_TIME, 1.0) for signal in signals])
+        variances = np.array([signal.var() for signal in signals])
+        # four standard errors of the mean over independent signals, and what is left out of the sum
+        assert abs(shares.mean() - share) < 4.0 * shares.std(ddof=1) / np.sqrt(30) + 1e-5
+        assert abs(variances.mean() - 0.36 * variance) < 4.0 * variances.std(ddof=1) / np.sqrt(30)
+        assert 4.0 * shares.std(ddof=1) / np.sqrt(30) < 0.15 * share  # or the test would say nothing
+
+    def test_without_limits_there_is_none(self) -> None:
+        wide = band_limited_noise(np.random.default_rng(1), 240.0, SAMPLE_TIME, lower=-np.inf, upper=np.inf)
+        assert share_above_band(wide, SAMPLE_TIME, 1.0) < 1e-25  # rounding, squared
+
+    def test_lines_are_shared_out_by_their_power(self) -> None:
+        t = np.arange(500) * SAMPLE_TIME
+        signal = 5.0 + 3.0 * np.sin(2 * np.pi * t) + 1.0 * np.cos(2 * np.pi * 4.0 * t)
+        assert share_above_band(signal, SAMPLE_TIME, 2.0) == pytest.approx(0.1, rel=1e-12)
+        assert share_above_band(signal, SAMPLE_TIME, 4.0) < 1e-25  # the band's end belongs to the band
+
+    @pytest.mark.parametrize("n", [8, 9])
+    def test_the_line_at_half_the_sample_rate_counts_once(self, n: int) -> None:
+        noise = np.random.default_rng(2).standard_normal(n)
+        spectrum = np.abs(scipy.signal.periodogram(noise, return_onesided=True, detrend="constant")[1])
+        above = np.fft.rfftfreq(n) > 0.3
+        assert share_above_band(noise, 1.0, 0.3) == pytest.approx(spectrum[above].sum() / spectrum.sum(), rel=1e-12)
+
+    def test_faults(self) -> None:
+        with pytest.raises(DataError, match="constant commands"):
+            share_above_band(np.full(5, 2.4), SAMPLE_TIME, 1.0)
+        with pytest.raises(DataError, match="both must be above 0"):
+            share_above_band(np.arange(5.0), SAMPLE_TIME, 0.0)
+        with pytest.raises(DataError, match=r"commands of shape \(1, 3\)"):
+            share_above_band([[1.0, 2.0, 3.0]], SAMPLE_TIME, 1.0)
+
+
+class TestTwoLevelNoise:
+    def test_each_segment_has_its_mean_and_variance(self) -> None:
+        command = two_level_noise(
+            np.random.default_rng(1), 2400.0, SAMPLE_TIME, (1.6, 2.8), (0.01, 0.09), 60.0, lower=-50.0, upper=50.0
+        )
+        parts = command.reshape(-1, 3000)
+        # Flat noise up to B has 2BT = 120 independent values a segment, 2400 a level: standard errors of mean and
+        # variance, of which five are allowed.
+        for level, mean, variance in ((parts[0::2], 1.6, 0.01), (parts[1::2], 2.8, 0.09)):
+            assert abs(level.mean() - mean) < 5.0 * np.sqrt(variance / 2400)
+            assert abs(((level - mean) ** 2).mean() / variance - 1.0) < 5.0 * np.sqrt(2.0 / 2400)
+
+    def test_with_one_level_it_is_band_limited_noise(self) -> None:
+        one = two_level_noise(np.random.default_rng(2), 100.0, SAMPLE_TIME, (2.4,), (0.36,), 7.0)
+        np.testing.assert_allclose(one, band_limited_noise(np.random.default_rng(2), 100.0, SAMPLE_TIME), rtol=1e-14)
+
+    def test_limits_hold_and_the_generator_decides(self) -> None:
+        first, again = (
+            two_level_noise(np.random.default_rng(3), 250.0, SAMPLE_TIME, variances=(0.36, 0.36)) for _ in range(2)
+        )
+        assert first.shape == (12500,) and first.min() == 1.1 and first.max() == 3.75
+        np.testing.assert_array_equal(first, again)
+
+    @pytest.mark.parametrize(
+        ("options", "message"),
+        [
+            ({"means": (1.6,)}, "1 means and 2 variances"),
+            ({"means": (), "variances": ()}, "0 means"),
+            ({"variances": (0.1, -0.1)}, "variances >= 0"),
+            ({"means": (0.5, 2.0)}, "lower < means < upper"),
+            ({"segment": 0.001}, r"segment 0\.001 s"),
+            ({"band": 30.0}, "half the sample rate"),
+        ],
+    )
+    def test_faults(self, options: dict[str, object], message: str) -> None:
+        with pytest.raises(DataError, match=message):
+            two_level_noise(np.random.default_rng(4), 100.0, SAMPLE_TIME, **options)
+
+
+class TestChirps:
+    def test_linear_is_scipys(self) -> None:
+        t = np.arange(3000) * SAMPLE_TIME
+        expected = 2.4 + 0.3 * scipy.signal.chirp(t, 5.0, 60.0, 15.0, phi=-90.0)
+        np.testing.assert_allclose(linear_chirp(60.0, SAMPLE_TIME), expected, atol=1e-9)
+
+    @pytest.mark.parametrize(("first", "last"), [(0.1, 10.0), (10.0, 0.1)])
+    def test_logarithmic_is_scipys(self, first: float, last: float) -> None:
+        t = np.arange(6000) * SAMPLE_TIME
+        expected = 2.0 + 0.5 * scipy.signal.chirp(t, first, 120.0, last, method="logarithmic", phi=-90.0)
+        np.testing.assert_allclose(logarithmic_chirp(120.0, SAMPLE_TIME, first, last, 2.0, 0.5), expected, atol=1e-9)
+
+    def test_power_is_in_the_band(self) -> None:
+        # Beyond either end of its band B the density falls as Fresnel's tail, 1/(2 π² v²) of that inside, with
+        # v = d sqrt(2T/B) at a distance d: beyond half a hertz lie 8.4e-4 of the power. Twice that is allowed.
+        command = linear_chirp(60.0, SAMPLE_TIME) - 2.4
+        assert share_above_band(command, SAMPLE_TIME, 15.5) < 1.7e-3
+        assert share_above_band(command, SAMPLE_TIME, 4.5) > 1.0 - 1.7e-3
+        assert np.abs(command).max() <= 0.3
+
+    @pytest.mark.parametrize(
+        ("chirp", "options", "message"),
+        [
+            (linear_chirp, {"last": 26.0}, "half the sample rate, 25 Hz"),
+            (linear_chirp, {"first": 0.0}, "above 0"),
+            (linear_chirp, {"amplitude": -0.1}, "amplitude -0.1 V"),
+            (logarithmic_chirp, {"first": 2.0, "last": 2.0}, "two that differ"),
+            (logarithmic_chirp, {"duration": 0.0}, "at least one sample"),
+        ],
+    )
+    def test_faults(self, chirp: object, options: dict[str, float], message: str) -> None:
+        with pytest.raises(DataError, match=message):
+            chirp(**({"duration": 10.0, "sample_time": SAMPLE_TIME} | options))
 
 
 class TestRandomHolds:
@@ -66,3 +229,104 @@ class TestRandomHolds:
             random_holds(np.random.default_rng(8), 10.0, SAMPLE_TIME, 3.0, 1.0)
         with pytest.raises(DataError, match="shortest <= longest"):
             random_holds(np.random.default_rng(8), 10.0, SAMPLE_TIME, 1.0, 3.0, shortest=5.0, longest=2.0)
+
+
+class TestStaircase:
+    def test_levels_and_holds(self) -> None:
+        command = staircase(SAMPLE_TIME, 1.0, 3.0, levels=3, hold=10.0)
+        assert command.shape == (2500,)
+        np.testing.assert_array_equal(
+            command.reshape(5, 500), np.repeat([[1.0], [2.0], [3.0], [2.0], [1.0]], 500, axis=1)
+        )
+
+    def test_faults(self) -> None:
+        with pytest.raises(DataError, match="1 levels"):
+            staircase(SAMPLE_TIME, levels=1)
+        with pytest.raises(DataError, match="lower < upper"):
+            staircase(SAMPLE_TIME, 3.0, 1.0)
+        with pytest.raises(DataError, match=r"hold 0\.001 s"):
+            staircase(SAMPLE_TIME, hold=0.001)
+
+
+class TestTriangles:
+    def test_each_rate_goes_up_and_down_in_a_straight_line(self) -> None:
+        command = triangles(SAMPLE_TIME, 1.0, 3.0, rates=(1e-3, 0.1), cycles=2)
+        assert command.shape == (2 * 50000 + 2 * 500,)
+        slow, fast = command[:50000], command[100000:100500]
+        np.testing.assert_array_equal(command[50000:100000], slow)
+        assert slow[0] == 1.0 and slow[25000] == 3.0 and fast[250] == 3.0
+        np.testing.assert_allclose(np.diff(slow[:25001]), 2.0 * 2e-3 * SAMPLE_TIME, rtol=1e-9)  # 2 V in half 1/f
+        np.testing.assert_allclose(np.diff(fast[250:]), -2.0 * 0.2 * SAMPLE_TIME, rtol=1e-9)
+
+    def test_at_half_the_sample_rate_it_goes_to_and_fro(self) -> None:
+        np.testing.assert_array_equal(triangles(SAMPLE_TIME, 1.0, 3.0, rates=(25.0,), cycles=2), [1.0, 3.0, 1.0, 3.0])
+
+    @pytest.mark.parametrize(
+        ("options", "message"),
+        [
+            ({"rates": (26.0,)}, "at most half the sample rate, 25 Hz"),
+            ({"rates": (0.0,)}, "above 0"),
+            ({"rates": ()}, "0 rates"),
+            ({"cycles": 0}, "0 cycles"),
+            ({"upper": 1.0}, "lower < upper"),
+        ],
+    )
+    def test_faults(self, options: dict[str, object], message: str) -> None:
+        with pytest.raises(DataError, match=message):
+            triangles(SAMPLE_TIME, **options)
+
+
+class TestBinarySequence:
+    def test_it_is_of_maximum_length(self) -> None:
+        command = binary_sequence(np.random.default_rng(1), SAMPLE_TIME, 1.0, 3.0, bits=7, hold=0.1, periods=2)
+        assert command.shape == (2 * 127 * 5,)
+        np.testing.assert_array_equal(command[:635], command[635:])
+        held = command[:635].reshape(127, 5)
+        assert (held == held[:, :1]).all()
+        signs = held[:, 0] - 2.0
+        assert (signs == 1.0).sum() == 64 and (signs == -1.0).sum() == 63
+        circular = [signs @ np.roll(signs, k) for k in range(1, 127)]
+        assert circular == [-1.0] * 126  # the property that defines a maximum-length sequence
+
+    def test_the_generator_decides_where_it_begins(self) -> None:
+        first, again, other = (binary_sequence(np.random.default_rng(s), SAMPLE_TIME) for s in (2, 2, 3))
+        np.testing.assert_array_equal(first, again)
+        assert (first != other).any()
+
+    def test_faults(self) -> None:
+        for options, message in (
+            ({"bits": 1}, "2 to 20 bits"),
+            ({"periods": 0}, "at least one period"),
+            ({"lower": 4.0}, "lower < upper"),
+            ({"hold": 0.0}, "hold 0 s"),
+        ):
+            with pytest.raises(DataError, match=message):
+                binary_sequence(np.random.default_rng(4), SAMPLE_TIME, **options)
+
+
+class TestRearranged:
+    def test_rests_come_after_every_piece_but_the_last(self) -> None:
+        signal = np.arange(1.0, 11.0)
+        rested = with_rests(signal, 0.5, every=2.0, rest=1.0)
+        np.testing.assert_array_equal(rested, [1, 2, 3, 4, 0, 0, 5, 6, 7, 8, 0, 0, 9, 10])
+        np.testing.assert_array_equal(with_rests(signal[:8], 0.5, every=4.0, rest=1.0), signal[:8])
+
+    def test_rests_may_be_at_another_level(self) -> None:
+        np.testing.assert_array_equal(with_rests([1.0, 2.0], 1.0, every=1.0, rest=1.0, level=0.25), [1.0, 0.25, 2.0])
+
+    def test_polarity_changes_by_whole_segments(self) -> None:
+        signal = np.arange(1.0, 8.0)
+        np.testing.assert_array_equal(with_alternating_polarity(signal, 0.5, 1.0), [1, 2, -3, -4, 5, 6, -7])
+
+    def test_faults(self) -> None:
+        for fault in ([], [[1.0]], [1.0, np.nan]):
+            with pytest.raises(DataError, match="one row of at least one finite number"):
+                with_rests(fault, 1.0, 1.0, 1.0)
+            with pytest.raises(DataError, match="one row of at least one finite number"):
+                with_alternating_polarity(fault, 1.0, 1.0)
+        with pytest.raises(DataError, match=r"every 0\.1 s"):
+            with_rests([1.0], 1.0, every=0.1, rest=1.0)
+        with pytest.raises(DataError, match=r"rest 0\.1 s"):
+            with_rests([1.0], 1.0, every=1.0, rest=0.1)
+        with pytest.raises(DataError, match=r"segment 0\.1 s"):
+            with_alternating_polarity([1.0], 1.0, segment=0.1)

@@ -203,6 +203,16 @@ class TestClock:
         assert pieces[1].provenance["rows"] == "52-71"
         assert read_experiment([path], allow_gaps=True).n_samples == 100
 
+    def test_gap_in_one_of_several_recordings(self, write) -> None:
+        whole = write([HEADER, *rows(50)], name="whole.csv")
+        broken = write([HEADER, *rows(30, start=5.0), *rows(20, start=6.0)], name="broken.csv")
+        with pytest.raises(DataError, match=r"broken.csv, row 32: a gap from 5.58 s to 6 s"):
+            read_experiment([broken, whole])
+        experiment = read_experiment([broken, whole], allow_gaps=True)
+        assert [r.start for r in experiment.recordings] == [0.0, 5.0, 6.0]
+        assert [r.n_samples for r in experiment.recordings] == [50, 30, 20]
+        assert [r.provenance["file"] for r in experiment.recordings] == [str(whole), str(broken), str(broken)]
+
     @pytest.mark.parametrize("time", ["0.180", "0.100"])
     def test_times_must_increase(self, write, time: str) -> None:
         lines = [HEADER, *rows()]

@@ -17,6 +17,7 @@ from deatwin.scenarios.options import (
     OutputColumn,
     Quiet,
     RigSource,
+    SampleTime,
     Seed,
     unfold_experiment,
 )
@@ -39,6 +40,7 @@ def diagnose(
     input_column: InputColumn = None,
     output_column: OutputColumn = None,
     allow_gaps: AllowGaps = False,
+    dt: SampleTime = None,
     jobs: Jobs = -1,
     seed: Seed = 0,
     as_json: Json = False,
@@ -61,7 +63,7 @@ def diagnose(
     from deatwin.scenarios.given import GivenPlant
 
     voice = Voice(as_json=as_json, quiet=quiet)
-    plant = GivenPlant.load(rig, input_column=input_column, output_column=output_column)
+    plant = GivenPlant.load(rig, input_column=input_column, output_column=output_column, dt=dt)
     task = DiagnosisTask(
         plant=plant.model.plant,
         experiments=[plant.experiment(files, allow_gaps=allow_gaps) for files in groups],

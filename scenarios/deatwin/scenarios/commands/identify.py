@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from deatwin.scenarios.options import AllowGaps, InputColumn, Json, OutputColumn, Quiet
+from deatwin.scenarios.options import AllowGaps, InputColumn, Json, OutputColumn, Quiet, SampleTime
 from deatwin.scenarios.voice import Voice
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ class Method(StrEnum):
     FROLS = "frols"
 
 
-Recordings = Annotated[list[Path], typer.Argument(metavar="REC.csv...", help="Recordings of one sample time.")]
+Recordings = Annotated[list[Path], typer.Argument(metavar="REC...", help="Recordings of one sample time.")]
 ModelFile = Annotated[Path, typer.Option("--out", metavar="NARX.json", help="The model.")]
 MethodOption = Annotated[Method, typer.Option(help="svb: sparse variational Bayes; frols: forward regression.")]
 FirstInputLag = Annotated[
@@ -49,6 +49,7 @@ def identify(
     input_column: InputColumn = None,
     output_column: OutputColumn = None,
     allow_gaps: AllowGaps = False,
+    dt: SampleTime = None,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -57,13 +58,15 @@ def identify(
     Example: deatwin identify noise.csv --method svb --out narx.json
     """
     from deatwin.plant.checks import require_excitation
-    from deatwin.plant.files import read_csv
+    from deatwin.plant.files import read_recordings
 
     voice = Voice(as_json=as_json, quiet=quiet)
     records = [
         record
         for path in recordings
-        for record in read_csv(path, input_column=input_column, output_column=output_column, allow_gaps=allow_gaps)
+        for record in read_recordings(
+            path, input_column=input_column, output_column=output_column, allow_gaps=allow_gaps, dt=dt
+        )
     ]
     require_excitation(records)
     identifier = _identifier(method, output_lags, range(first_input_lag, input_lags + 1), degree, max_terms)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from deatwin.scenarios.options import InputColumn, Json, Quiet, RigSource
+from deatwin.scenarios.options import InputColumn, Json, Quiet, RigSource, SampleTime
 from deatwin.scenarios.voice import Voice
 
 if TYPE_CHECKING:
@@ -38,6 +38,7 @@ def simulate(
     effect: Effects = None,
     history: History = None,
     input_column: InputColumn = None,
+    dt: SampleTime = None,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -49,7 +50,7 @@ def simulate(
     from deatwin.scenarios.given import GivenPlant, reading_column
 
     voice = Voice(as_json=as_json, quiet=quiet)
-    given = GivenPlant.load(rig, input_column=input_column)
+    given = GivenPlant.load(rig, input_column=input_column, dt=dt)
     model = _with_effects(given.model, effect or [])
     wanted = given.commands(commands)
     experiment = _experiment(given, wanted, history or [])

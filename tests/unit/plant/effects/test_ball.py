@@ -1,0 +1,274 @@
+"""Effects at the ball, on a mass between spring and damper for which there are closed forms."""
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+from deatwin.plant import Diaphragm, Experiment, Hysteresis, Parameter, Plant, Recording, Rig, StartProcedure
+from deatwin.plant.effects.base import Place
+from deatwin.plant.effects.coulomb_friction import CoulombFriction
+from deatwin.plant.effects.cubic_stiffness import CubicStiffness
+from deatwin.plant.effects.end_stop import EndStop
+from deatwin.plant.effects.quadratic_damping import QuadraticDamping
+from deatwin.plant.effects.resonance import Resonance
+from deatwin.plant.equations import Builder
+from deatwin.plant.excitation import band_limited_noise
+
+MASS, STIFFNESS, SAMPLE = 3e-3, 30.0, 0.02  # the ball on its film: 16 Hz
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mass(Rig):
+    """A force on a mass between spring and damper; one newton of command moves it by 1/30 m."""
+
+    sample_time: float = SAMPLE
+    noise: float = 1e-6
+    damper: float = 0.05
+
+    kind: ClassVar[str] = "mass"
+    input_name: ClassVar[str] = "force"
+    input_unit: ClassVar[str] = "N"
+    output_name: ClassVar[str] = "displacement"
+    output_unit: ClassVar[str] = "m"
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        return (Parameter(name="damping", value=self.damper, unit="N s/m", lower=0.0, upper=10.0),)
+
+    @property
+    def start(self) -> StartProcedure:
+        return StartProcedure(rest_command=0.0, ramp=0.0, hold=0.0)
+
+    def write(self, build: Builder) -> Any:
+        position = build.watch("displacement", build.state("position", scale=1e-3))
+        velocity = build.watch("velocity", build.state("velocity", scale=0.05))
+        force = build.place(Place.BALL, "force", -build.parameter("damping") * velocity)
+        build.rate(position, velocity)
+        build.rate(velocity, (build.command - STIFFNESS * position + force) / MASS)
+        return build.place(Place.SENSOR, "reading", position)
+
+
+@pytest.fixture(autouse=True)
+def without_compiler(monkeypatch):
+    """Many small plants: compiling them would cost more than running them."""
+    monkeypatch.setenv("DEATWIN_COMPILER", "")
+
+
+def move(commands, *effects, **rig):
+    made = Mass(**rig)
+    record = Recording.from_arrays(commands, np.zeros(len(commands)), made.sample_time)
+    plant = Plant(rig=made, effects=effects)
+    return plant.simulate(Experiment(recordings=(record,))).require().outputs[0][0]
+
+
+def integrated(commands, force, damper=0.05):
+    """The same mass with a further force on it, by an integrator of others."""
+    state, ends = np.zeros(2), []
+    for u in commands:
+        state = solve_ivp(
+            lambda _, s, u=u: [s[1], (u - STIFFNESS * s[0] - damper * s[1] + force(s[0], s[1])) / MASS],
+            (0, SAMPLE), state, method="DOP853", rtol=1e-10, atol=1e-14,
+        ).y[:, -1]  # fmt: skip
+        ends.append(state[0])
+    return np.array(ends)
+
+
+def triangles(amplitude, period, count=3):
+    quarter = round(period / SAMPLE / 4)
+    up = np.linspace(0, amplitude, quarter, endpoint=False)
+    return np.tile(np.concatenate([up, amplitude - up, -up, up - amplitude]), count)
+
+
+def play(commands, force):
+    """Quasi-static motion under Coulomb friction: the spring force lags the drive by at most the friction."""
+    spring, path = 0.0, []
+    for u in commands:
+        spring = min(max(spring, u - force), u + force)
+        path.append(spring / STIFFNESS)
+    return np.array(path)
+
+
+@pytest.mark.parametrize("period", [4.0, 16.0])
+@pytest.mark.parametrize("amplitude", [3e-3, 8e-3])
+def test_friction_is_the_play_of_a_slow_drive(amplitude, period):
+    drive, friction = triangles(amplitude, period), 1e-3
+    got = move(drive, CoulombFriction(force=friction), damper=0.5)
+    # The drive climbs 4 A/T a second, so what moves lags by c/k * 4 A/(T k); a ball that breaks loose jolts as much.
+    lag = 4 * amplitude / period * (0.5 / STIFFNESS + SAMPLE) / STIFFNESS
+    np.testing.assert_allclose(got, play(drive, friction), rtol=0, atol=2 * lag)
+    # At the drive's zero, going up and going down: a loop of 2 F_c/k, whatever the rate and the amplitude.
+    quarter = round(period / SAMPLE / 4)
+    width = got[-2 * quarter] - got[-4 * quarter]
+    assert width == pytest.approx(2 * friction / STIFFNESS, abs=2 * lag)
+
+
+def test_a_ball_that_sticks_stays():
+    # Pushed by 5 mN and let go to 4.5 mN with 2 mN of friction: it stays where 5 mN brought it.
+    drive = np.concatenate([np.linspace(0, 5e-3, 200), np.full(100, 5e-3), np.full(1000, 4.5e-3)])
+    got = move(drive, CoulombFriction(force=2e-3), damper=0.5)
+    assert abs(got[-1] - got[290]) < 50e-9 * 20  # creeping with at most 50 nm/s
+    assert got[290] == pytest.approx(3e-3 / STIFFNESS, abs=1e-6)  # the ramp ended at 40 µm/s, with c/k = 17 ms
+    # A friction that is a function of velocity alone would be back at 4.5 mN/k after 20 s.
+    assert got[-1] < 0.7 * 4.5e-3 / STIFFNESS
+
+
+def test_small_drives_move_nothing_but_the_bristles_of_hysteresis():
+    drive = triangles(0.5e-3, 4.0)
+    stuck = move(drive, CoulombFriction(force=1e-3), damper=0.5)
+    assert np.ptp(stuck) < 50e-9 * drive.size * SAMPLE
+    held = move(drive, Hysteresis(force=1e-3, distance=30e-6), damper=0.5)
+    # Elastically held by k + F_h/x_h = 63 N/m: 0.5 mN on them, either way, softer as the memory fills.
+    assert 1e-3 / (STIFFNESS + 1e-3 / 30e-6) < np.ptp(held) < 1.5e-3 / (STIFFNESS + 1e-3 / 30e-6)
+
+
+def test_a_free_swing_under_friction_loses_as_much_at_each_turn():
+    # 4 F_c/k a period, the textbook's straight envelope under Coulomb damping.
+    friction, fine = 1e-4, 1e-3
+    drive = np.concatenate([np.full(4000, 6e-3), np.zeros(400)])
+    got = move(drive, CoulombFriction(force=friction), damper=0.0, sample_time=fine)[4000:]
+    turns = np.flatnonzero((got[1:-1] - got[:-2]) * (got[2:] - got[1:-1]) < 0) + 1
+    heights = np.abs(got[turns[:8]])
+    np.testing.assert_allclose(-np.diff(heights), 2 * friction / STIFFNESS, rtol=0.05)
+
+
+@pytest.mark.parametrize("force", [0.7e-3, 5e-3])
+def test_friction_survives_noise_and_holds(force):
+    rng = np.random.default_rng(5)
+    noise = band_limited_noise(rng, 8.0, SAMPLE)
+    holds = rng.uniform(0.0, 3.4, 12).repeat(25)
+    plant = Plant(rig=Diaphragm(), effects=(CoulombFriction(force=force),))
+    record = Recording.from_arrays(np.concatenate([noise, holds]), np.zeros(700), SAMPLE)
+    assert plant.simulate(Experiment(recordings=(record,))).status.ok
+
+
+PASSIVE = [
+    CoulombFriction(force=1e-3), CubicStiffness(stiffness=2e7), EndStop(position=0.1e-3), Hysteresis(),
+    QuadraticDamping(coefficient=3.0), Resonance(mass=0.5e-3),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("effect", PASSIVE, ids=lambda e: e.name)
+def test_no_effect_gives_energy(effect, seed):
+    # Beside a spring and no damper. The work of a held force is exactly u dx; what is in the spring came from there.
+    rng = np.random.default_rng(seed)
+    drive = rng.uniform(-6e-3, 8e-3, 40).repeat(rng.integers(1, 12, 40))
+    path = move(drive, effect, damper=0.0)
+    work = np.cumsum(drive * np.diff(path, prepend=0.0))
+    spring = STIFFNESS * path**2 / 2
+    # Newton leaves 1e-5 of 1 mm squared; a step over a kink errs by 0.1 µm of path.
+    assert np.all(work - spring > -1e-7 * np.abs(drive).max())
+
+
+def test_drag_is_what_an_integrator_gives():
+    rng = np.random.default_rng(1)
+    drive = rng.uniform(-5e-3, 5e-3, 8).repeat(10)
+    got = move(drive, QuadraticDamping(coefficient=2.0))
+    exact = integrated(drive, lambda x, v: -2.0 * v * abs(v))
+    # |v| v has a kink in its slope's slope where v changes its sign, in the middle of a step: 0.1 µm of 300 µm,
+    # a twentieth of the sensor's noise.
+    np.testing.assert_allclose(got, exact, rtol=0, atol=1e-7)
+
+
+def test_drag_takes_a_share_that_grows_with_the_swing():
+    # Free swing: 1/a grows by 8 c/(3 m) * (2/2) each period: a' = a/(1 + 8 c a/(3 m)) by energy balance.
+    coefficient, fine = 2.0, 1e-3
+    drive = np.concatenate([np.full(20000, 6e-3), np.zeros(700)])
+    got = move(drive, QuadraticDamping(coefficient=coefficient), damper=0.0, sample_time=fine)[15000:]
+    turns = np.flatnonzero((got[1:-1] - got[:-2]) * (got[2:] - got[1:-1]) < 0) + 1
+    swings = [np.abs(got[turns[turns >= 5000]][n]) for n in (1, 3, 5, 7)]
+    growth = np.diff(1 / np.array(swings))
+    np.testing.assert_allclose(growth, 8 * coefficient / (3 * MASS), rtol=0.05)
+
+
+@pytest.mark.parametrize("force", [-4e-3, 2e-3, 12e-3])
+@pytest.mark.parametrize("cubic", [-2e6, 2e7])
+def test_a_cubic_spring_rests_at_the_root(force, cubic):
+    got = move(np.full(300, force), CubicStiffness(stiffness=cubic), damper=0.5)[-1]
+    root = brentq(lambda x: STIFFNESS * x + cubic * x**3 - force, -1.5e-3, 1.5e-3, xtol=1e-15)
+    assert got == pytest.approx(root, rel=1e-9)
+
+
+def test_a_cubic_spring_raises_the_frequency_with_the_square_of_the_swing():
+    # Lindstedt: omega/omega_0 = 1 + 3 k3 a²/(8 k), the next term is of the order of its square, 6e-6.
+    cubic, swing, count = 2e7, 0.1e-3, 20
+    push = STIFFNESS * swing + cubic * swing**3
+    rise = np.sin(np.linspace(0, np.pi / 2, 4000)) ** 2  # slow enough to excite no swing of its own
+    drive = np.concatenate([push * rise, np.zeros(1000)])
+    got = move(drive, CubicStiffness(stiffness=cubic), damper=0.0, sample_time=1e-3)[4000:]
+    crossings = np.flatnonzero(got[:-1] * got[1:] < 0)[:count]
+    exact = crossings + got[crossings] / (got[crossings] - got[crossings + 1])
+    omega = np.pi * (count - 1) / (exact[-1] - exact[0]) / 1e-3
+    shift = omega / np.sqrt(STIFFNESS / MASS) - 1
+    assert shift == pytest.approx(3 / 8 * cubic * swing**2 / STIFFNESS, rel=0.02)
+
+
+def test_a_stop_shares_the_load_with_the_spring():
+    stop = EndStop(stiffness=300.0, position=0.25e-3)
+    for force in (3e-3, 7.4e-3, 9e-3, 15e-3):
+        got = move(np.full(300, force), stop, damper=0.5)[-1]
+
+        def excess(x, force=force):
+            return STIFFNESS * x + 300.0 * stop.width * np.logaddexp(0, (x - 0.25e-3) / stop.width) - force
+
+        assert got == pytest.approx(brentq(excess, 0, 1e-3, xtol=1e-15), rel=1e-9)
+    # Far from the touch the corner is sharp: the springs share what is beyond it.
+    assert move(np.full(300, 3e-3), stop, damper=0.5)[-1] == pytest.approx(0.1e-3, rel=1e-9)
+    beyond = (40e-3 - STIFFNESS * 0.25e-3) / (STIFFNESS + 300.0)
+    assert move(np.full(300, 40e-3), stop, damper=0.5)[-1] == pytest.approx(0.25e-3 + beyond, rel=1e-6)
+
+
+def test_a_stop_cuts_one_side_of_the_ringing_and_does_not_throw_back():
+    drive = np.full(2000, 6e-3)  # settles 50 µm before the stop
+    free = move(drive, sample_time=2e-3)
+    stopped = move(drive, EndStop(stiffness=3e3, position=0.25e-3), sample_time=2e-3)
+    assert free.max() > 0.35e-3
+    # Touched at 30 mm/s it gives way by v (m/(2 k))^0.5 = 21 µm, from the energy at twice the stiffness.
+    assert stopped.max() < 0.25e-3 + 25e-6
+    assert stopped[-1] == pytest.approx(0.2e-3, abs=5e-8)  # what is left of the corner, 10 w away: k w e^-10 / 30 N/m
+    # The swing that is left is not larger than the 50 µm to the stop; the free one still has 35 % after two swings.
+    assert np.abs(stopped[60:] - 0.2e-3).max() < 0.05e-3 + 10e-6
+    assert np.abs(free[60:] - 0.2e-3).max() > 0.06e-3
+
+
+@pytest.mark.parametrize("stiffness", [300.0, 3e3])
+def test_a_stop_survives_noise_and_steps(stiffness):
+    rng = np.random.default_rng(6)
+    drive = np.concatenate([band_limited_noise(rng, 6.0, SAMPLE), rng.uniform(0.0, 3.4, 16).repeat(20)])
+    plant = Plant(rig=Diaphragm(), effects=(EndStop(stiffness=stiffness),))
+    record = Recording.from_arrays(drive, np.zeros(drive.size), SAMPLE)
+    assert plant.simulate(Experiment(recordings=(record,))).status.ok
+
+
+def test_a_second_mass_gives_the_response_of_two():
+    second = Resonance(mass=0.4e-3, frequency=8.0, damping_ratio=0.05)
+    omega_2 = 2 * np.pi * second.frequency
+    spring, damper = second.mass * omega_2**2, 2 * second.damping_ratio * second.mass * omega_2
+    fine = 1e-3
+    times = fine * np.arange(6000)
+    for frequency in (2.0, 6.0, 8.0, 12.0):
+        s = 2j * np.pi * frequency
+        coupling = damper * s + spring
+        absorber = second.mass * s**2 * coupling / (second.mass * s**2 + coupling)
+        exact = 1 / (MASS * s**2 + 0.2 * s + STIFFNESS + absorber)
+        got = move(1e-3 * np.sin(2 * np.pi * frequency * times), second, damper=0.2, sample_time=fine)[-1000:]
+        tone = np.exp(-2j * np.pi * frequency * (times[-1000:] + fine))
+        # 2/N sum y e^(-iwt) = -i H A; holds of 1 ms smooth by sinc and come half a sample late.
+        held = np.sinc(frequency * fine) * np.exp(-1j * np.pi * frequency * fine)
+        response = 1j * 2 * np.mean(got * tone) / 1e-3
+        assert abs(response / (exact * held) - 1) < 2e-3
+
+
+def test_a_resonance_starts_where_the_residual_peaks():
+    rng = np.random.default_rng(3)
+    times = SAMPLE * np.arange(3000)
+    drive = 1e-3 * rng.standard_normal(3000)
+    residual = move(drive, Resonance(mass=0.3e-3, frequency=7.0)) - move(drive)
+    starts = Resonance().starts(times, residual)
+    assert 1 <= len(starts) <= 4
+    assert min(abs(e.frequency - 7.0) for e in starts) < 0.3
+    assert Resonance().starts(times[:10], residual[:10]) == ()

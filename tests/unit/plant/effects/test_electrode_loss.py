@@ -1,0 +1,60 @@
+"""Loss of the electrode's rim."""
+
+import numpy as np
+import pytest
+
+from deatwin.plant import Diaphragm, Plant
+from deatwin.plant.effects.electrode_loss import ElectrodeLoss
+from deatwin.plant.effects.sensor_jump import SensorJump
+
+HOLDS = np.concatenate([np.full(100, 1.2), np.zeros(100), np.full(100, 1.2), np.zeros(100)])
+
+
+@pytest.fixture
+def damped():
+    # No branch and no ringing, so that each hold of 2 s ends in equilibrium.
+    return Plant(rig=Diaphragm(), values={"damping": 0.5, "branch_modulus": 1.0})
+
+
+def run(plant, experiment, commands):
+    done = plant.simulate(experiment(commands)).require()
+    return done.outputs[0][0], done.watched[0]
+
+
+def test_a_rim_takes_its_area_off_the_capacitance(base, experiment):
+    at_rest = np.zeros(60)
+    whole = run(base, experiment, at_rest)[1]["capacitance"]
+    left = run(base.with_effects(ElectrodeLoss(share=1.0, at=0.5)), experiment, at_rest)[1]["capacitance"]
+    np.testing.assert_allclose(left[:20], whole[:20], rtol=1e-9)  # 20 widths before
+    # The flat film is uniform: a sharp ring has 1 - 0.75² of it. Rounding over w adds (pi w)²/3 = 0.02 of the area
+    # without the edge; the edge cuts some of it off again, so 2 % of the ring bound both, and six points add less.
+    assert 1 - left[-1] / whole[-1] == pytest.approx(1 - 0.75**2, rel=0.02)
+
+
+def test_a_loss_leaves_rest_and_a_jump_does_not(damped, experiment):
+    before, after = slice(195, 200), slice(395, 400)
+    loss, _ = run(damped.with_effects(ElectrodeLoss(share=0.5, at=4.0)), experiment, HOLDS)
+    jump, _ = run(damped.with_effects(SensorJump(change=-5e-6, at=4.0)), experiment, HOLDS)
+    np.testing.assert_allclose(loss[before], 0.0, atol=1e-9)
+    np.testing.assert_allclose(loss[after], 0.0, atol=1e-9)
+    np.testing.assert_allclose(jump[after], -5e-6, atol=1e-9)
+    assert loss[299] < 0.95 * loss[99]
+
+
+def test_it_is_even_and_takes_a_sample(base, experiment):
+    plant = base.with_effects(ElectrodeLoss(share=0.5, at=1.01))
+    up, signals = run(plant, experiment, np.full(100, 2.0))
+    down, _ = run(plant, experiment, np.full(100, -2.0))
+    np.testing.assert_allclose(up, down, atol=1e-12)
+    steps = np.abs(np.diff(signals["capacitance"]))
+    assert steps[47:53].sum() > 10 * steps[40:46].sum()
+
+
+def test_it_starts_where_the_motion_falls():
+    times = 0.02 * np.arange(3000)
+    rng = np.random.default_rng(9)
+    residual = 2e-6 * rng.standard_normal(3000) + np.where(times < 33.0, 3e-6, -4e-6)
+    starts = ElectrodeLoss(share=0.3).starts(times, residual)
+    assert starts[0].at == pytest.approx(33.0, abs=0.02)
+    assert {s.share for s in starts} == {0.3}
+    assert ElectrodeLoss().starts(times, 1e-6 * (times > 20.0)) == ()  # a motion that grows is no loss

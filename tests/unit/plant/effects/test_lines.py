@@ -1,0 +1,82 @@
+"""Tones and cycles in a residual, and the tone in a reading."""
+
+import numpy as np
+import pytest
+
+from deatwin.plant import Coupon, Experiment, Plant, Recording
+from deatwin.plant.effects.lines import slow_cycles, spectral_peaks, tone_at, tones
+from deatwin.plant.effects.periodic_disturbance import PeriodicDisturbance
+
+SAMPLE = 0.02
+
+
+@pytest.fixture(autouse=True)
+def without_compiler(monkeypatch):
+    monkeypatch.setenv("DEATWIN_COMPILER", "")
+
+
+def angle_between(first, second):
+    return abs(np.angle(np.exp(1j * (first - second))))
+
+
+def test_a_line_is_fitted_exactly_beside_a_constant():
+    rng = np.random.default_rng(0)
+    times = np.sort(rng.uniform(0, 20, 200))  # uneven: gaps do no harm
+    tone = tone_at(times, 3.0 + 2.0 * np.cos(2 * np.pi * 0.7 * times - 1.1), 0.7)
+    assert tone.amplitude == pytest.approx(2.0, rel=1e-12)
+    assert tone.phase == pytest.approx(-1.1, rel=1e-12)
+    assert tone.explained == pytest.approx(1.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("gap", [0.0, 37.0])
+def test_tones_are_found_under_a_drift_that_is_larger(gap):
+    rng = np.random.default_rng(7)
+    n = 6000
+    times = SAMPLE * np.arange(n) + np.where(np.arange(n) > n // 2, gap, 0.0)
+    drift = 50e-6 * (1 - np.exp(-times / 60)) + 10e-6 * np.cumsum(rng.standard_normal(n)) / np.sqrt(n)
+    sines = 2e-6 * np.cos(2 * np.pi * 3.21 * times + 0.5) + 4e-6 * np.cos(2 * np.pi * 0.4 * times - 2.0)
+    found = PeriodicDisturbance().starts(times, drift + sines + 2e-6 * rng.standard_normal(n))
+    assert 2 <= len(found) <= 3
+    span = np.ptp(times)
+    for frequency, amplitude, phase in ((3.21, 2e-6, 0.5), (0.4, 4e-6, -2.0)):
+        best = min(found, key=lambda e: abs(e.frequency - frequency))
+        # A fit converges from within half the resolution.
+        assert abs(best.frequency - frequency) < 0.2 / span
+        assert best.amplitude == pytest.approx(amplitude, rel=0.3)
+        at_middle = 2 * np.pi * (best.frequency - frequency) * times.mean() + best.phase
+        assert angle_between(at_middle, phase) < 0.3
+
+
+def test_a_mains_alias_is_found_at_its_slow_frequency():
+    times = SAMPLE * np.arange(10000)
+    residual = 3e-6 * np.cos(2 * np.pi * 50.03 * times)
+    best = PeriodicDisturbance().starts(times, residual + 1e-9 * np.sin(times**2))[0]
+    assert best.frequency == pytest.approx(0.03, abs=0.2 / 200)
+
+
+def test_short_records_have_no_starts():
+    times = SAMPLE * np.arange(10)
+    assert tones(times, np.sin(times)) == ()
+    assert spectral_peaks(times, np.sin(times), (1.0, 20.0)) == ()
+    assert slow_cycles(times, np.sin(times), (20.0, 100.0)) == ()
+
+
+def test_peaks_lie_in_the_band():
+    rng = np.random.default_rng(1)
+    times = SAMPLE * np.arange(4000)
+    values = rng.standard_normal(4000) + np.cos(2 * np.pi * 7.0 * times) + np.cos(2 * np.pi * 0.5 * times)
+    found = spectral_peaks(times, values, (1.0, 24.0))
+    assert found[0] == pytest.approx(7.0, abs=0.2)
+    assert all(1.0 <= f <= 24.0 for f in found)
+
+
+@pytest.mark.parametrize("frequency", [0.37, 50.03])
+def test_a_tone_is_added_to_the_reading(frequency):
+    # On a strip that is not pulled the reading is the tone, at the end of each sample; 50.03 Hz at its alias.
+    effect = PeriodicDisturbance(amplitude=4e-6, frequency=frequency, phase=0.3)
+    record = Recording.from_arrays(np.ones(400), np.zeros(400), SAMPLE, start=12.0)
+    plant = Plant(rig=Coupon(), effects=(effect,))
+    reading = plant.simulate(Experiment(recordings=(record,))).outputs[0][0]
+    times = 12.0 + SAMPLE * np.arange(1, 401)
+    alias = frequency - 50.0 * np.round(frequency / 50.0)
+    np.testing.assert_allclose(reading, 4e-6 * np.cos(2 * np.pi * alias * times + 0.3), atol=1e-15)

@@ -1,0 +1,107 @@
+"""The sensor, on a bare chain and behind the film."""
+
+import numpy as np
+import pytest
+
+from deatwin.plant.effects.delay import Delay
+from deatwin.plant.effects.sensor_curvature import SensorCurvature
+from deatwin.plant.effects.sensor_drift import SensorDrift
+from deatwin.plant.effects.sensor_jump import SensorJump
+from deatwin.plant.effects.sensor_lag import SensorLag
+from deatwin.plant.effects.sensor_saturation import SensorSaturation
+from deatwin.plant.excitation import band_limited_noise
+
+NOISE = band_limited_noise(np.random.default_rng(4), 4.0, 0.02)
+MOTION, SAMPLE = 1e-4 * NOISE, 0.02
+ENDS = SAMPLE * np.arange(1, NOISE.size + 1)
+
+
+def test_a_lag_is_exact_under_held_motion(chain):
+    decay, y, exact = np.exp(-SAMPLE / 0.05), 0.0, []
+    for x in MOTION:
+        y = x + (y - x) * decay
+        exact.append(y)
+    np.testing.assert_allclose(chain(NOISE, SensorLag(time=0.05))["reading"], exact, rtol=1e-9)
+
+
+def test_no_lag_passes_the_reading(chain):
+    np.testing.assert_allclose(chain(NOISE, SensorLag(time=0.0))["reading"], MOTION, rtol=1e-13)
+
+
+def test_a_lag_rolls_off_where_a_delay_does_not(chain):
+    times, ratios = SAMPLE * np.arange(500), []
+    for frequency in (0.5, 10.0):
+        tone = np.exp(-2j * np.pi * frequency * times[250:])
+        lagged, late = (
+            2 * abs(np.mean(chain(np.sin(2 * np.pi * frequency * times), effect)["reading"][250:] * tone))
+            for effect in (SensorLag(time=0.02), Delay(time=0.02))
+        )
+        ratios.append(lagged / late)
+        # (1 - e)/|1 - e exp(-i w h)| under held commands, e = exp(-h/tau)
+        decay = np.exp(-1.0)
+        exact = (1 - decay) / abs(1 - decay * np.exp(-2j * np.pi * frequency * SAMPLE))
+        assert ratios[-1] == pytest.approx(exact, rel=1e-6)
+    assert ratios[1] < 0.7 < 0.99 < ratios[0]
+
+
+def test_a_drift_runs_by_the_clock(chain):
+    got = chain(NOISE, SensorDrift(change=-70e-6, time=30.0))["reading"] - MOTION
+    np.testing.assert_allclose(got, -70e-6 * (1 - np.exp(-ENDS / 30.0)), rtol=1e-9)
+
+
+def test_a_drift_does_not_begin_before_the_clock(base, experiment):
+    plant = base.with_effects(SensorDrift(change=1e-3, time=20.0))
+    reading = plant.simulate(experiment(np.zeros(60), start=0.0)).require().outputs[0][0]
+    np.testing.assert_allclose(reading, 1e-3 * (1 - np.exp(-SAMPLE * np.arange(1, 61) / 20.0)), atol=1e-12)
+
+
+def test_a_jump_takes_one_sample(chain):
+    got = chain(NOISE, SensorJump(change=30e-6, at=2.01))["reading"] - MOTION
+    before, after = ENDS < 1.95, ENDS > 2.07  # 12 widths of h/4 away: exp(-12) is left
+    np.testing.assert_allclose(got[before], 0.0, atol=30e-6 * 7e-6)
+    np.testing.assert_allclose(got[after], 30e-6, rtol=7e-6)
+    # Halfway between two samples: two widths before and after.
+    np.testing.assert_allclose(got[~before & ~after][2:4], 30e-6 / (1 + np.exp([2.0, -2.0])), rtol=1e-6)
+
+
+def test_a_curve_is_quadratic_in_the_reading(chain):
+    got = chain(NOISE, SensorCurvature(curvature=80.0))["reading"]
+    np.testing.assert_allclose(got, MOTION + 80.0 * MOTION**2, rtol=1e-13)
+
+
+def test_a_reading_is_clipped_above_only(chain):
+    asked = np.linspace(-4.0, 4.0, 81)
+    got = chain(asked, SensorSaturation(limit=0.2e-3))["reading"]
+    left = 1e-6 * np.exp(-10.0)  # of the corner, at the next command
+    np.testing.assert_allclose(got[asked < 1.95], 1e-4 * asked[asked < 1.95], atol=left)
+    np.testing.assert_allclose(got[asked > 2.05], 0.2e-3, atol=left)
+
+
+def test_a_sensor_that_clips_leaves_the_ball_alone(base, experiment):
+    free = base.simulate(experiment(NOISE)).require()
+    clipped = base.with_effects(SensorSaturation(limit=0.1e-3)).simulate(experiment(NOISE)).require()
+    np.testing.assert_allclose(clipped.watched[0]["displacement"], free.outputs[0][0], atol=1e-12)
+    assert clipped.outputs[0].max() < 0.1e-3 + 1e-9 < free.outputs[0].max()
+
+
+def test_the_chain_of_a_sensor_is_bent_then_shifted_then_late_then_clipped(chain):
+    effects = (
+        SensorCurvature(curvature=80.0), SensorDrift(change=40e-6, time=30.0), SensorJump(change=30e-6, at=2.01),
+        SensorLag(time=0.0), SensorSaturation(limit=0.3e-3),
+    )  # fmt: skip
+    step = (1 + np.tanh((ENDS - 2.01) / 0.005 / 2)) / 2
+    shifted = MOTION + 80.0 * MOTION**2 + 40e-6 * (1 - np.exp(-ENDS / 30.0)) + 30e-6 * step
+    exact = shifted - 1e-6 * np.logaddexp(0.0, (shifted - 0.3e-3) / 1e-6)
+    for order in (effects, effects[::-1]):
+        np.testing.assert_allclose(chain(NOISE, *order)["reading"], exact, rtol=1e-12)
+
+
+def test_a_jump_starts_where_the_residual_steps():
+    rng = np.random.default_rng(6)
+    times = np.concatenate([0.02 * np.arange(1500), 40 + 0.02 * np.arange(1500)])  # two records, a gap between
+    residual = 2e-6 * rng.standard_normal(3000) - 12e-6 * (times > 47.0)
+    first, *others = SensorJump().starts(times, residual)
+    assert first.at == pytest.approx(47.0, abs=0.02)
+    assert first.change == pytest.approx(-12e-6, abs=4 * 2e-6 / np.sqrt(1000))
+    assert len(others) <= 2
+    assert all(abs(o.at - first.at) > 0.5 for o in others)

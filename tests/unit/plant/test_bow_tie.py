@@ -1,0 +1,42 @@
+"""The bow-tie's own."""
+
+import numpy as np
+import pytest
+
+from deatwin.plant import Plant, RigError
+from deatwin.plant.actuation import actuation_curve
+from deatwin.plant.rigs.bow_tie import BowTie
+
+
+def test_the_waist_is_stretched_most_and_has_the_highest_field():
+    rig = BowTie()
+    curve = actuation_curve(Plant(rig=rig), np.array([1.0]))
+    along = [curve.unknowns[f"stretch_{k}"][0] for k in range(rig.stations - 1)]
+    assert np.all(np.diff(along) < 0)
+    assert curve.signals["field"][0] == pytest.approx(800.0 * along[0] * 3.0 / rig.thickness, rel=1e-12)
+
+
+def test_its_capacitance_is_that_of_its_strips():
+    rig = BowTie()
+    curve = actuation_curve(Plant(rig=rig), np.array([0.0]))
+    places, shares = np.polynomial.legendre.leggauss(rig.stations)
+    widths = 20e-3 + 40e-3 * (1 + places) / 2
+    along = np.array([curve.unknowns[f"stretch_{k}"][0] for k in range(rig.stations - 1)])
+    last = (curve.unknowns["position"][0] / rig.length - shares[:-1] / 2 @ along) / (shares[-1] / 2)
+    area = rig.length * shares / 2 * widths
+    exact = 4.5 * 8.8541878188e-12 / rig.thickness * area @ (np.r_[along, last] * 3.0) ** 2
+    assert curve.signals["capacitance"][0] == pytest.approx(exact, rel=1e-12)
+
+
+def test_free_sides_give_far_less_than_held_ones():
+    held, free = (
+        actuation_curve(Plant(rig=rig), np.array([0.0, 2.0])).readings[-1]
+        for rig in (BowTie(), BowTie(sides="free", side_prestretch=None))
+    )
+    assert held > 10 * free
+
+
+@pytest.mark.parametrize("wrong", [{"sides": "equal"}, {"stations": 0}, {"waist_width": 0.0}])
+def test_it_says_what_it_cannot_be(wrong):
+    with pytest.raises(RigError, match=r"sides|stations"):
+        BowTie(**wrong)

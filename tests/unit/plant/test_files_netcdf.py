@@ -1,0 +1,114 @@
+"""NetCDF files of versions 3 and 4 into recordings."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import netcdf_file
+
+from deatwin.plant.errors import DataError
+from deatwin.plant.files import read_recording, write_recording
+from deatwin.plant.recording import Recording
+
+xarray = pytest.importorskip("xarray")
+pytest.importorskip("h5netcdf")
+
+N = 50
+TIME = 0.02 * np.arange(N)
+COMMAND = 2.0 + np.sin(np.arange(N))
+
+
+def dataset(time_units: str = "s", times: np.ndarray = TIME) -> "xarray.Dataset":
+    return xarray.Dataset(
+        {
+            "command": ("time", COMMAND, {"units": "V"}),
+            "displacement": ("time", 0.1 * COMMAND, {"units": "mm"}),
+            "map": (("time", "y"), np.zeros((N, 2))),
+        },
+        coords={"time": ("time", times, {"units": time_units})},
+        attrs={"title": "second day"},
+    )
+
+
+def check(recording: Recording) -> None:
+    assert (recording.start, recording.n_samples) == (0.0, N)
+    assert recording.sample_time == pytest.approx(0.02, rel=1e-12)
+    np.testing.assert_array_equal(recording.inputs[0], COMMAND)
+    np.testing.assert_allclose(recording.outputs[0], 1e-4 * COMMAND, rtol=1e-15)
+    assert recording.provenance["title"] == "second day"
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "rec.nc"
+
+
+@pytest.mark.parametrize(
+    ("units", "factor"),
+    [
+        ("s", 1.0),
+        ("ms", 1e3),
+        ("seconds", 1.0),
+        ("seconds since 2024-01-02", 1.0),
+        ("milliseconds since 2024-01-02", 1e3),
+    ],
+)
+def test_version_4(path: Path, units: str, factor: float) -> None:
+    dataset(units, TIME * factor).to_netcdf(path, engine="h5netcdf")
+    check(read_recording(path))
+
+
+def test_times_as_dates(path: Path) -> None:
+    made = dataset().assign_coords(time=np.datetime64("2024-01-02", "ns") + (TIME * 1e9).round().astype("m8[ns]"))
+    made.to_netcdf(path, engine="h5netcdf")
+    check(read_recording(path))
+
+
+def test_packed_values(path: Path) -> None:
+    """Integers with scale_factor and add_offset, as the CF conventions pack them."""
+    counts = np.arange(N)
+    made = dataset().assign(command=("time", 0.5 * counts + 1.0, {"units": "V"}))
+    packing = {"dtype": "int16", "scale_factor": 0.5, "add_offset": 1.0, "_FillValue": -1}
+    made.to_netcdf(path, engine="h5netcdf", encoding={"command": packing})
+    np.testing.assert_array_equal(read_recording(path).inputs[0], 0.5 * counts + 1.0)
+
+
+def test_version_3(path: Path) -> None:
+    with netcdf_file(path, "w") as file:
+        file.createDimension("time", N)
+        file.title = "second day"
+        signals = (("time", TIME, "s"), ("command", COMMAND, "V"), ("displacement", 0.1 * COMMAND, "mm"))
+        for name, values, unit in signals:
+            variable = file.createVariable(name, "d", ("time",))
+            variable[:] = values
+            variable.units = unit
+    check(read_recording(path))
+
+
+def test_without_times(path: Path) -> None:
+    dataset().drop_vars("time").to_netcdf(path, engine="h5netcdf")
+    check(read_recording(path, dt=0.02))
+    with pytest.raises(DataError, match=r'no column "time_s".*--dt'):
+        read_recording(path)
+
+
+def test_faults(path: Path) -> None:
+    spoiled = dataset()
+    spoiled["command"][3] = np.nan
+    spoiled.to_netcdf(path, engine="h5netcdf")
+    with pytest.raises(DataError, match=r'rec.nc, row 4, column "command": nan is not a finite number'):
+        read_recording(path)
+    path.write_bytes(b"\x89HDF\r\n\x1a\n and then nothing")
+    with pytest.raises(DataError, match=r"rec.nc: cannot be read as a NetCDF file"):
+        read_recording(path)
+    path.write_bytes(b"plain text")
+    with pytest.raises(DataError, match=r"rec.nc: not a NetCDF file"):
+        read_recording(path)
+
+
+def test_written_for_others(path: Path) -> None:
+    write_recording(path, Recording.from_arrays([1.0, 2.0], [3.0, 4.0], 0.5, start=7.0))
+    with xarray.open_dataset(path, decode_times=False) as found:
+        np.testing.assert_array_equal(found["time"], [7.0, 7.5])
+        assert (found["displacement"].attrs["units"], found["displacement"].attrs["role"]) == ("m", "output")
+        assert found.attrs["sample_time"] == 0.5

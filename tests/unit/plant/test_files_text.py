@@ -1,0 +1,183 @@
+"""CSV files of all kinds are read right, or refused with one clear line; never read as wrong numbers."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from deatwin.plant.errors import DataError
+from deatwin.plant.files import read_csv, read_recording, write_recording
+from deatwin.plant.recording import Recording
+
+HEADER = "time_s,command_V,displacement_mm"
+COMMANDS = [1.0, 1.25, 1.5, 1.75]
+LINES = [f"{0.02 * k:.2f},{command},{0.1 * (k + 1):.1f}" for k, command in enumerate(COMMANDS)]
+
+
+@pytest.fixture
+def write(tmp_path: Path):
+    def write_file(lines: list[str], *, encoding: str = "utf-8", end: str = "\n") -> Path:
+        path = tmp_path / "rec.csv"
+        path.write_bytes((end.join(lines) + end).encode(encoding))
+        return path
+
+    return write_file
+
+
+def dressed(delimiter: str, decimal: str, quote: str = "") -> list[str]:
+    """The same recording with other marks."""
+    body = [[cell.replace(".", decimal) for cell in line.split(",")] for line in LINES]
+    return [delimiter.join(f"{quote}{cell}{quote}" for cell in row) for row in [HEADER.split(","), *body]]
+
+
+def check(recording: Recording) -> None:
+    assert (recording.sample_time, recording.start) == (0.02, 0.0)
+    np.testing.assert_array_equal(recording.inputs[0], COMMANDS)
+    np.testing.assert_array_equal(recording.outputs[0], [0.1e-3, 0.2e-3, 0.3e-3, 0.4e-3])  # the literals, exactly
+
+
+class TestKinds:
+    @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "latin-1"])
+    @pytest.mark.parametrize("delimiter", [",", ";", "\t", "|"])
+    @pytest.mark.parametrize("end", ["\n", "\r\n"])
+    def test_delimiter_encoding_line_end(self, write, encoding: str, delimiter: str, end: str) -> None:
+        check(read_recording(write(dressed(delimiter, "."), encoding=encoding, end=end)))
+
+    @pytest.mark.parametrize("delimiter", [";", "\t", "|"])
+    @pytest.mark.parametrize("quote", ["", '"'])
+    def test_decimal_comma(self, write, delimiter: str, quote: str) -> None:
+        check(read_recording(write(dressed(delimiter, ",", quote))))
+
+    def test_decimal_comma_in_quoted_cells_between_commas(self, write) -> None:
+        check(read_recording(write(dressed(",", ",", '"'))))
+
+    @pytest.mark.parametrize(
+        "above",
+        [
+            ["Rig A, second day", "Operator,Smith", "Rate,50", "Channels,3"],
+            ["Date,2024-01-02,", "Rate [Hz],50,"],  # padded to the width of the table, as spreadsheets do
+            ["# made by a logger", "", "# 50 Hz"],
+        ],
+    )
+    def test_lines_with_numbers_above_the_header(self, write, above: list[str]) -> None:
+        recording = read_recording(write([*above, HEADER, *LINES]))
+        check(recording)
+        assert recording.provenance["rows"] == f"{len(above) + 2}-{len(above) + 5}"
+
+    def test_units_below_the_names_some_of_them_unknown(self, write) -> None:
+        lines = ["time,command,displacement,pressure", "s,V,mm,(bar)", *(f"{line},9" for line in LINES)]
+        check(read_recording(write(lines)))
+
+    def test_without_times_the_sample_time_is_asked_for(self, write) -> None:
+        path = write([line.partition(",")[2] for line in [HEADER, *LINES]])
+        check(read_recording(path, dt=0.02))
+        with pytest.raises(DataError, match=r'no column "time_s".*give the sample time in seconds: --dt'):
+            read_recording(path)
+        with pytest.raises(DataError, match=r"dt is 0.0 s; the sample time must be positive"):
+            read_recording(path, dt=0.0)
+
+    def test_sample_time_that_the_times_contradict(self, write) -> None:
+        path = write([HEADER, *LINES])
+        check(read_recording(path, dt=0.02))
+        with pytest.raises(DataError, match=r"do not keep the stated sample time of 0.01 s; they go on by 0.02 s"):
+            read_recording(path, dt=0.01)
+
+    def test_single_column(self, write) -> None:
+        path = write(["command_V", *map(str, COMMANDS)])
+        np.testing.assert_array_equal(
+            read_recording(path, output_column="#1", dt=0.02).inputs[0], COMMANDS
+        )
+
+
+class TestRefused:
+    @pytest.mark.parametrize(
+        ("lines", "message"),
+        [
+            (dressed(",", ","), r"row 2: 6 cells by comma, but the header in row 1 has 3; a comma is not"),
+            (["command_V", "1,234", "2,345"], r"row 2: 2 cells by comma, but the header in row 1 has 1"),
+            ([HEADER, *LINES[:3], "0.06,1,750,0.4"], r"row 5: 4 cells, but the header has 3"),
+            (
+                [HEADER.replace(",", ";"), "1;1,234;1", "2;1,240;2", "3;2,240;3"],
+                r'row 2, column "command_V": "1,234" may mean thousands or a decimal comma',
+            ),
+            (
+                [HEADER.replace(",", ";"), "0,02;1.234,5;1", "0,04;1.240,5;2"],
+                r'row 2, column "command_V": "1.234,5" has a decimal point, other numbers .* a comma',
+            ),
+            (
+                [HEADER.replace(",", ";"), "0,02;1,5;1.5", "0,04;1,5;2"],
+                r'row 2, column "displacement_mm": "1.5" has a decimal point, other numbers .* a comma',
+            ),
+            ([HEADER, "0.00,1_0,0.1", *LINES[1:]], r'row 2, column "command_V": "1_0" is not a number'),
+            ([HEADER, "0.00,1,1e", *LINES[1:]], r'row 2, column "displacement_mm": "1e" is not a number'),
+            ([HEADER.replace(",", " "), *(line.replace(",", " ") for line in LINES)], r"row 2: no delimiter"),
+            (
+                ["time_s;x,command_V,displacement_mm", "0;1,2,3", "1;2,3,4", "2;3,4,5"],
+                r"row 2: the columns may be delimited by semicolon or comma",
+            ),
+            (["time,command,displacement_mm", "s,V,m", *LINES], r"its name says mm, the line below m"),
+        ],
+    )
+    def test_what_can_be_read_in_two_ways(self, write, lines: list[str], message: str) -> None:
+        with pytest.raises(DataError, match=message):
+            read_recording(write(lines))
+
+    def test_utf_16_that_breaks_off(self, tmp_path: Path) -> None:
+        path = tmp_path / "rec.csv"
+        path.write_bytes("\n".join([HEADER, *LINES]).encode("utf-16")[:-1])
+        with pytest.raises(DataError, match=r"UTF-16 text that breaks off at byte \d+"):
+            read_recording(path)
+
+
+class TestDescription:
+    """What the columns cannot say stands above them."""
+
+    def test_plain_recording_has_none(self, tmp_path: Path) -> None:
+        write_recording(tmp_path / "rec.csv", Recording.from_arrays([1.0, 2.0], [0.1, 0.2], 0.02, start=0.5))
+        assert (tmp_path / "rec.csv").read_text().splitlines()[0] == HEADER
+
+    def test_other_signals(self, tmp_path: Path) -> None:
+        recording = Recording.from_arrays(
+            np.arange(6.0).reshape(2, 3), np.ones((1, 3)), 1 / 3, input_names=["x_mm", "a, b"], output_names=["force"],
+            extras={"p": np.ones(3)}, extra_units={"p": "bar"}, provenance={"file": "old.csv", "note": "x"},
+        )  # fmt: skip
+        write_recording(tmp_path / "rec.csv", recording)
+        again = read_recording(tmp_path / "rec.csv")
+        assert (again.input_names, again.input_units, again.output_names) == (("x_mm", "a, b"), ("", ""), ("force",))
+        assert (again.sample_time, again.extra_units) == (1 / 3, {"p": "bar"})
+        np.testing.assert_array_equal(again.inputs, recording.inputs)
+        assert again.provenance["file"] == str(tmp_path / "rec.csv")
+        assert (again.provenance["origin.file"], again.provenance["note"]) == ("old.csv", "x")
+
+    def test_column_that_is_asked_for_comes_first(self, tmp_path: Path) -> None:
+        recording = Recording.from_arrays(np.arange(6.0).reshape(2, 3), np.ones((1, 3)), 1.0)
+        write_recording(tmp_path / "rec.csv", recording)
+        again = read_recording(tmp_path / "rec.csv", input_column="input_2")
+        np.testing.assert_array_equal(again.inputs, recording.inputs[1:])
+
+    @pytest.mark.parametrize(
+        ("text", "message"),
+        [
+            ('{"schema": "deatwin/recording/9"}', r'schema "deatwin/recording/9"; "deatwin/recording/1" can be read'),
+            ('{"schema"', r"its description \(deatwin\) is damaged"),
+            ('{"schema": "deatwin/recording/1"}', r"is damaged \('sample_time'\)"),
+        ],
+    )
+    def test_damaged(self, write, text: str, message: str) -> None:
+        with pytest.raises(DataError, match=message):
+            read_recording(write([f"# deatwin/recording/1 {text}", HEADER, *LINES]))
+
+    def test_rows_taken_out_by_hand_are_noticed(self, tmp_path: Path) -> None:
+        path = tmp_path / "rec.csv"
+        recording = Recording.from_arrays(np.arange(9.0), np.ones(9), 0.02, provenance={"note": "x"})
+        write_recording(path, recording)
+        lines = path.read_text().splitlines()
+        path.write_text("\n".join(lines[:5] + lines[6:]))
+        with pytest.raises(DataError, match=r"a gap from 0.04 s to 0.08 s"):
+            read_recording(path)
+        assert [piece.start for piece in read_csv(path, allow_gaps=True)] == pytest.approx([0.0, 0.08])
+
+
+def test_format_that_cannot_be_written(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match=r'files ".xls" cannot be written; known are .csv, .mat, .tdms, .nc'):
+        write_recording(tmp_path / "rec.xls", Recording.from_arrays([1.0], [1.0], 1.0))

@@ -1,0 +1,113 @@
+"""What all rigs of one moved part have in common."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from deatwin.plant import Plant, catalogue, compiled
+from deatwin.plant.actuation import actuation_curve
+from deatwin.plant.rigs.bow_tie import BowTie
+from deatwin.plant.rigs.planar import BlockedPlanar, Planar
+from deatwin.plant.rigs.roll import Roll
+from deatwin.plant.rigs.stack import Stack
+
+RIGS = (
+    Planar(), Planar(sides="free", side_prestretch=2.0), Planar(sides="clamped"), Stack(), BowTie(),
+    BowTie(sides="free", side_prestretch=None, stations=2), Roll(),
+)  # fmt: skip
+STEP = np.r_[np.zeros(10), np.full(40, 1.5)]
+EACH = pytest.mark.parametrize("rig", RIGS, ids=lambda r: f"{r.kind} {getattr(r, 'sides', '')}")
+
+
+@pytest.fixture(autouse=True)
+def _without_compiler(monkeypatch):
+    """A few short runs: CasADi's own machine is quicker than a compiler."""
+    monkeypatch.setenv("DEATWIN_COMPILER", "")
+    compiled.compiler.cache_clear()
+    yield
+    monkeypatch.undo()
+    compiled.compiler.cache_clear()
+
+
+def reading(plant, experiment, commands=STEP):
+    return plant.simulate(experiment(commands)).require().outputs[0][0]
+
+
+@pytest.mark.parametrize("rig", [*RIGS, BlockedPlanar()], ids=lambda r: f"{r.kind} {getattr(r, 'sides', '')}")
+def test_a_rig_survives_json(rig):
+    assert type(rig).from_dict(json.loads(json.dumps(rig.to_dict()))) == rig
+
+
+@EACH
+def test_it_starts_at_rest_moves_the_way_of_its_reading_and_does_not_ring(rig, experiment):
+    y = reading(Plant(rig=rig), experiment)
+    np.testing.assert_allclose(y[:10], 0.0, atol=1e-12)
+    assert np.all(np.diff(y[9:]) > -1e-12)
+    assert y[-1] > 1e-5
+
+
+@EACH
+def test_a_long_hold_comes_to_the_actuation_curve(rig, experiment):
+    # Exponentials: of the branch, whose time of 0.6 s the film's own stiffness at most triples, and of the damper,
+    # whose time stays below 0.3 s; after 40 s both are below e^-20.
+    y = reading(Plant(rig=rig), experiment, np.full(2000, 1.2))
+    curve = actuation_curve(Plant(rig=rig), np.array([1.2]))
+    assert y[-1] == pytest.approx(curve.readings[-1], rel=1e-7)
+
+
+@EACH
+@pytest.mark.parametrize("quarter", range(4))
+def test_effects_that_are_off_are_not_there(rig, quarter, experiment):
+    # In four parts: the more viscous stretches there are, the further from rest begins the search for it.
+    plant = Plant(rig=rig)
+    accepted = [e for e in catalogue() if plant.accepts(e)]
+    assert {"creep", "electrode_rc", "hysteresis", "permittivity_drift"} <= {e.name for e in accepted}
+    off = [replace(e, **{e.strength: 0.0}) for e in accepted[quarter::4]]
+    np.testing.assert_allclose(
+        reading(plant.with_effects(*off), experiment), reading(plant, experiment), rtol=0, atol=1e-11
+    )
+
+
+@EACH
+def test_sensitivities_are_those_of_differences(rig):
+    plant = Plant(rig=rig)
+    simulator, values = plant.simulator, plant.free_values
+    arguments = {"start": 0.0, "sample_time": 0.02, "rest_command": 0.0}
+    exact = simulator.run_with_sensitivities(STEP, values=values, **arguments).sensitivities
+    for column, name in enumerate(plant.parameters.free):
+        step = 1e-5 * (abs(values[column]) or 1e-3)
+        moved = [
+            simulator.run(STEP, values=values + sign * step * np.eye(values.size)[column], **arguments).outputs
+            for sign in (1, -1)
+        ]
+        slope = (moved[0] - moved[1]) / (2 * step)
+        # The third derivative's share is 1e-10, rounding that of Newton's rest: 1e-13 m over the step.
+        scale = np.abs(slope).max()
+        np.testing.assert_allclose(exact[:, column], slope, rtol=0, atol=1e-6 * scale + 2e-13 / step, err_msg=name)
+
+
+@EACH
+def test_one_factor_on_all_forces_changes_nothing(rig, experiment):
+    plant = Plant(rig=rig)
+    forces = {"shear_modulus", "branch_modulus", "permittivity", "mass", "damping", "load", "side_load", "spring_rate"}
+    scaled = {n: 1.7 * p.value for n, p in plant.parameters.items() if n in forces}
+    np.testing.assert_allclose(
+        reading(plant.with_values(scaled), experiment), reading(plant, experiment), rtol=0, atol=1e-11
+    )
+
+
+@EACH
+def test_the_sign_of_the_voltage_does_not_count(rig, experiment):
+    plant = Plant(rig=rig)
+    np.testing.assert_allclose(reading(plant, experiment, -STEP), reading(plant, experiment), rtol=0, atol=1e-14)
+
+
+def test_a_part_without_mass_and_with_little_damping_follows_at_once(experiment):
+    rig = Planar(prestretch=2.0, mass=0.0, damping=1e-6)
+    plant = Plant(rig=rig, values={"branch_modulus": 1.0})
+    y = reading(plant, experiment)
+    curve = actuation_curve(plant, np.array([1.5]))
+    # what the branch of 1 Pa holds back is 1 / 25000 of the motion
+    np.testing.assert_allclose(y[11:], curve.readings[-1], rtol=1e-4)

@@ -1,0 +1,101 @@
+"""Tension lost, breakdown and pull-in: signals against closed forms, statuses with place, voltage and time."""
+
+import numpy as np
+import pytest
+
+from deatwin.plant import Diaphragm, Plant, RunStatus, SimulationError
+from deatwin.plant.dielectric import VACUUM_PERMITTIVITY
+from deatwin.plant.rest import rest_state
+
+RAMP = np.linspace(0.0, 3.75, 500)
+SLACK = Plant(rig=Diaphragm(), values={"shear_modulus": 8e3})  # its stretch limit still holds it
+FLAT = Diaphragm(mass=1e-6, gain=1000.0)
+FINE = FLAT.finer()
+
+
+def signals(plant, command):
+    equations = plant.equations
+    rest = rest_state(equations, command, plant.free_values)
+    watched = equations.watched(
+        rest.x, rest.z, rest.d, equations.held_inputs(command), 0.0, plant.free_values, equations.constants
+    )
+    coordinates = dict(zip(equations.coordinates, rest.z, strict=True))
+    return dict(zip(equations.signals, np.asarray(watched).ravel(), strict=True)) | coordinates
+
+
+def elastic_stress(stretch):
+    return 25e3 * 107.0 / (107.0 - (2 * stretch**2 + stretch**-4 - 3)) * (stretch**2 - stretch**-4)
+
+
+@pytest.mark.parametrize("rig", [FLAT, FINE], ids=["reduced", "fine"])
+def test_the_smallest_stress_of_a_flat_film_is_that_of_its_prestretch(rig):
+    # A milligram bends it by less than 1e-5.
+    assert signals(Plant(rig=rig), 0.0)["tension"] == pytest.approx(elastic_stress(3.5), rel=1e-5)
+
+
+@pytest.mark.parametrize("rig", [FLAT, FINE], ids=["reduced", "fine"])
+def test_voltage_stresses_a_flat_film_least_along_the_radius_of_the_annulus(rig):
+    # The nominal stress along the radius goes on over the electrode's edge, but the stretch is less outside.
+    values = signals(Plant(rig=rig), 2.0)
+    stretch = values["electrode_stretch"]
+    field = 2e3 * stretch**2 / rig.thickness
+    electrode = elastic_stress(stretch) - 4.5 * VACUUM_PERMITTIVITY * field**2
+    assert 0 < values["tension"] < electrode
+    assert values["tension_active"] == 0.0
+    present_mm = 1e3 * rig.thickness / stretch**2
+    assert values["breakdown_share"] == pytest.approx(field / (51e6 * present_mm**-0.25 * stretch**0.63), rel=1e-3)
+    assert values["breakdown_share_active"] == 1.0
+
+
+def test_tension_lost_is_a_status_with_place_voltage_and_time(experiment):
+    simulation = SLACK.simulate(experiment(RAMP, start=5.0))
+    assert simulation.status is RunStatus.TENSION_LOST
+    assert simulation.status.ok
+    assert simulation.require() is simulation
+    assert np.isfinite(simulation.outputs[0]).all()
+    (event,) = simulation.events
+    sample = round((event.time - 5.0) / 0.02)
+    assert event.time == simulation.sound_until
+    assert event.command == pytest.approx(RAMP[sample])
+    assert event.film_voltage == pytest.approx(800 * event.command)
+    assert event.place.startswith("electrode, ")
+    assert "tension lost at" in str(event) and "V on the film" in str(event)
+    tension = simulation.watched[0]["tension"]
+    assert tension[sample] < 0 <= tension[:sample].min()
+
+
+def test_a_sound_run_has_no_events(base, experiment):
+    simulation = base.simulate(experiment(RAMP[:200]))
+    assert simulation.status is RunStatus.DONE
+    assert simulation.events == ()
+    assert simulation.sound_until == np.inf
+
+
+def test_breakdown_is_a_status_with_place_voltage_and_time(experiment):
+    # A stiff film at 8 kV: at 3.5 the law of Huang et al. gives 250 MV/m, 10.2 kV on 41 µm; it thins a little.
+    stiff = Plant(rig=Diaphragm(gain=3000.0), values={"shear_modulus": 200e3})
+    simulation = stiff.simulate(experiment(RAMP))
+    broken = [event for event in simulation.events if event.status is RunStatus.BREAKDOWN]
+    assert len(broken) == 1
+    assert simulation.status.ok
+    assert 7e3 < broken[0].film_voltage < 10.2e3
+    assert broken[0].place.startswith("electrode, ")
+
+
+def test_pull_in_ends_a_run_and_says_where(experiment):
+    soft = Plant(rig=Diaphragm(), values={"shear_modulus": 8e3, "stretch_limit": 1e4})
+    simulation = soft.simulate(experiment(RAMP))
+    assert simulation.status is RunStatus.PULL_IN
+    assert simulation.events[-1].status is RunStatus.PULL_IN
+    assert simulation.events[-1].time == pytest.approx(simulation.failed_at)
+    with pytest.raises(SimulationError, match=r"mm from the axis.*pull-in"):
+        simulation.require()
+
+
+def test_a_plant_without_rest_has_an_event_without_place(experiment):
+    plant = Plant(rig=Diaphragm(mass=0.9, prestretch=1.0), values={"shear_modulus": 5e3})
+    simulation = plant.simulate(experiment(np.ones(10)))
+    (event,) = simulation.events
+    assert event.status is RunStatus.NO_REST
+    assert event.place == ""
+    assert np.isnan(event.film_voltage)
