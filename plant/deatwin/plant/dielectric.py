@@ -1,10 +1,44 @@
-"""Electrostatics of the film."""
+r"""Electrostatics of the film: energies, Maxwell stress and strain, electrostriction, capacitance, conduction.
+
+**How thickness stress and in-plane stress relate.** Co-energy gives the in-plane stress
+:math:`\lambda_i\,\partial w_e/\partial\lambda_i = -\varepsilon E^2` in a film that is free across its thickness.
+An incompressible film does not feel an equal stress on all sides, so this is the same load as a pressure
+:math:`\varepsilon E^2` on its faces, or as half of each: the electrodes attract with
+:math:`\tfrac12\varepsilon E^2`, and the charges on each of them repel sideways with as much.
+
+**How the factor one half of the thesis relates.** A small load of :math:`-\tfrac12\varepsilon E^2` across and
+:math:`+\tfrac12\varepsilon E^2` along a free film of modulus Y and Poisson's ratio :math:`\nu` gives
+
+.. math:: s_z = -\frac{1 + 2\nu}{2}\,\frac{\varepsilon E^2}{Y}
+
+The thesis (W. R. Jacobs, University of Sheffield, eq. 2.2) writes :math:`-\tfrac12 s\,\varepsilon E^2` with the
+compliance s. That counts the attraction alone: right with s = 1/Y for :math:`\nu = 0`, and for any compressible
+film that is clamped sideways, with :math:`s = (1+\nu)(1-2\nu)/[(1-\nu)Y]`. An elastomer has :math:`\nu = \tfrac12`:
+free, it contracts by :math:`\varepsilon E^2/Y`, twice as much; clamped, not at all.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import Any
 
-__all__ = ["VACUUM_PERMITTIVITY", "electric_energy"]
+import casadi as ca
+
+from deatwin.plant.stress import true_stress
+
+__all__ = [
+    "VACUUM_PERMITTIVITY",
+    "capacitance",
+    "conduction_density",
+    "effective_permittivity",
+    "electric_energy",
+    "electrostriction_factors",
+    "electrostrictive_strain",
+    "maxwell_strain",
+    "maxwell_stress",
+]
+
+Symbol = Any  # a CasADi SX, MX, DM or a float
 
 VACUUM_PERMITTIVITY = 8.8541878188e-12
 """F/m, CODATA 2022."""
@@ -36,3 +70,189 @@ def electric_energy(stretch_1: Any, stretch_2: Any, permittivity: Any, nominal_f
     Suo, Acta Mech. Solida Sin. 23 (2010) 549, doi:10.1016/S0894-9166(11)60004-9.
     """
     return -permittivity * VACUUM_PERMITTIVITY / 2 * nominal_field**2 * (stretch_1 * stretch_2) ** 2
+
+
+def maxwell_stress(permittivity: Symbol, field: Symbol) -> Symbol:
+    r"""Maxwell stress :math:`\varepsilon_r\varepsilon_0E^2`: pressure across, or tension taken off along the film.
+
+    Parameters
+    ----------
+    permittivity : symbol or float
+        Relative permittivity.
+    field : symbol or float
+        True field, voltage over the present thickness, V/m.
+
+    Returns
+    -------
+    symbol or float
+        Pa.
+
+    References
+    ----------
+    Pelrine, Kornbluh & Joseph, Sens. Actuators A 64 (1998) 77, doi:10.1016/S0924-4247(97)01657-9.
+    """
+    return permittivity * VACUUM_PERMITTIVITY * field**2
+
+
+def maxwell_strain(
+    permittivity: Symbol, field: Symbol, elastic_modulus: Symbol, poissons_ratio: Symbol = 0.5
+) -> Symbol:
+    r"""Small strain of a free film across its thickness, :math:`-\tfrac12(1+2\nu)\,\varepsilon E^2/Y`.
+
+    Along the film an incompressible one stretches by half of its size. A Poisson's ratio of 0 gives the thesis'
+    eq. 2.2; the module says why.
+
+    Parameters
+    ----------
+    permittivity : symbol or float
+        Relative permittivity; strain must not change it.
+    field : symbol or float
+        True field, V/m.
+    elastic_modulus : symbol or float
+        Y in Pa; three shear moduli of an incompressible film.
+    poissons_ratio : symbol or float
+        One half where incompressible.
+
+    Returns
+    -------
+    symbol or float
+        Dimensionless, negative.
+    """
+    return -(1 + 2 * poissons_ratio) / 2 * maxwell_stress(permittivity, field) / elastic_modulus
+
+
+def electrostrictive_strain(permittivity: Symbol, field: Symbol, coefficient: Symbol) -> Symbol:
+    r"""Small strain across the film by electrostriction, :math:`Q\varepsilon_0^2(\varepsilon_r - 1)^2E^2`.
+
+    Thesis eq. 2.1: the strain goes with the square of the polarisation :math:`\varepsilon_0(\varepsilon_r - 1)E`.
+
+    Parameters
+    ----------
+    permittivity : symbol or float
+        Relative permittivity.
+    field : symbol or float
+        True field, V/m.
+    coefficient : symbol or float
+        Q in m⁴/C²; negative where the film becomes thinner.
+
+    Returns
+    -------
+    symbol or float
+        Dimensionless.
+    """
+    return coefficient * (VACUUM_PERMITTIVITY * (permittivity - 1) * field) ** 2
+
+
+def effective_permittivity(permittivity: Symbol, coefficient: Symbol, elastic_modulus: Symbol) -> Symbol:
+    r"""Relative permittivity with which Maxwell stress alone makes the strain of both effects.
+
+    .. math:: \varepsilon_\mathrm{eff} = \varepsilon_r - Y Q\,\varepsilon_0(\varepsilon_r - 1)^2
+
+    Both strains go with the square of the field: at small strain electrostriction is a scale of the
+    permittivity, and displacement over voltage does not tell them apart. A capacitance does.
+
+    Parameters
+    ----------
+    permittivity : symbol or float
+        Relative permittivity.
+    coefficient : symbol or float
+        Q in m⁴/C², as in `electrostrictive_strain`.
+    elastic_modulus : symbol or float
+        Y in Pa of the incompressible film.
+
+    Returns
+    -------
+    symbol or float
+        Dimensionless.
+    """
+    return permittivity - elastic_modulus * coefficient * VACUUM_PERMITTIVITY * (permittivity - 1) ** 2
+
+
+def electrostriction_factors(
+    permittivity: Callable[..., Symbol], stretch_1: Symbol, stretch_2: Symbol, *parameters: Symbol
+) -> tuple[Symbol, Symbol]:
+    r"""Electrostriction at large strain: the field's stress over that of a constant permittivity.
+
+    .. math:: f_i = 1 + \tfrac12\,\frac{\partial\ln\varepsilon}{\partial\ln\lambda_i}, \qquad
+              \sigma_i = -f_i\,\varepsilon E^2
+
+    Follows from the co-energy with :math:`\varepsilon(\lambda_1, \lambda_2)`, so `electric_energy` with such a
+    permittivity holds it already. With `deatwin.plant.permittivity.stretched` the factor varies with the stretch:
+    at small strain electrostriction is a mere scale of the permittivity, at large strain it is not.
+
+    Parameters
+    ----------
+    permittivity : callable
+        ``permittivity(stretch_1, stretch_2, *parameters)``.
+    stretch_1, stretch_2 : symbol or float
+        Principal in-plane stretches.
+    *parameters : symbol or float
+        Further arguments of `permittivity`.
+
+    Returns
+    -------
+    tuple of symbol
+        Along 1 and 2.
+
+    References
+    ----------
+    Zhao & Suo, J. Appl. Phys. 104 (2008) 123530, doi:10.1063/1.3031483.
+    """
+    here = permittivity(stretch_1, stretch_2, *parameters)
+    # The operator that makes a true stress of an energy, here of another function of the stretches.
+    first, second = true_stress(permittivity, stretch_1, stretch_2, *parameters)
+    return 1 + first / here / 2, 1 + second / here / 2
+
+
+def capacitance(
+    permittivities: Sequence[Symbol],
+    stretches: Sequence[tuple[Symbol, Symbol]],
+    areas: Sequence[Symbol],
+    thickness: Symbol,
+) -> Symbol:
+    r"""Capacitance of a film between electrodes, :math:`C = \sum_k \varepsilon_k(\lambda_1\lambda_2)_k^2A_k/H`.
+
+    Parameters
+    ----------
+    permittivities : sequence of symbol or float
+        Relative permittivity at each point between the electrodes.
+    stretches : sequence of pairs of symbol or float
+        Principal in-plane stretches at each point.
+    areas : sequence of symbol or float
+        Reference area that each point stands for, m².
+    thickness : symbol or float
+        Undeformed thickness H, m.
+
+    Returns
+    -------
+    symbol or float
+        F.
+    """
+    points = zip(permittivities, stretches, areas, strict=True)
+    return VACUUM_PERMITTIVITY / thickness * sum(e * (first * second) ** 2 * a for e, (first, second), a in points)
+
+
+def conduction_density(field: Symbol, conductivity: Symbol = 3.23e-14, field_scale: Symbol = 40e6) -> Symbol:
+    r"""Current through the film per present area, :math:`j = \sigma_0\,e^{|E|/E_B}\,E`.
+
+    Odd in the field, so that it always takes energy from the source.
+
+    Parameters
+    ----------
+    field : symbol or float
+        True field, V/m.
+    conductivity : symbol or float
+        :math:`\sigma_0` at low field, S/m. The default is unconfirmed: as later literature quotes the reference.
+    field_scale : symbol or float
+        :math:`E_B` in V/m; the default likewise.
+
+    Returns
+    -------
+    symbol or float
+        A/m².
+
+    References
+    ----------
+    Foo, Koh, Keplinger, Kaltseis, Bauer & Suo, J. Appl. Phys. 111 (2012) 094107, doi:10.1063/1.4714557.
+    """
+    return conductivity * ca.exp(ca.fabs(field) / field_scale) * field

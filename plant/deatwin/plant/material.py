@@ -86,7 +86,7 @@ def _stretch_limit(value: float, source: str) -> Parameter:
 
 def _locking_stretch(value: float, source: str) -> Parameter:
     return Parameter(
-        name="locking_stretch", value=value, unit="1", lower=3.5, upper=1e4, scale=Scale.RECIPROCAL, source=source
+        name="locking_stretch", value=value, unit="1", lower=3.8, upper=1e4, scale=Scale.RECIPROCAL, source=source
     )
 
 
@@ -202,6 +202,4 @@ def material(name: str) -> Material:
     try:
         return MATERIALS[name]
     except KeyError:
-        raise RigError(
-            f"unknown material {name!r}{nearest(name, MATERIALS)} (known: {', '.join(MATERIALS)})"
-        ) from None
+        raise RigError(f"unknown material {name!r}{nearest(name, MATERIALS)} (known: {', '.join(MATERIALS)})") from None

@@ -1,0 +1,81 @@
+"""The field at which a film of VHB breaks down, by thickness and stretch."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import log
+from typing import Any
+
+__all__ = ["HUANG_2012", "KOFOD_2001", "BreakdownLaw"]
+
+Symbol = Any  # a CasADi SX, MX, DM, a float or an array
+
+
+@dataclass(frozen=True, kw_only=True)
+class BreakdownLaw:
+    r"""A power law :math:`E_B = E_1\,(h/h_1)^p\,\lambda^q` found with films of equal-biaxial stretch.
+
+    Parameters
+    ----------
+    field : float
+        :math:`E_1` of an unstretched film of the thickness `thickness`, V/m.
+    thickness : float
+        :math:`h_1` in m.
+    thickness_power : float
+        p; negative, since a thin film bears more.
+    stretch_power : float
+        q.
+    source : str
+        Where the numbers come from.
+    """
+
+    field: float
+    thickness: float
+    thickness_power: float
+    stretch_power: float
+    source: str
+
+    def at(self, thickness: Symbol, stretch_1: Symbol, stretch_2: Symbol) -> Symbol:
+        r"""True field at breakdown.
+
+        Parameters
+        ----------
+        thickness : symbol, float or array
+            Present thickness :math:`H/(\lambda_1\lambda_2)`, m.
+        stretch_1, stretch_2 : symbol, float or array
+            Principal in-plane stretches. Where they differ, the law takes :math:`\sqrt{\lambda_1\lambda_2}`, the
+            equal stretch that thins the film as much: an assumption, the films of the sources had equal ones.
+
+        Returns
+        -------
+        symbol, float or array
+            V/m.
+
+        Examples
+        --------
+        >>> round(HUANG_2012.at(0.5e-3 / 3.5**2, 3.5, 3.5) / 1e6)
+        250
+        """
+        stretch = (stretch_1 * stretch_2) ** 0.5
+        return self.field * (thickness / self.thickness) ** self.thickness_power * stretch**self.stretch_power
+
+
+HUANG_2012 = BreakdownLaw(
+    field=51e6,
+    thickness=1e-3,
+    thickness_power=-0.25,
+    stretch_power=0.63,
+    source="Huang, Shian, Diebold, Suo & Clarke, Appl. Phys. Lett. 101 (2012) 122905, doi:10.1063/1.4754549: "
+    "51 h^-0.25 lambda^0.63, films embedded in a stiff polymer; that h is in mm and the field in MV/m is inferred",
+)
+"""Breakdown of the film itself: nothing thins or creases in a stiff polymer."""
+
+KOFOD_2001 = BreakdownLaw(
+    field=20e6,
+    thickness=1e-3,
+    thickness_power=0.0,
+    stretch_power=log(218 / 20) / log(6),
+    source="Kofod, Kornbluh, Pelrine & Sommer-Larsen, SPIE Smart Structures and Materials (2001), abstract: 20 MV/m "
+    "unstrained, 218 MV/m at 500 % x 500 % strain; a power law through the two, whose thickness goes with the stretch",
+)
+"""Breakdown of films as actuators have them: lower, since voltage thins a soft film before it breaks."""

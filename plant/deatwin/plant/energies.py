@@ -1,0 +1,236 @@
+r"""Hyperelastic energies of an incompressible film.
+
+Energies are per reference volume, functions of the two in-plane stretches; the third one follows from
+:math:`\lambda_1\lambda_2\lambda_3 = 1`. Each is zero at rest, takes CasADi symbols or floats alike and says its
+shear modulus :math:`\mu_0` at small strain, where the elastic modulus is :math:`Y = 3\mu_0`.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+
+__all__ = [
+    "arruda_boyce",
+    "first_invariant",
+    "gent",
+    "maxwell_branch",
+    "mooney_rivlin",
+    "neo_hookean",
+    "ogden",
+    "second_invariant",
+    "yeoh",
+]
+
+Symbol = Any  # a CasADi SX, MX, DM or a float
+
+
+def first_invariant(stretch_1: Symbol, stretch_2: Symbol) -> Symbol:
+    r""":math:`I_1 = \lambda_1^2 + \lambda_2^2 + (\lambda_1\lambda_2)^{-2}`.
+
+    Parameters
+    ----------
+    stretch_1, stretch_2 : symbol or float
+        Principal in-plane stretches.
+
+    Returns
+    -------
+    symbol or float
+        Dimensionless.
+    """
+    return stretch_1**2 + stretch_2**2 + 1 / (stretch_1 * stretch_2) ** 2
+
+
+def second_invariant(stretch_1: Symbol, stretch_2: Symbol) -> Symbol:
+    r""":math:`I_2 = \lambda_1^{-2} + \lambda_2^{-2} + (\lambda_1\lambda_2)^2`.
+
+    Parameters
+    ----------
+    stretch_1, stretch_2 : symbol or float
+        Principal in-plane stretches.
+
+    Returns
+    -------
+    symbol or float
+        Dimensionless.
+    """
+    return first_invariant(1 / stretch_1, 1 / stretch_2)
+
+
+def neo_hookean(stretch_1: Symbol, stretch_2: Symbol, shear_modulus: Symbol) -> Symbol:
+    r"""Neo-Hookean energy :math:`W = \tfrac{\mu}{2}(I_1 - 3)`; :math:`\mu_0 = \mu`.
+
+    Parameters
+    ----------
+    stretch_1, stretch_2 : symbol or float
+        Principal in-plane stretches.
+    shear_modulus : symbol or float
+        :math:`\mu` in Pa.
+
+    Returns
+    -------
+    symbol or float
+        Energy per reference volume, J/m³.
+    """
+    return shear_modulus / 2 * (first_invariant(stretch_1, stretch_2) - 3)
+
+
+def mooney_rivlin(stretch_1: Symbol, stretch_2: Symbol, first: Symbol, second: Symbol) -> Symbol:
+    r"""Mooney-Rivlin energy :math:`W = C_1(I_1 - 3) + C_2(I_2 - 3)`; :math:`\mu_0 = 2(C_1 + C_2)`.
+
+    Parameters
+    ----------
+    stretch_1, stretch_2 : symbol or float
+        Principal in-plane stretches.
+    first, second : symbol or float
+        :math:`C_1, C_2` in Pa.
+
+    Returns
+    -------
+    symbol or float
+        Energy per reference volume, J/m³.
+
+    References
+    ----------
+    Mooney, J. Appl. Phys. 11 (1940) 582, doi:10.1063/1.1712836.
+    """
+    return first * (first_invariant(stretch_1, stretch_2) - 3) + second * (second_invariant(stretch_1, stretch_2) - 3)
+
+
+def yeoh(stretch_1: Symbol, stretch_2: Symbol, first: Symbol, second: Symbol, third: Symbol) -> Symbol:
+    r"""Yeoh energy :math:`W = \sum_{k=1}^{3} C_k(I_1 - 3)^k`; :math:`\mu_0 = 2C_1`.
+
+    Parameters
+    ----------
+    stretch_1, stretch_2 : symbol or float
+        Principal in-plane stretches.
+    first, second, third : symbol or float
+        :math:`C_1, C_2, C_3` in Pa; published sets call them :math:`C_{10}, C_{20}, C_{30}`.
+
+    Returns
+    -------
+    symbol or float
+        Energy per reference volume, J/m³.
+
+    References
+    ----------
+    Yeoh, Rubber Chem. Technol. 66 (1993) 754, doi:10.5254/1.3538343.
+    """
+    extension = first_invariant(stretch_1, stretch_2) - 3
+    return extension * (first + extension * (second + extension * third))
+
+
+def ogden(stretch_1: Symbol, stretch_2: Symbol, *terms: Symbol) -> Symbol:
+    r"""Ogden energy of any number of terms.
+
+    .. math:: W = \sum_p \frac{\mu_p}{\alpha_p}\bigl(\lambda_1^{\alpha_p} + \lambda_2^{\alpha_p}
+              + \lambda_3^{\alpha_p} - 3\bigr), \qquad \mu_0 = \tfrac12\sum_p\mu_p\alpha_p
+
+    Some programs write :math:`2\mu_p/\alpha_p^2` instead, for which :math:`\mu_0 = \sum_p\mu_p`: convert their
+    moduli by :math:`2/\alpha_p`.
+
+    Parameters
+    ----------
+    stretch_1, stretch_2 : symbol or float
+        Principal in-plane stretches.
+    *terms : symbol or float
+        :math:`\mu_1, \alpha_1, \mu_2, \alpha_2, \dots`: moduli in Pa and exponents in turn.
+
+    Returns
+    -------
+    symbol or float
+        Energy per reference volume, J/m³.
+
+    References
+    ----------
+    Ogden, Proc. R. Soc. Lond. A 326 (1972) 565, doi:10.1098/rspa.1972.0026.
+    """
+    return sum(
+        modulus / exponent * (stretch_1**exponent + stretch_2**exponent + (stretch_1 * stretch_2) ** -exponent - 3)
+        for modulus, exponent in zip(terms[::2], terms[1::2], strict=True)
+    )
+
+
+def gent(stretch_1: Symbol, stretch_2: Symbol, shear_modulus: Symbol, stretch_limit: Symbol) -> Symbol:
+    r"""Gent energy :math:`W = -\tfrac{\mu J_m}{2}\ln\bigl(1 - (I_1-3)/J_m\bigr)`; :math:`\mu_0 = \mu`.
+
+    Parameters
+    ----------
+    stretch_1, stretch_2 : symbol or float
+        Principal in-plane stretches.
+    shear_modulus : symbol or float
+        :math:`\mu` in Pa.
+    stretch_limit : symbol or float
+        :math:`J_m`, the largest possible :math:`I_1 - 3`.
+
+    Returns
+    -------
+    symbol or float
+        Energy per reference volume, J/m³.
+
+    References
+    ----------
+    Gent, Rubber Chem. Technol. 69 (1996) 59, doi:10.5254/1.3538357.
+    """
+    extension = first_invariant(stretch_1, stretch_2) - 3
+    # The root has no value beyond the limit, so neither has a stress there; that of the logarithm alone has.
+    return -shear_modulus * stretch_limit * ca.log(ca.sqrt(1 - extension / stretch_limit))
+
+
+def arruda_boyce(stretch_1: Symbol, stretch_2: Symbol, shear_modulus: Symbol, locking_stretch: Symbol) -> Symbol:
+    r"""Eight-chain energy of Arruda and Boyce, with Cohen's rational form of the inverse Langevin function.
+
+    .. math:: W = \mu\lambda_L^2\int_{1/\lambda_L}^{z}\beta\,dz', \qquad
+              \beta = z\,\frac{3 - z^2}{1 - z^2} \approx \mathcal L^{-1}(z), \qquad
+              z = \frac{1}{\lambda_L}\sqrt{\frac{I_1}{3}}
+
+    The integral is :math:`z^2/2 - \ln(1 - z^2)`. Cohen's form is at most 4.94 % above the exact inverse, near
+    z = 0.80, and right at both ends. It is the one with which the sets of Wang et al. were found. At small
+    strain :math:`\mu_0 = \mu\,\dfrac{1 - \lambda_L^{-2}/3}{1 - \lambda_L^{-2}}`.
+
+    Parameters
+    ----------
+    stretch_1, stretch_2 : symbol or float
+        Principal in-plane stretches.
+    shear_modulus : symbol or float
+        :math:`\mu` in Pa.
+    locking_stretch : symbol or float
+        :math:`\lambda_L`, the largest chain stretch :math:`\sqrt{I_1/3}`; the root of the number of links in a
+        chain.
+
+    Returns
+    -------
+    symbol or float
+        Energy per reference volume, J/m³.
+
+    References
+    ----------
+    Arruda & Boyce, J. Mech. Phys. Solids 41 (1993) 389, doi:10.1016/0022-5096(93)90013-6; Cohen, Rheol. Acta 30
+    (1991) 270, doi:10.1007/BF00366640.
+    """
+    links = locking_stretch**2
+    extended = first_invariant(stretch_1, stretch_2) / (3 * links)
+    # As in `gent`: the root keeps a stress from having a value beyond the limit.
+    logarithm = ca.log(ca.sqrt((1 - extended) / (1 - 1 / links)))
+    return shear_modulus * links * ((extended - 1 / links) / 2 - 2 * logarithm)
+
+
+def maxwell_branch(elastic_1: Symbol, elastic_2: Symbol) -> Symbol:
+    r"""Energy of a Maxwell branch's spring per unit of its shear modulus, :math:`\tfrac12(I_1^e - 3)`.
+
+    Parameters
+    ----------
+    elastic_1, elastic_2 : symbol or float
+        Elastic stretches :math:`\lambda_i^e = \lambda_i/\xi_i` of the spring in the branch.
+
+    Returns
+    -------
+    symbol or float
+        Dimensionless.
+
+    References
+    ----------
+    Foo et al., J. Appl. Phys. 111 (2012) 034102, doi:10.1063/1.3680878.
+    """
+    return neo_hookean(elastic_1, elastic_2, 1)

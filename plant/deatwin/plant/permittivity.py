@@ -1,0 +1,229 @@
+r"""Laws of the film's permittivity: with stretch, with time, at random, and with a polarisation that lags.
+
+A constant permittivity needs no law: it is the number that `deatwin.plant.dielectric` takes.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.plant.dielectric import VACUUM_PERMITTIVITY, electric_energy
+from deatwin.plant.errors import DataError
+
+__all__ = [
+    "displacement",
+    "polarisation_rate",
+    "polarised_energy",
+    "random_walk",
+    "relaxing",
+    "stretched",
+]
+
+Symbol = Any  # a CasADi SX, MX, DM or a float
+
+
+def stretched(
+    stretch_1: Symbol,
+    stretch_2: Symbol,
+    permittivity: Symbol,
+    slope: Symbol,
+    from_1: Symbol = 1.0,
+    from_2: Symbol = 1.0,
+) -> Symbol:
+    r"""Permittivity that goes linearly with the stretches.
+
+    .. math:: \varepsilon = \varepsilon_0^r\,\bigl[1 + c\,(\lambda_1 + \lambda_2 - \lambda_{01} - \lambda_{02})\bigr]
+
+    For VHB 4910 literature quotes 4.68 and c = -0.053 from rest, fitted to values of Wissler & Mazza: 4.68, 3.71,
+    3.34 and 2.62 at equal stretches of 1, 3, 4 and 5, which the law meets within 5 %. Others found nearly no
+    change, so the slope starts from either.
+
+    Parameters
+    ----------
+    stretch_1, stretch_2 : symbol or float
+        Principal in-plane stretches.
+    permittivity : symbol or float
+        Relative permittivity at the stretches `from_1` and `from_2`.
+    slope : symbol or float
+        c, relative change per stretch; zero or negative.
+    from_1, from_2 : symbol or float
+        Stretches where `permittivity` holds: 1 for the tape, the prestretch for a value that a film in its frame
+        showed.
+
+    Returns
+    -------
+    symbol or float
+        Relative permittivity.
+
+    References
+    ----------
+    Zhao & Suo, J. Appl. Phys. 104 (2008) 123530, doi:10.1063/1.3031483 (its numbers unconfirmed).
+    """
+    return permittivity * (1 + slope * (stretch_1 + stretch_2 - from_1 - from_2))
+
+
+def relaxing(time: Symbol, permittivity: Symbol, relative_change: Symbol, time_constant: Symbol) -> Symbol:
+    r"""Permittivity that relaxes from one value to another, :math:`\varepsilon[1 + a(1 - e^{-t/\tau})]`.
+
+    Parameters
+    ----------
+    time : symbol or float
+        Since the relaxation began, s; before, the permittivity is the first one.
+    permittivity : symbol or float
+        First relative permittivity.
+    relative_change : symbol or float
+        a, the change in the end over the first value; above -1.
+    time_constant : symbol or float
+        :math:`\tau` in s.
+
+    Returns
+    -------
+    symbol or float
+        Relative permittivity.
+    """
+    return permittivity * (1 + relative_change * (1 - ca.exp(-ca.fmax(time, 0.0) / time_constant)))
+
+
+def random_walk(
+    rng: np.random.Generator,
+    duration: float,
+    interval: float,
+    permittivity: float,
+    spread: float = 0.05,
+    spread_time: float = 1000.0,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    r"""Permittivity that wanders: its logarithm is a Wiener process, so it never becomes negative.
+
+    .. math:: \ln\frac{\varepsilon(t_{k+1})}{\varepsilon(t_k)} \sim
+              \mathcal N\Bigl(0,\; s^2\,\frac{t_{k+1} - t_k}{T}\Bigr)
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Source of the steps.
+    duration : float
+        How long, s; rounded up to whole intervals.
+    interval : float
+        Between two values, s; a track is straight between them.
+    permittivity : float
+        Relative permittivity at the start.
+    spread : float
+        s, the standard deviation of the relative change that a time `spread_time` makes.
+    spread_time : float
+        T in s.
+
+    Returns
+    -------
+    times : (n,) array
+        From 0 to at least the duration, s.
+    values : (n,) array
+        Relative permittivity at those times.
+
+    Raises
+    ------
+    DataError
+        If a time or the permittivity is not above 0, or the spread is negative.
+    """
+    if not (duration > 0 and interval > 0 and spread_time > 0 and spread >= 0 and permittivity > 0):
+        raise DataError(
+            f"random walk over {duration:g} s in steps of {interval:g} s, spread {spread:g} in {spread_time:g} s from "
+            f"permittivity {permittivity:g}: times and permittivity must be above 0 and the spread not below"
+        )
+    # A whisker less than the quotient, or rounding would add an interval to a whole number of them.
+    n_steps = int(np.ceil(duration / interval * (1 - 1e-12)))
+    steps = spread * np.sqrt(interval / spread_time) * rng.standard_normal(n_steps)
+    logarithms = np.zeros(n_steps + 1)
+    np.cumsum(steps, out=logarithms[1:])
+    return interval * np.arange(n_steps + 1.0), permittivity * np.exp(logarithms)
+
+
+def displacement(field: Symbol, permittivity: Symbol, polarisation: Symbol) -> Symbol:
+    r"""Electric displacement :math:`D = \varepsilon_\infty\varepsilon_0E + P` with a part that lags.
+
+    Parameters
+    ----------
+    field : symbol or float
+        True field, V/m.
+    permittivity : symbol or float
+        :math:`\varepsilon_\infty`, relative permittivity at once.
+    polarisation : symbol or float
+        P, what `polarisation_rate` moves, C/m².
+
+    Returns
+    -------
+    symbol or float
+        C/m².
+    """
+    return permittivity * VACUUM_PERMITTIVITY * field + polarisation
+
+
+def polarisation_rate(field: Symbol, polarisation: Symbol, step: Symbol, time_constant: Symbol) -> Symbol:
+    r"""Debye relaxation, :math:`\dot P = (\Delta\varepsilon\,\varepsilon_0E - P)/\tau`.
+
+    Under a harmonic field :math:`D/(\varepsilon_0E) = \varepsilon_\infty + \Delta\varepsilon/(1 + i\omega\tau)`.
+
+    Parameters
+    ----------
+    field : symbol or float
+        True field, V/m.
+    polarisation : symbol or float
+        P in C/m².
+    step : symbol or float
+        :math:`\Delta\varepsilon`, by which the relative permittivity grows in time.
+    time_constant : symbol or float
+        :math:`\tau` in s.
+
+    Returns
+    -------
+    symbol or float
+        C/(m² s).
+
+    References
+    ----------
+    Debye, Polar Molecules (1929), chapter 5.
+    """
+    return (step * VACUUM_PERMITTIVITY * field - polarisation) / time_constant
+
+
+def polarised_energy(
+    stretch_1: Symbol,
+    stretch_2: Symbol,
+    permittivity: Symbol,
+    nominal_field: Symbol,
+    polarisation: Symbol,
+    step: Symbol,
+) -> Symbol:
+    r"""Co-energy of the field with a polarisation that lags, per volume.
+
+    .. math:: w = -\tfrac12\varepsilon_\infty\varepsilon_0E^2 - PE + \frac{P^2}{2\Delta\varepsilon\,\varepsilon_0},
+              \qquad E = \tilde E\lambda_1\lambda_2
+
+    Its slope by a stretch is the Maxwell stress -E D in place of :math:`-\varepsilon E^2`, its slope by P drives
+    `polarisation_rate`, so the rate dissipates :math:`\tau\dot P^2/(\Delta\varepsilon\,\varepsilon_0) \ge 0`. That P
+    per volume, and not the dipoles' lengths, stays when the film is stretched at once is a choice.
+
+    Parameters
+    ----------
+    stretch_1, stretch_2 : symbol or float
+        Principal in-plane stretches.
+    permittivity : symbol or float
+        :math:`\varepsilon_\infty`, relative permittivity at once.
+    nominal_field : symbol or float
+        Voltage over the undeformed thickness, V/m.
+    polarisation : symbol or float
+        P in C/m².
+    step : symbol or float
+        :math:`\Delta\varepsilon`; above 0.
+
+    Returns
+    -------
+    symbol or float
+        J/m³.
+    """
+    field = nominal_field * stretch_1 * stretch_2
+    at_once = electric_energy(stretch_1, stretch_2, permittivity, nominal_field)
+    return at_once - polarisation * field + polarisation**2 / (2 * step * VACUUM_PERMITTIVITY)

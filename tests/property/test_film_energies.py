@@ -1,0 +1,118 @@
+"""What every energy of an isotropic, incompressible film has, and what every dielectric has."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from deatwin.plant.dielectric import (
+    VACUUM_PERMITTIVITY,
+    conduction_density,
+    electric_energy,
+    electrostriction_factors,
+    maxwell_stress,
+)
+from deatwin.plant.energies import arruda_boyce, gent, mooney_rivlin, neo_hookean, ogden, yeoh
+from deatwin.plant.permittivity import polarisation_rate, polarised_energy, stretched
+from deatwin.plant.stress import nominal_stress, tangent, true_stress
+
+moduli = st.floats(1e3, 1e5)
+ENERGIES = {
+    "neo-Hookean": (neo_hookean, st.tuples(moduli)),
+    "Mooney-Rivlin": (mooney_rivlin, st.tuples(moduli, moduli)),
+    "Yeoh": (yeoh, st.tuples(moduli, st.floats(0, 1e3), st.floats(0, 10))),
+    "Ogden": (ogden, st.tuples(moduli, st.floats(1.0, 4.0), st.floats(-1e5, -1e3), st.floats(-4.0, -1.0))),
+    "Gent": (gent, st.tuples(moduli, st.floats(60.0, 1e3))),
+    "Arruda-Boyce": (arruda_boyce, st.tuples(moduli, st.floats(5.0, 50.0))),
+}
+every = pytest.mark.parametrize(("energy", "parameters"), ENERGIES.values(), ids=ENERGIES)
+stretches = st.floats(0.6, 3.5)
+quick = settings(deadline=None, max_examples=40)
+
+
+def floats(parts):
+    return np.array([float(part) for part in parts])
+
+
+@every
+@quick
+@given(data=st.data(), first=stretches, second=stretches)
+def test_no_direction_is_special(energy, parameters, data, first, second):
+    # Isotropic and incompressible: any two of the three stretches give the same energy.
+    values = data.draw(parameters)
+    here, third = float(energy(first, second, *values)), 1 / (first * second)
+    size = here + 1e-10 * sum(abs(v) for v in values)
+    assert here >= -1e-10 * size
+    for pair in ((second, first), (first, third), (third, second)):
+        assert float(energy(*pair, *values)) == pytest.approx(here, rel=1e-8, abs=1e-8 * size)
+
+
+@every
+@quick
+@given(data=st.data(), first=stretches, second=stretches)
+def test_a_larger_stretch_has_the_larger_true_stress(energy, parameters, data, first, second):
+    # Baker and Ericksen's inequality, which these parameters keep.
+    values = data.draw(parameters)
+    along, across = floats(true_stress(energy, first, second, *values))
+    size = 1e-9 * (abs(along) + abs(across) + max(values))
+    assert (along - across) * (first - second) >= -size
+    assert along * (first - 1 / (first * second)) >= -size
+
+
+@every
+@quick
+@given(data=st.data(), first=stretches)
+def test_equal_stretches_have_equal_stresses_and_tangents(energy, parameters, data, first):
+    values = data.draw(parameters)
+    along, across = floats(nominal_stress(energy, first, first, *values))
+    assert along == pytest.approx(across, rel=1e-9, abs=1e-9 * max(values))
+    t11, _, t22 = floats(tangent(energy, first, first, *values))
+    assert t11 == pytest.approx(t22, rel=1e-9)
+
+
+@quick
+@given(
+    first=st.floats(1.0, 4.5),
+    second=st.floats(1.0, 4.5),
+    slope=st.floats(-0.1, 0.0),
+    field=st.floats(-1e8, 1e8),
+    factor=st.floats(0.1, 10.0),
+)
+def test_the_field_always_takes_tension_off_with_its_square(first, second, slope, field, factor):
+    def stress(nominal):
+        return floats(
+            true_stress(lambda a, b: electric_energy(a, b, stretched(a, b, 4.68, slope), nominal), first, second)
+        )
+
+    factors = floats(electrostriction_factors(stretched, first, second, 4.68, slope))
+    here = float(maxwell_stress(stretched(first, second, 4.68, slope), field * first * second))
+    np.testing.assert_allclose(stress(field), -here * factors, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(stress(-field), stress(field), rtol=1e-12)
+    np.testing.assert_allclose(stress(factor * field), factor**2 * stress(field), rtol=1e-9, atol=1e-12)
+
+
+@quick
+@given(field=st.floats(-2e8, 2e8))
+def test_conduction_takes_energy(field):
+    assert float(conduction_density(field)) * field >= 0
+
+
+@quick
+@given(
+    field=st.floats(-1e8, 1e8),
+    polarisation=st.floats(-1e-2, 1e-2),
+    step=st.floats(0.01, 5.0),
+    time=st.floats(0.01, 1e4),
+)
+def test_a_lagging_polarisation_dissipates(field, polarisation, step, time):
+    # At constant field the co-energy can only fall, and by tau P'²/(step e0).
+    rate = polarisation_rate(field, polarisation, step, time)
+    interval = 1e-3 * time
+    later = polarisation + interval * rate
+    fall = polarised_energy(1.0, 1.0, 4.0, field, polarisation, step) - polarised_energy(
+        1.0, 1.0, 4.0, field, later, step
+    )
+    power = time * rate**2 / (step * VACUUM_PERMITTIVITY)
+    size = abs(polarised_energy(1.0, 1.0, 4.0, field, polarisation, step))
+    # An explicit step of 1e-3 time constants is 5e-4 short.
+    assert fall == pytest.approx(power * interval, rel=1e-3, abs=1e-10 * size)
