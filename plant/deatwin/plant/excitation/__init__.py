@@ -1,0 +1,28 @@
+"""Excitation signals: the commands of an experiment, held between samples.
+
+Each function returns commands in V, shape (n,). Where anything is random a `numpy.random.Generator` is the first
+argument, and the commands depend on its state only.
+"""
+
+from deatwin.plant.excitation.multisine import odd_harmonics, random_odd_harmonics, random_phase_multisine
+from deatwin.plant.excitation.noise import band_limited_noise, share_above_band, two_level_noise
+from deatwin.plant.excitation.rearranged import with_alternating_polarity, with_rests
+from deatwin.plant.excitation.steps import binary_sequence, random_holds, staircase, triangles
+from deatwin.plant.excitation.sweeps import linear_chirp, logarithmic_chirp
+
+__all__ = [
+    "band_limited_noise",
+    "binary_sequence",
+    "linear_chirp",
+    "logarithmic_chirp",
+    "odd_harmonics",
+    "random_holds",
+    "random_odd_harmonics",
+    "random_phase_multisine",
+    "share_above_band",
+    "staircase",
+    "triangles",
+    "two_level_noise",
+    "with_alternating_polarity",
+    "with_rests",
+]

@@ -1,0 +1,190 @@
+"""Periodic sums of sines: power on chosen lines, and none at all on the others.
+
+On a multisine of odd harmonics even nonlinearities (a film's stress goes with V²) answer on even lines only,
+odd ones on odd lines; odd lines that are left out of the excitation show the odd nonlinearities.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from deatwin.plant.errors import DataError
+from deatwin.plant.excitation.samples import sample_count
+
+__all__ = ["odd_harmonics", "random_odd_harmonics", "random_phase_multisine"]
+
+ATTEMPTS = 100
+"""Draws of the phases before limits are said to be too narrow."""
+
+
+def odd_harmonics(period: float, band: float) -> NDArray[np.int64]:
+    """Return the odd harmonics of a period up to a frequency.
+
+    Parameters
+    ----------
+    period : float
+        s.
+    band : float
+        Highest frequency, Hz.
+
+    Returns
+    -------
+    (m,) array of int
+        1, 3, 5, ...; in units of ``1 / period``.
+
+    Raises
+    ------
+    DataError
+        If not even the first lies in the band.
+
+    Examples
+    --------
+    >>> odd_harmonics(10.0, 0.8)
+    array([1, 3, 5, 7])
+    """
+    if not 1.0 <= period * band * (1.0 + 1e-12) < np.inf:
+        raise DataError(f"period {period:g} s, band {band:g} Hz: need a period of at least 1/band")
+    return np.arange(1, int(period * band * (1.0 + 1e-12)) + 1, 2)
+
+
+def random_odd_harmonics(
+    rng: np.random.Generator, period: float, band: float, group: int = 3
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return odd harmonics, of which one at random in each group of neighbours is left out.
+
+    The lines that are left out are detection lines: what a plant answers there is its odd nonlinearity.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Chooses the lines.
+    period : float
+        s.
+    band : float
+        Highest frequency, Hz.
+    group : int
+        Neighbouring odd harmonics of which one is left out; at least two. A last group that is not full stays
+        whole.
+
+    Returns
+    -------
+    excited : (m,) array of int
+        Harmonics for `random_phase_multisine`, in units of ``1 / period``.
+    detection : (k,) array of int
+        Those that were left out.
+
+    Raises
+    ------
+    DataError
+        If the group has less than two members, or the band less than one group.
+
+    References
+    ----------
+    R. Pintelon and J. Schoukens, "System Identification: A Frequency Domain Approach", 2nd edition,
+    Wiley-IEEE Press, 2012, chapter 4 (random harmonic grids).
+    """
+    lines = odd_harmonics(period, band)
+    if group < 2 or lines.size < group:
+        raise DataError(f"groups of {group} among {lines.size} odd harmonics: need at least two a group and one group")
+    groups = lines.size // group
+    left_out = np.arange(groups) * group + rng.integers(group, size=groups)
+    return np.delete(lines, left_out), lines[left_out]
+
+
+def random_phase_multisine(
+    rng: np.random.Generator,
+    period: float,
+    sample_time: float,
+    harmonics: ArrayLike,
+    rms: float,
+    mean: float = 2.4,
+    amplitudes: ArrayLike | None = None,
+    periods: int = 1,
+    lower: float = 1.1,
+    upper: float = 3.75,
+) -> NDArray[np.float64]:
+    """Return whole periods of a sum of sines of random phase on a bias.
+
+    Limits are respected without clipping, which would put power on lines that are to have none: phases that
+    leave them are drawn again, up to a hundred times.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Source of the phases, uniform over the circle.
+    period : float
+        s; rounded to whole samples, so that the signal is periodic to the last bit.
+    sample_time : float
+        Time between two samples, s.
+    harmonics : (m,) array_like of int
+        Excited lines in units of ``1 / period``, for example from `odd_harmonics`; below half the sample rate.
+    rms : float
+        Root mean square about the bias, V; exact.
+    mean : float
+        Bias, V.
+    amplitudes : (m,) array_like of float, optional
+        Of the sines, in any unit: `rms` scales them. All equal if not given.
+    periods : int
+        How many.
+    lower, upper : float
+        Limits, V; infinite for none.
+
+    Returns
+    -------
+    (n,) array
+        Commands, V.
+
+    Raises
+    ------
+    DataError
+        If harmonics are not distinct whole numbers from 1 to below half the sample rate, amplitudes do not fit
+        them or are negative or all zero, no period is wanted, or no phases were found that keep to the limits;
+        the text says which rms would have kept to them.
+
+    References
+    ----------
+    R. Pintelon and J. Schoukens, "System Identification: A Frequency Domain Approach", 2nd edition,
+    Wiley-IEEE Press, 2012, chapter 4.
+    """
+    n = sample_count("period", period, sample_time)
+    lines = _checked_lines(harmonics, n)
+    shape = _checked_amplitudes(amplitudes, lines.size)
+    if periods < 1 or not rms >= 0.0 or not lower < mean < upper:
+        raise DataError(
+            f"{periods} periods, rms {rms:g}, mean {mean:g}, limits {lower:g} and {upper:g}: need one period, "
+            "rms >= 0 and lower < mean < upper"
+        )
+    shape = shape / np.sqrt(np.sum(shape**2) / 2.0)  # the sum's rms is then 1
+    best = 0.0
+    for _ in range(ATTEMPTS):
+        spectrum = np.zeros(n // 2 + 1, dtype=np.complex128)
+        spectrum[lines] = 0.5 * n * shape * np.exp(2j * np.pi * rng.random(lines.size))
+        wave = np.fft.irfft(spectrum, n)
+        best = max(best, min((upper - mean) / wave.max(), (lower - mean) / wave.min()))
+        if rms <= best:
+            return np.tile(mean + rms * wave, periods)
+    raise DataError(
+        f"rms {rms:g} V about {mean:g} V: {ATTEMPTS} draws of the phases left the limits {lower:g} and "
+        f"{upper:g} V; an rms of {np.floor(best * 1e4) / 1e4:g} V kept to them"
+    )
+
+
+def _checked_lines(harmonics: ArrayLike, n: int) -> NDArray[np.int64]:
+    given = np.asarray(harmonics)
+    highest = (n - 1) // 2
+    if (
+        given.ndim != 1
+        or given.dtype.kind not in "iu"
+        or np.unique(given).size != given.size
+        or not 1 <= min(given, default=0) <= max(given) <= highest
+    ):
+        raise DataError(
+            f"harmonics {given!r}: need distinct whole numbers from 1 to {highest}, below half the sample rate"
+        )
+    return given.astype(np.int64)
+
+
+def _checked_amplitudes(amplitudes: ArrayLike | None, m: int) -> NDArray[np.float64]:
+    given = np.ones(m) if amplitudes is None else np.asarray(amplitudes, dtype=np.float64)
+    if given.shape != (m,) or not np.isfinite(given).all() or not given.min() >= 0.0 or not given.any():
+        raise DataError(f"amplitudes of shape {given.shape}: need {m}, one a harmonic, none negative and not all zero")
+    return given

@@ -1,0 +1,195 @@
+"""Gaussian noise in a band, and what limits do to its spectrum."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from deatwin.plant.errors import DataError
+from deatwin.plant.excitation.samples import command_array, sample_count
+
+__all__ = ["band_limited_noise", "share_above_band", "two_level_noise"]
+
+
+def band_limited_noise(
+    rng: np.random.Generator,
+    duration: float,
+    sample_time: float,
+    mean: float = 2.4,
+    variance: float = 0.36,
+    band: float = 1.0,
+    lower: float = 1.1,
+    upper: float = 3.75,
+) -> NDArray[np.float64]:
+    """Return Gaussian noise from 0 Hz to a band limit about an operating point.
+
+    In this order: white Gaussian noise is filtered (every line of its spectrum above `band`, and that at
+    0 Hz, is zero), scaled to `variance` exactly, shifted by `mean`, and limited to `lower` and `upper`.
+
+    The defaults are the thesis' excitation, of which variance, band and limits cannot all hold exactly: the
+    limits lie only 2.2 standard deviations from the mean. Here the limits hold exactly, for they protect the
+    film; the variance is hence that before the limits, clipping takes a little of it (0.343 V² are left) and
+    puts a little power above the band (0.22 %; `share_above_band` reports that of each signal).
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Source of the noise.
+    duration : float
+        Length, s; rounded to whole samples.
+    sample_time : float
+        Time between two samples, s.
+    mean : float
+        Operating point, V.
+    variance : float
+        Variance before the limits, V².
+    band : float
+        Band limit, Hz; at most half the sample rate.
+    lower, upper : float
+        Limits, V; infinite for none.
+
+    Returns
+    -------
+    (n,) array
+        Commands, V.
+
+    Raises
+    ------
+    DataError
+        If the duration is too short for one line in the band, the band lies above half the sample rate, the
+        variance is negative, or the limits do not enclose the mean.
+
+    References
+    ----------
+    W. R. Jacobs, "Identification and Frequency Response Analysis with Application to Soft Smart Actuators",
+    University of Sheffield, chapter 2.
+    """
+    if not variance >= 0.0 or not lower < mean < upper:
+        raise DataError(
+            f"variance {variance:g}, mean {mean:g}, limits {lower:g} and {upper:g}: need variance >= 0 "
+            "and lower < mean < upper"
+        )
+    noise = _noise(rng, sample_count("duration", duration, sample_time), sample_time, band, variance)
+    return np.clip(mean + noise, lower, upper)
+
+
+def two_level_noise(
+    rng: np.random.Generator,
+    duration: float,
+    sample_time: float,
+    means: Sequence[float] = (1.6, 2.8),
+    variances: Sequence[float] = (0.04, 0.04),
+    segment: float = 60.0,
+    band: float = 1.0,
+    lower: float = 1.1,
+    upper: float = 3.75,
+) -> NDArray[np.float64]:
+    """Return band-limited noise whose mean, or variance, or both go to and fro between levels.
+
+    One noise of unit variance runs through all segments, each of which scales and shifts it; limits come
+    last. The variance of a single segment hence scatters about the given one. The change from one segment to
+    the next is a jump, which has power above the band.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Source of the noise.
+    duration : float
+        Length, s; rounded to whole samples. The last segment ends with it.
+    sample_time : float
+        Time between two samples, s.
+    means : sequence of float
+        Operating point of each level, V; equal ones if only the variance is to change.
+    variances : sequence of float
+        Variance of each level before the limits, V²; as many as there are means.
+    segment : float
+        Time at a level before the next one's turn, s; rounded to whole samples.
+    band : float
+        Band limit, Hz; at most half the sample rate.
+    lower, upper : float
+        Limits, V.
+
+    Returns
+    -------
+    (n,) array
+        Commands, V.
+
+    Raises
+    ------
+    DataError
+        If there are no levels or not one variance a mean, a variance is negative, the limits do not enclose
+        the means, a time is shorter than a sample, or the band does not fit duration and sample rate.
+    """
+    if len(means) == 0 or len(means) != len(variances):
+        raise DataError(f"{len(means)} means and {len(variances)} variances: need one variance a mean")
+    if not min(variances) >= 0.0 or not lower < min(means) <= max(means) < upper:
+        raise DataError(
+            f"variances {_listed(variances)}, means {_listed(means)}, limits {lower:g} and {upper:g}: need "
+            "variances >= 0 and lower < means < upper"
+        )
+    n = sample_count("duration", duration, sample_time)
+    level = np.arange(n) // sample_count("segment", segment, sample_time) % len(means)
+    noise = _noise(rng, n, sample_time, band, variance=1.0)
+    return np.clip(np.asarray(means)[level] + np.sqrt(np.asarray(variances))[level] * noise, lower, upper)
+
+
+def share_above_band(commands: ArrayLike, sample_time: float, band: float) -> float:
+    """Return the share of a signal's power, that at 0 Hz left out, which lies above a frequency.
+
+    The signal is taken for one period of a periodic one, as `band_limited_noise` is: what this finds in its
+    noise above its band is then what the limits made, and nothing else. In a signal that does not end where
+    it began, the jump between the ends counts too.
+
+    Parameters
+    ----------
+    commands : (n,) array_like
+        Commands, V.
+    sample_time : float
+        Time between two samples, s.
+    band : float
+        Frequency above which power is counted, Hz.
+
+    Returns
+    -------
+    float
+        Between 0 and 1.
+
+    Raises
+    ------
+    DataError
+        If the commands are constant, or not a row of finite numbers, or sample time or band are not positive.
+
+    Examples
+    --------
+    >>> sampled = np.arange(1000) * 0.02
+    >>> share = share_above_band(np.sin(2 * np.pi * sampled) + np.sin(6 * np.pi * sampled), 0.02, 2.0)
+    >>> print(f"{share:.3f}")
+    0.500
+    """
+    if not sample_time > 0.0 or not band > 0.0:
+        raise DataError(f"sample time {sample_time:g} s, band {band:g} Hz: both must be above 0")
+    array = command_array(commands)
+    if array.max() == array.min():
+        raise DataError("constant commands: they have no power to share out")
+    # A line counts once for each of the two frequencies, positive and negative, that it stands for.
+    power = np.abs(np.fft.fft(array - array.mean())) ** 2
+    above = np.abs(np.fft.fftfreq(array.size, sample_time)) > band * (1.0 + 1e-12)
+    return float(power[above].sum() / power.sum())
+
+
+def _noise(rng: np.random.Generator, n: int, sample_time: float, band: float, variance: float) -> NDArray[np.float64]:
+    """Return noise of zero mean and a given variance without a line above the band."""
+    if not 0.0 < band <= 0.5 / sample_time:
+        raise DataError(
+            f"band {band:g} Hz: it must be above 0 and at most half the sample rate, {0.5 / sample_time:g} Hz"
+        )
+    frequency = np.fft.rfftfreq(n, sample_time)
+    inside = (frequency > 0.0) & (frequency <= band * (1.0 + 1e-12))
+    if not inside.any():
+        raise DataError(f"duration {n * sample_time:g} s: noise up to {band:g} Hz needs at least {1.0 / band:g} s")
+    noise = np.fft.irfft(np.where(inside, np.fft.rfft(rng.standard_normal(n)), 0.0), n)
+    return noise * (np.sqrt(variance) / noise.std())
+
+
+def _listed(values: Sequence[float]) -> str:
+    return ", ".join(f"{value:g}" for value in values)

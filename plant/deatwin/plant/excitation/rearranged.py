@@ -1,0 +1,84 @@
+"""Rests and changes of polarity, for any signal."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from deatwin.plant.excitation.samples import command_array, sample_count
+
+__all__ = ["with_alternating_polarity", "with_rests"]
+
+
+def with_rests(
+    commands: ArrayLike, sample_time: float, every: float, rest: float, level: float = 0.0
+) -> NDArray[np.float64]:
+    """Return a signal with rests put in between its pieces.
+
+    At rest the film shows what is left of creep, drift and charge, and where the sensor's zero has gone.
+
+    Parameters
+    ----------
+    commands : (n,) array_like
+        Commands, V; nothing of them is lost.
+    sample_time : float
+        Time between two samples, s.
+    every : float
+        Length of the pieces, s; rounded to whole samples. The last may be shorter; no rest follows it.
+    rest : float
+        Length of the rests, s; rounded to whole samples.
+    level : float
+        Command at rest, V.
+
+    Returns
+    -------
+    (n + k m,) array
+        Commands, V: k rests of m samples.
+
+    Raises
+    ------
+    DataError
+        If the commands are not a row of finite numbers, or a time is shorter than a sample.
+
+    Examples
+    --------
+    >>> with_rests([1.0, 2.0, 3.0], sample_time=1.0, every=1.0, rest=2.0)
+    array([1., 0., 0., 2., 0., 0., 3.])
+    """
+    array = command_array(commands)
+    piece = sample_count("every", every, sample_time)
+    ends = np.arange(piece, array.size, piece)
+    return np.insert(array, np.repeat(ends, sample_count("rest", rest, sample_time)), level)
+
+
+def with_alternating_polarity(commands: ArrayLike, sample_time: float, segment: float) -> NDArray[np.float64]:
+    """Return a signal of which every second segment has the opposite sign.
+
+    Maxwell stress goes with the square of the voltage: whatever changes with the sign is charge in the film,
+    an offset of the amplifier, or an amplifier that gives one polarity only.
+
+    Parameters
+    ----------
+    commands : (n,) array_like
+        Commands, V.
+    sample_time : float
+        Time between two samples, s.
+    segment : float
+        Time from one reversal to the next, s; rounded to whole samples. The first segment keeps its sign.
+
+    Returns
+    -------
+    (n,) array
+        Commands, V.
+
+    Raises
+    ------
+    DataError
+        If the commands are not a row of finite numbers, or the segment is shorter than a sample.
+
+    Examples
+    --------
+    >>> with_alternating_polarity([1.0, 2.0, 3.0], sample_time=1.0, segment=1.0)
+    array([ 1., -2.,  3.])
+    """
+    array = command_array(commands)
+    odd = np.arange(array.size) // sample_count("segment", segment, sample_time) % 2
+    return np.where(odd == 1, -array, array)

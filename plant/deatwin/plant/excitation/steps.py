@@ -1,0 +1,199 @@
+"""Holds, staircases, triangles and binary sequences."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.plant.errors import DataError
+from deatwin.plant.excitation.samples import sample_count
+
+__all__ = ["binary_sequence", "random_holds", "staircase", "triangles"]
+
+
+def random_holds(
+    rng: np.random.Generator,
+    duration: float,
+    sample_time: float,
+    lower: float,
+    upper: float,
+    shortest: float = 2.0,
+    longest: float = 25.0,
+) -> NDArray[np.float64]:
+    """Return levels that are held for random times, both uniformly distributed.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Source of levels and times.
+    duration : float
+        Length, s; rounded to whole samples. The last hold ends with it and may be shorter than `shortest`.
+    sample_time : float
+        Time between two samples, s.
+    lower, upper : float
+        Range of the levels, V.
+    shortest, longest : float
+        Range of the holds, s; rounded to whole samples, at least one.
+
+    Returns
+    -------
+    (n,) array
+        Commands, V.
+
+    Raises
+    ------
+    DataError
+        If a range is empty or the duration is shorter than a sample.
+    """
+    n = sample_count("duration", duration, sample_time)
+    if not lower < upper or not 0.0 < shortest <= longest < np.inf:
+        raise DataError(
+            f"levels {lower:g} to {upper:g} V, holds {shortest:g} to {longest:g} s: need lower < upper and "
+            "0 < shortest <= longest"
+        )
+    command = np.empty(n)
+    first = 0
+    while first < n:
+        hold = max(1, round(rng.uniform(shortest, longest) / sample_time))
+        command[first : first + hold] = rng.uniform(lower, upper)
+        first += hold
+    return command
+
+
+def staircase(
+    sample_time: float, lower: float = 1.1, upper: float = 3.75, levels: int = 6, hold: float = 300.0
+) -> NDArray[np.float64]:
+    """Return equal steps up and down again, each level held.
+
+    The highest level is held once, each other one on the way up and on the way down, so that the two can be
+    compared: creep goes on in the same direction, hysteresis does not.
+
+    Parameters
+    ----------
+    sample_time : float
+        Time between two samples, s.
+    lower, upper : float
+        Lowest and highest level, V.
+    levels : int
+        How many, at least two.
+    hold : float
+        Time at each level, s; rounded to whole samples.
+
+    Returns
+    -------
+    (n,) array
+        Commands, V; ``2 * levels - 1`` holds.
+
+    Raises
+    ------
+    DataError
+        If there are less than two levels, the range is empty, or the hold is shorter than a sample.
+    """
+    _check_range(lower, upper)
+    if levels < 2:
+        raise DataError(f"{levels} levels: a staircase needs at least two")
+    up = np.linspace(lower, upper, levels)
+    return np.repeat(np.r_[up, up[-2::-1]], sample_count("hold", hold, sample_time))
+
+
+def triangles(
+    sample_time: float,
+    lower: float = 1.1,
+    upper: float = 3.75,
+    rates: Sequence[float] = (1e-3, 1e-2, 1e-1),
+    cycles: int = 1,
+) -> NDArray[np.float64]:
+    """Return triangles at several rates, one after the other.
+
+    Loops that stay open however slowly they are gone through are hysteresis; those of a lag close.
+
+    Parameters
+    ----------
+    sample_time : float
+        Time between two samples, s.
+    lower, upper : float
+        Where each triangle begins, and its peak, V.
+    rates : sequence of float
+        Cycles a second, Hz. Each cycle is rounded to an even number of samples, so that one of them is at the
+        peak.
+    cycles : int
+        At each rate, at least one.
+
+    Returns
+    -------
+    (n,) array
+        Commands, V.
+
+    Raises
+    ------
+    DataError
+        If there are no rates or cycles, the range is empty, or a rate is not between 0 and half the sample
+        rate.
+    """
+    _check_range(lower, upper)
+    if not sample_time > 0.0 or cycles < 1 or len(rates) == 0:
+        raise DataError(
+            f"sample time {sample_time:g} s, {cycles} cycles, {len(rates)} rates: need a sample time above 0, "
+            "one cycle and one rate"
+        )
+    highest = 0.5 / sample_time
+    if not all(0.0 < rate <= highest for rate in rates):
+        raise DataError(
+            f"rates {', '.join(f'{rate:g}' for rate in rates)} Hz: they must be above 0 and at most half the "
+            f"sample rate, {highest:g} Hz"
+        )
+    halves = [sample_count("half a cycle", 0.5 / rate, sample_time) for rate in rates]
+    rise = [np.r_[np.arange(half), np.arange(half, 0, -1)] / half for half in halves]
+    return lower + (upper - lower) * np.concatenate([np.tile(cycle, cycles) for cycle in rise])
+
+
+def binary_sequence(
+    rng: np.random.Generator,
+    sample_time: float,
+    lower: float = 1.1,
+    upper: float = 3.75,
+    bits: int = 8,
+    hold: float = 0.5,
+    periods: int = 1,
+) -> NDArray[np.float64]:
+    """Return whole periods of a maximum-length pseudo-random binary sequence.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Chooses where in its period the sequence begins.
+    sample_time : float
+        Time between two samples, s.
+    lower, upper : float
+        The two levels, V.
+    bits : int
+        Length of the shift register, 2 to 20; a period has ``2**bits - 1`` holds.
+    hold : float
+        Time at each, s; rounded to whole samples.
+    periods : int
+        How many, at least one.
+
+    Returns
+    -------
+    (n,) array
+        Commands, V.
+
+    Raises
+    ------
+    DataError
+        If the range is empty, bits or periods are out of range, or the hold is shorter than a sample.
+    """
+    from scipy.signal import max_len_seq  # loads slowly, and nothing else here needs scipy
+
+    _check_range(lower, upper)
+    if not 2 <= bits <= 20 or periods < 1:
+        raise DataError(f"{bits} bits, {periods} periods: need 2 to 20 bits and at least one period")
+    held = sample_count("hold", hold, sample_time)
+    register = int(rng.integers(1, 2**bits))  # all but the state of zeros, which the register never leaves
+    ones = max_len_seq(bits, state=(register >> np.arange(bits)) & 1)[0]
+    return np.tile(np.repeat(np.where(ones == 1, upper, lower), held), periods)
+
+
+def _check_range(lower: float, upper: float) -> None:
+    if not -np.inf < lower < upper < np.inf:
+        raise DataError(f"levels {lower:g} to {upper:g} V: need lower < upper")

@@ -1,0 +1,113 @@
+"""Sines whose frequency moves, on a bias."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.plant.errors import DataError
+from deatwin.plant.excitation.samples import sample_count
+
+__all__ = ["linear_chirp", "logarithmic_chirp"]
+
+
+def linear_chirp(
+    duration: float,
+    sample_time: float,
+    first: float = 5.0,
+    last: float = 15.0,
+    mean: float = 2.4,
+    amplitude: float = 0.3,
+) -> NDArray[np.float64]:
+    """Return a sine on a bias whose frequency changes by equal steps in equal times.
+
+    It starts at the bias, upwards. The defaults end near the resonance of the thesis' ball at that bias,
+    sqrt(g/z)/2π for a sag z, which tells the sag whatever the sensor's zero does.
+
+    Parameters
+    ----------
+    duration : float
+        Length, s; rounded to whole samples.
+    sample_time : float
+        Time between two samples, s.
+    first, last : float
+        Frequency at the beginning and at the end, Hz; above 0 and at most half the sample rate.
+    mean : float
+        Bias, V.
+    amplitude : float
+        Of the sine, V.
+
+    Returns
+    -------
+    (n,) array
+        Commands, V, between ``mean - amplitude`` and ``mean + amplitude``.
+
+    Raises
+    ------
+    DataError
+        If the duration is shorter than a sample, a frequency out of range, or the amplitude negative.
+    """
+    t, end = _times(duration, sample_time, first, last, amplitude)
+    cycles = first * t + (last - first) * t**2 / (2.0 * end)
+    return mean + amplitude * np.sin(2.0 * np.pi * cycles)
+
+
+def logarithmic_chirp(
+    duration: float,
+    sample_time: float,
+    first: float = 0.1,
+    last: float = 10.0,
+    mean: float = 2.4,
+    amplitude: float = 0.3,
+) -> NDArray[np.float64]:
+    """Return a sine on a bias whose frequency changes by equal factors in equal times.
+
+    It starts at the bias, upwards. Each octave takes the same time, so that slow and fast dynamics get the
+    same share of the experiment.
+
+    Parameters
+    ----------
+    duration : float
+        Length, s; rounded to whole samples.
+    sample_time : float
+        Time between two samples, s.
+    first, last : float
+        Frequency at the beginning and at the end, Hz; above 0 and at most half the sample rate, not equal.
+    mean : float
+        Bias, V.
+    amplitude : float
+        Of the sine, V.
+
+    Returns
+    -------
+    (n,) array
+        Commands, V, between ``mean - amplitude`` and ``mean + amplitude``.
+
+    Raises
+    ------
+    DataError
+        If the duration is shorter than a sample, a frequency out of range, both frequencies equal, or the
+        amplitude negative.
+    """
+    t, end = _times(duration, sample_time, first, last, amplitude)
+    if first == last:
+        raise DataError(f"frequencies {first:g} and {last:g} Hz: a logarithmic chirp needs two that differ")
+    growth = math.log(last / first) / end
+    cycles = first * np.expm1(growth * t) / growth
+    return mean + amplitude * np.sin(2.0 * np.pi * cycles)
+
+
+def _times(
+    duration: float, sample_time: float, first: float, last: float, amplitude: float
+) -> tuple[NDArray[np.float64], float]:
+    """Return the sampled times and the time at which the last frequency is reached."""
+    n = sample_count("duration", duration, sample_time)
+    highest = 0.5 / sample_time
+    if not (0.0 < first <= highest and 0.0 < last <= highest):
+        raise DataError(
+            f"frequencies {first:g} and {last:g} Hz: they must be above 0 and at most half the sample rate, "
+            f"{highest:g} Hz"
+        )
+    if not amplitude >= 0.0:
+        raise DataError(f"amplitude {amplitude:g} V: it must be at least 0")
+    return np.arange(n, dtype=np.float64) * np.float64(sample_time), n * sample_time
