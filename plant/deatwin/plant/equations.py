@@ -453,7 +453,7 @@ class Builder:
             watched=ca.Function("watched", arguments, [_column(*self._watched.values())]),
             rest=ca.Function("rest", [x, z, u, p, c], [self._rest_residual(f, g, d)]),
             guess=ca.Function("guess", [p, c], [guess]),
-            hold=ca.Function("hold", [x, z, p, c], [_column(*(v for _, v in self._held.values()))]),
+            hold=ca.Function("hold", [x, z, p, c], [self._held_at_start()]),
             history=len(self._past),
             channels={name: default for name, (_, default) in self._channels.items()},
         )
@@ -464,8 +464,10 @@ class Builder:
             for row, (symbol, _, start) in enumerate(self._states.values())
         ]
         residual = _column(*rows, g)
-        values = _column(*(v for _, v in self._held.values()))
-        return ca.substitute(ca.substitute(residual, held, values), self.time, 0.0)
+        return ca.substitute(ca.substitute(residual, held, self._held_at_start()), self.time, 0.0)
+
+    def _held_at_start(self) -> Symbol:
+        return ca.substitute(_column(*(v for _, v in self._held.values())), self.time, 0.0)
 
     def _check(self) -> None:
         for effect in self._effects:

@@ -2,73 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from types import MappingProxyType
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.effects.catalogue import effect_named
 from deatwin.plant.equations import Builder, Equations
-from deatwin.plant.errors import RigError, SimulationError
+from deatwin.plant.errors import RigError
 from deatwin.plant.parameters import ParameterSet
-from deatwin.plant.recording import Experiment
+from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.rigs.base import Rig
 from deatwin.plant.rigs.catalogue import rig_kind
-from deatwin.plant.simulate import Progress, Run, RunStatus, Simulator
+from deatwin.plant.simulate import Progress, Simulator
+from deatwin.plant.simulation import Simulation
 from deatwin.plant.timeline import Timeline
 
+if TYPE_CHECKING:
+    from deatwin.plant.model_error import Discrepancy
+
 __all__ = ["Plant", "Simulation"]
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Simulation:
-    """The recordings of an experiment as a plant makes them.
-
-    Parameters
-    ----------
-    status : RunStatus
-        How it ended; its text is the advice.
-    outputs : tuple of ndarray, each of shape (1, n)
-        Noise-free readings of each recording, SI; NaN after a failure.
-    watched : tuple of mapping of str to ndarray, each of shape (n,)
-        The plant's named signals along each recording, SI.
-    failed_at : float or None
-        Clock time of a failure, s.
-    failed_command : float or None
-        Command at that time, in its unit.
-    command_unit : str
-        That unit.
-    """
-
-    status: RunStatus
-    outputs: tuple[np.ndarray, ...]
-    watched: tuple[Mapping[str, np.ndarray], ...]
-    failed_at: float | None = None
-    failed_command: float | None = None
-    command_unit: str = "V"
-
-    def require(self) -> Self:
-        """This simulation, if it reached its end.
-
-        Returns
-        -------
-        Simulation
-
-        Raises
-        ------
-        SimulationError
-            With time and command, if it did not.
-        """
-        if self.status.ok:
-            return self
-        where = ""
-        if self.failed_at is not None:
-            where = f" at {self.failed_at:.2f} s and a command of {self.failed_command:.3f} {self.command_unit}"
-        raise SimulationError(f"the simulation stopped{where}: {self.status.value}")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -241,10 +198,35 @@ class Plant:
             rest_command=self.rig.start.rest_command, values=self.free_values, channels=timeline.channels,
             progress=progress,
         )  # fmt: skip
-        return _simulation(run, timeline, self.equations.signals, self.rig.input_unit)
+        return Simulation.of(run, timeline, self.equations.signals, self.rig.input_unit)
+
+    def model_error(self, recording: Recording | Experiment) -> Discrepancy:
+        """What a calibration of this plant leaves of finer equations of the same rig, on the commands of a recording.
+
+        Kept on disk: the second answer to a question is free.
+
+        Parameters
+        ----------
+        recording : Recording or Experiment
+            Only the commands are used; a recording alone starts from rest.
+
+        Returns
+        -------
+        Discrepancy
+            Rms, and a band over the command; what the rig states where it has no finer equations.
+
+        Raises
+        ------
+        SimulationError
+            If one of the plants does not reach the end, for example for pull-in.
+        """
+        from deatwin.plant.model_error import discrepancy  # which is made of plants
+
+        whole = Experiment(recordings=(recording,)) if isinstance(recording, Recording) else recording
+        return discrepancy(self, whole)
 
     def record(self, experiment: Experiment, rng: np.random.Generator) -> Experiment:
-        """Make recordings: simulate, and add the sensor's noise.
+        """Make recordings: simulate, and read with the rig's measuring chain, or else with its sensor's noise.
 
         Parameters
         ----------
@@ -263,8 +245,15 @@ class Plant:
         SimulationError
             If the plant pulls in.
         """
-        outputs = self.simulate(experiment).require().outputs
-        noisy = [y + self.rig.noise * rng.standard_normal(y.shape) for y in outputs]
+        rig, given = self.rig, experiment
+        if rig.chain is not None:
+            applied = (replace(r, inputs=rig.chain.applied(r.inputs)) for r in experiment.recordings)
+            given = replace(experiment, recordings=tuple(applied))
+        outputs = self.simulate(given).require().outputs
+        if rig.chain is None:
+            noisy = [y + rig.noise * rng.standard_normal(y.shape) for y in outputs]
+        else:
+            noisy = [rig.chain.record(y, rng, sample_time=rig.sample_time) for y in outputs]
         return Experiment(
             recordings=tuple(
                 replace(r, outputs=y, output_names=(self.rig.output_name,), output_units=(self.rig.output_unit,))
@@ -308,7 +297,9 @@ class Plant:
         return cls(rig=rig, effects=effects, values=values)
 
 
-NOT_IN_EQUATIONS = frozenset({"reading", "noise", "sample_time", "model_error", "command_range", "ball_is_known"})
+NOT_IN_EQUATIONS = frozenset(
+    {"reading", "noise", "model_error", "command_range", "ball_is_known", "chain"}
+)
 """What a rig says of itself besides its equations."""
 
 
@@ -339,22 +330,3 @@ def _equations(structure: _Structure) -> Equations:
 @lru_cache(maxsize=64)
 def _simulator(structure: _Structure) -> Simulator:
     return Simulator(_equations(structure))
-
-
-def _simulation(run: Run, timeline: Timeline, names: Sequence[str], unit: str) -> Simulation:
-    full = np.full(timeline.commands.size + 1, np.nan)
-    full[: run.outputs.size] = run.outputs
-    signals = np.full((len(names), timeline.commands.size + 1), np.nan)
-    if run.watched is not None:
-        signals[:, 1 : 1 + run.watched.shape[1]] = run.watched
-        signals[:, 0] = signals[:, 1]
-    failed = run.failed_at
-    return Simulation(
-        status=run.status,
-        outputs=tuple(full[None, r + 1] for r in timeline.readings),
-        watched=tuple({n: signals[k, r + 1] for k, n in enumerate(names)} for r in timeline.readings),
-        failed_at=None if failed is None else timeline.start + failed * timeline.sample_time,
-        failed_command=None if failed is None else float(timeline.commands[failed]),
-        command_unit=unit,
-    )
-

@@ -52,6 +52,8 @@ class Effect(ABC):
     strength: ClassVar[str]
     order: ClassVar[int] = 0
     """Among the effects at one signal, those of lower order act first."""
+    event: ClassVar[str] = ""
+    """The shape that is the time of an event, if any: a fit cannot move it, it is searched for."""
     wording: ClassVar[str]
     """Says in a sentence what the physics does; with ``{parameter}`` fields."""
 

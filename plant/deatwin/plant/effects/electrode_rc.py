@@ -18,35 +18,56 @@ __all__ = ["ElectrodeRC"]
 class ElectrodeRC(Effect):
     r"""The film charges through a resistance, so its voltage lags the amplifier's.
 
-    .. math:: RC\,\dot V = V_a - V
+    .. math:: R\,\frac{d}{dt}\bigl[(C(q) + C_p)V\bigr] = V_a - V
 
-    One state V (V), the film voltage. Fresh carbon grease gives 16 µs; dried grease or a bad contact
-    (10 to 100 MΩ) 16 to 160 ms. Signature: acts before the square, so harmonics roll off; phase grows with
-    frequency. Off at :math:`RC = 0`, where :math:`V = V_a` exactly.
+    :math:`C_p` is what is parallel to the film behind the resistance: cable, probe, output filter of a converter.
+    In units of the capacitance at rest, :math:`C_0 + C_p`,
+
+    .. math:: \tau\dot\chi = V_a - V, \qquad V = \chi/c, \qquad c = 1 + s\,\Bigl(\frac{C(q)}{C_0} - 1\Bigr), \qquad
+              s = \frac{C_0}{C_0 + C_p}
+
+    One state :math:`\chi` (V), the charge over :math:`C_0 + C_p`. Fresh carbon grease gives 0.1 ms or less; dried
+    grease or a bad contact (10 to 100 MΩ, 1 to 3 nF) 10 to 300 ms. Signature: acts before the square, so harmonics
+    roll off; phase grows with frequency, and as C(q) grows threefold up to 3 kV, with the voltage too. A `delay`
+    does neither. Off at :math:`\tau = 0`, where :math:`V = V_a`.
 
     Parameters
     ----------
     time : float
-        RC in s, with the film's capacitance taken constant.
+        :math:`\tau = R(C_0 + C_p)` at rest, s.
+    film_share : float
+        s, the film's part of that capacitance. 1 where the resistance is the electrode's own, 0 for a lag of the
+        amplifier that does not see the film; with no knowledge, the film and the rest count equally (metres of
+        cable at 0.1 nF/m and a probe add up to as much as the film's 0.9 nF).
 
     References
     ----------
-    Kirchhoff's law for a resistance in series with a capacitance.
+    Kirchhoff's laws for a resistance in series with two capacitances in parallel.
     """
 
     time: float = 0.05
+    film_share: float = 0.5
 
     name: ClassVar[str] = "electrode_rc"
     family: ClassVar[Family] = Family.ELECTRICAL
     place: ClassVar[Place] = Place.DRIVE
     signal: ClassVar[str] = "film_voltage"
     strength: ClassVar[str] = "time"
-    wording: ClassVar[str] = "The film voltage lags the amplifier with a time constant of {time}"
+    wording: ClassVar[str] = (
+        "The film voltage lags the amplifier with a time constant of {time} at rest, "
+        "of which a share of {film_share} grows with the film's capacitance"
+    )
 
     def describe(self) -> tuple[Parameter, ...]:
-        return (Parameter(name="time", value=self.time, unit="s", lower=0.0, upper=5.0),)
+        return (
+            Parameter(name="time", value=self.time, unit="s", lower=0.0, upper=5.0),
+            Parameter(name="film_share", value=self.film_share, unit="1", lower=0.0, upper=1.0),
+        )
 
     def rewrite(self, signal: Any, build: Builder) -> Any:
-        voltage = build.state("film_voltage", scale=1e3)
-        build.rate(voltage, signal - voltage, mass=self.own("time", build))
+        capacitance = build.signal("capacitance")
+        growth = capacitance / build.at_rest("rest_capacitance", capacitance) - 1
+        charge = build.state("film_charge", scale=1e3)
+        voltage = charge / (1 + self.own("film_share", build) * growth)
+        build.rate(charge, signal - voltage, mass=self.own("time", build))
         return voltage

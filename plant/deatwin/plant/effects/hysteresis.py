@@ -22,10 +22,12 @@ class Hysteresis(Effect):
 
     .. math:: F = -F_h\,\zeta, \qquad x_h\,\dot\zeta = v - |v|\,\zeta
 
-    (:math:`A = 1, \beta = 1, \gamma = 0`). One state :math:`\zeta` (1) between -1 and 1. Typical: force 1 to
-    5 % of the ball's weight, distance 10 to 100 µm. Signature: the width of the loop stays as the frequency
-    falls. Off at :math:`F_h = 0`. The magnitude is smoothed, :math:`|v| \approx \sqrt{v^2 + v_0^2} - v_0` with
-    :math:`v_0` = 1 µm/s, so that the force has a derivative.
+    (:math:`A = 1, \beta = 1, \gamma = 0`). One state :math:`\zeta` (1), between -1 and 1 as long as the ball moves
+    faster than a few µm/s: the magnitude is smoothed, :math:`|v| \approx \sqrt{v^2 + v_0^2} - v_0` with
+    :math:`v_0` = 1 µm/s, so that the force has a derivative, and a slower ball is held by up to :math:`2v_0/v`
+    times the force. Typical: force 1 to 5 % of the ball's weight, distance 10 to 100 µm. Signature: the width of
+    the loop stays as the frequency falls to zero, where that of `creep` shrinks; motions much smaller than the
+    distance have no loop, where `coulomb_friction` holds the ball still. Off at :math:`F_h = 0`.
 
     Parameters
     ----------
@@ -36,7 +38,9 @@ class Hysteresis(Effect):
 
     References
     ----------
-    Wen, J. Eng. Mech. Div. ASCE 102 (1976) 249; with these constants it is the solid friction of Dahl (1968).
+    Ismail, Ikhouane & Rodellar, Arch. Comput. Methods Eng. 16 (2009) 161, doi:10.1007/s11831-009-9031-8 (survey
+    of the model of Bouc and Wen); with these constants it is the solid friction of Dahl, AIAA J. 14 (1976) 1675,
+    doi:10.2514/3.61511.
     """
 
     force: float = 1e-3
@@ -59,7 +63,7 @@ class Hysteresis(Effect):
 
     def rewrite(self, signal: Any, build: Builder) -> Any:
         memory = build.state("hysteresis_memory", scale=1.0, start=0.0)
-        slow = 1e-6
+        slow = 1e-8
         velocity = build.signal("velocity")
         speed = ca.sqrt(velocity**2 + slow**2) - slow
         build.rate(memory, velocity - speed * memory, mass=self.own("distance", build))

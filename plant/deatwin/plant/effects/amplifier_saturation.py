@@ -1,0 +1,62 @@
+"""Clipping of the amplifier."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from deatwin.plant.effects.base import Effect, Family, Place
+from deatwin.plant.effects.smooth import soft_excess
+from deatwin.plant.parameters import Parameter
+
+if TYPE_CHECKING:
+    from deatwin.plant.equations import Builder
+
+__all__ = ["AmplifierSaturation"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class AmplifierSaturation(Effect):
+    r"""The amplifier gives less than asked for beyond a limit, alike for both polarities.
+
+    .. math:: V \to V - s\,[p(V - V_l) - p(-V - V_l)], \qquad p(x) = w\ln(1 + e^{x/w})
+
+    No state. s = 1 clips, s < 1 bends. The corner is rounded over w = 20 V, so that the limit has a derivative.
+    Typical: a limit near the top of the range, 2.8 kV. Signature: exactly nothing below the limit, a flat top
+    above it, at all frequencies, even in the voltage, before the film. An `end_stop` clips the motion instead,
+    so the ball's ringing is cut too; `strain_stiffening` bends from low voltage on. Off at s = 0.
+
+    Parameters
+    ----------
+    share : float
+        s, the share of the excess that is lost.
+    limit : float
+        :math:`V_l` in V at the film.
+
+    References
+    ----------
+    A clipped output as data sheets of amplifiers state it; corner: softplus.
+    """
+
+    share: float = 1.0
+    limit: float = 2.8e3
+
+    name: ClassVar[str] = "amplifier_saturation"
+    family: ClassVar[Family] = Family.ELECTRICAL
+    place: ClassVar[Place] = Place.DRIVE
+    signal: ClassVar[str] = "amplifier_voltage"
+    strength: ClassVar[str] = "share"
+    wording: ClassVar[str] = "The amplifier gives {share} less of what is asked for beyond {limit}"
+    width: ClassVar[float] = 20.0
+    """Rounding of the corner, V."""
+
+    def describe(self) -> tuple[Parameter, ...]:
+        return (
+            Parameter(name="share", value=self.share, unit="1", lower=0.0, upper=1.0),
+            Parameter(name="limit", value=self.limit, unit="V", lower=100.0, upper=20e3),
+        )
+
+    def rewrite(self, signal: Any, build: Builder) -> Any:
+        limit = self.own("limit", build)
+        excess = soft_excess(signal - limit, self.width) - soft_excess(-signal - limit, self.width)
+        return signal - self.own("share", build) * excess

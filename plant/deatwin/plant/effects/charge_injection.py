@@ -1,0 +1,61 @@
+"""Space charge in the film."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from deatwin.plant.effects.base import Effect, Family, Place
+from deatwin.plant.parameters import Parameter, Scale
+
+if TYPE_CHECKING:
+    from deatwin.plant.equations import Builder
+
+__all__ = ["ChargeInjection"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChargeInjection(Effect):
+    r"""Charge that creeps from the electrodes into the film takes off a part of the field.
+
+    .. math:: V \to V - V_q, \qquad \tau_q\dot V_q = bV - V_q
+
+    One state :math:`V_q` (V), the voltage that the space charge makes; it starts empty. Typical: b = 0.01 to 0.1,
+    10 to :math:`10^4` s. Signature: after a step the force falls by :math:`(1-b)^2`, where `dielectric_absorption`
+    and `creep` make the motion grow; at 0 V the charge is left and pulls, with :math:`(bV)^2`; after a reversal of
+    polarity the force starts at :math:`(1+b)^2` of the ideal one, so evenness y(V) = y(-V) is lost over one history
+    (it holds where the whole history is mirrored). Off at b = 0.
+
+    Parameters
+    ----------
+    share : float
+        b, the part of a lasting voltage that the space charge takes off.
+    time : float
+        :math:`\tau_q` in s.
+
+    References
+    ----------
+    Homocharge with first-order kinetics: the lowest-order form; sizes are typical for polymer films and not
+    confirmed for VHB.
+    """
+
+    share: float = 0.05
+    time: float = 100.0
+
+    name: ClassVar[str] = "charge_injection"
+    family: ClassVar[Family] = Family.ELECTRICAL
+    place: ClassVar[Place] = Place.DRIVE
+    signal: ClassVar[str] = "field_voltage"
+    strength: ClassVar[str] = "share"
+    wording: ClassVar[str] = "Injected charge takes {share} off the field with a time constant of {time}"
+
+    def describe(self) -> tuple[Parameter, ...]:
+        return (
+            Parameter(name="share", value=self.share, unit="1", lower=0.0, upper=0.5),
+            Parameter(name="time", value=self.time, unit="s", lower=1.0, upper=20e3, scale=Scale.LOGARITHMIC),
+        )
+
+    def rewrite(self, signal: Any, build: Builder) -> Any:
+        injected = build.state("injected_voltage", scale=100.0)
+        build.rate(injected, self.own("share", build) * signal - injected, mass=self.own("time", build))
+        return signal - injected

@@ -1,0 +1,64 @@
+"""Polarisation that lags."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from deatwin.plant.effects.base import Effect, Family, Place
+from deatwin.plant.parameters import Parameter, Scale
+
+if TYPE_CHECKING:
+    from deatwin.plant.equations import Builder
+
+__all__ = ["DielectricAbsorption"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class DielectricAbsorption(Effect):
+    r"""A part of the polarisation lags the field: the stress is E D with a late D, not :math:`\varepsilon E^2`.
+
+    .. math:: V^2 \to V^2 - a\,V\,(V - p), \qquad \tau\dot p = V - p
+
+    One state p (V), the voltage to which the slow dipoles have adapted. The permittivity is the relaxed one; at once
+    there is (1 - a) of it. One p stands for the whole film and the dipoles stretch with it: a choice, where a
+    polarisation of each volume that stays when the film is stretched would be another. Typical for VHB: a = 0.01 to
+    0.05, 1 to 1000 s. Signature: memory of the voltage and not of the motion, so it is there in a blocked film and
+    scales with V times its own past; the motion grows after a step as in `creep`, but nothing is left at 0 V (E D is
+    zero at once), and after a reversal of polarity the force starts at :math:`(1 - 2a)` of the ideal one and
+    recovers. Off at a = 0.
+
+    Parameters
+    ----------
+    share : float
+        a, the part of the permittivity that lags.
+    time : float
+        :math:`\tau` in s.
+
+    References
+    ----------
+    Debye, Polar Molecules (1929), chapter 5 (relaxation); Suo, Acta Mech. Solida Sin. 23 (2010) 549,
+    doi:10.1016/S0894-9166(11)60004-9 (stress E D).
+    """
+
+    share: float = 0.05
+    time: float = 30.0
+
+    name: ClassVar[str] = "dielectric_absorption"
+    family: ClassVar[Family] = Family.ELECTRICAL
+    place: ClassVar[Place] = Place.DRIVE
+    signal: ClassVar[str] = "squared_voltage"
+    strength: ClassVar[str] = "share"
+    wording: ClassVar[str] = "A share of {share} of the polarisation lags with a time constant of {time}"
+
+    def describe(self) -> tuple[Parameter, ...]:
+        return (
+            Parameter(name="share", value=self.share, unit="1", lower=0.0, upper=0.9),
+            Parameter(name="time", value=self.time, unit="s", lower=0.1, upper=5e3, scale=Scale.LOGARITHMIC),
+        )
+
+    def rewrite(self, signal: Any, build: Builder) -> Any:
+        voltage = build.signal("field_voltage")
+        adapted = build.state("adapted_voltage", scale=1e3)
+        build.rate(adapted, voltage - adapted, mass=self.own("time", build))
+        return signal - self.own("share", build) * voltage * (voltage - adapted)

@@ -1,0 +1,67 @@
+"""Loss of a part of the electrode."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from deatwin.plant.effects.base import Effect, Family, Place
+from deatwin.plant.effects.onset import steps_of
+from deatwin.plant.effects.smooth import smooth_step
+from deatwin.plant.parameters import Parameter
+
+if TYPE_CHECKING:
+    from deatwin.plant.equations import Builder
+
+__all__ = ["ElectrodeLoss"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ElectrodeLoss(Effect):
+    r"""From a time on part of the electrode's area has no contact any more: its rim, for a round one.
+
+    .. math:: A(t) = A\,[1 - l\;S(4(t - t_0)/h)], \qquad S(x) = \frac{1}{1 + e^{-x}}
+
+    with the sample time h, so that the loss takes about one sample. No state. A ring that has lost only part of its
+    contacts acts as a narrower one that has lost them all, and is described by it. Typical: steps of 1 to 50 % of
+    the area. Signature: from one moment on the motion is smaller by a share that hardly depends on the voltage (half
+    the relative change of the area), and the sag at 0 V stays, where a `sensor_jump` shifts all readings alike and a
+    `permittivity_drift` counts for more at high voltage. Off at l = 0.
+
+    Parameters
+    ----------
+    share : float
+        l, the share of the area that is lost.
+    at : float
+        :math:`t_0` on the clock, s.
+
+    References
+    ----------
+    Jumps by contacts in ageing actuators: J. Appl. Phys. 115 (2014) 214105.
+    """
+
+    share: float = 0.2
+    at: float = 100.0
+
+    name: ClassVar[str] = "electrode_loss"
+    family: ClassVar[Family] = Family.ELECTRICAL
+    place: ClassVar[Place] = Place.FILM
+    signal: ClassVar[str] = "electrode_share"
+    strength: ClassVar[str] = "share"
+    event: ClassVar[str] = "at"
+    wording: ClassVar[str] = "At {at} the electrode loses a share of {share} of its area"
+
+    def describe(self) -> tuple[Parameter, ...]:
+        return (
+            Parameter(name="share", value=self.share, unit="1", lower=0.0, upper=0.9),
+            Parameter(name="at", value=self.at, unit="s", lower=0.0, upper=1e4),
+        )
+
+    def rewrite(self, signal: Any, build: Builder) -> Any:
+        width = build.constant("electrode_loss_width", build.signal("sample_time") / 4)
+        return signal * (1 - self.own("share", build) * smooth_step((build.time - self.own("at", build)) / width))
+
+    def starts(self, timepts: np.ndarray, residual: np.ndarray) -> tuple[Effect, ...]:
+        return tuple(replace(self, at=time) for time, height in steps_of(timepts, residual) if height < 0 < time)

@@ -1,0 +1,75 @@
+"""Conduction through the film."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import casadi as ca
+
+from deatwin.plant.dielectric import conduction_density
+from deatwin.plant.effects.base import Effect, Family, Place
+from deatwin.plant.parameters import Parameter
+
+if TYPE_CHECKING:
+    from deatwin.plant.equations import Builder
+
+__all__ = ["Leakage"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Leakage(Effect):
+    r"""A current through the film takes a drop over the series resistance off the film's voltage.
+
+    .. math:: V = V_a - R\,I(V), \qquad I = \sum_k \sigma_0\,e^{|E_k|/E_B}E_k\,A_k, \qquad
+              E_k = \frac{V}{H}(\lambda_1\lambda_2)_k
+
+    over the points k under the electrode, :math:`A_k` their present area. No state but one algebraic unknown, V (V).
+    The current is quasi-static and follows `electrode_rc`: where both are there, the drop is that of the voltage to
+    which the film has charged. Typical: below 0.1 % unless :math:`R > 10^9` Ω, then the field's exponential makes
+    it appear above 2.5 kV. Signature: compresses the top of the curve as `amplifier_saturation` does, but without a
+    corner, even in the voltage, static; and it goes with the field, so with the film's stretch. Off at R = 0.
+
+    Parameters
+    ----------
+    resistance : float
+        R in Ω, in series with the film.
+    field_scale : float
+        :math:`E_B` in V/m. The conductivity at low field is not a parameter: only :math:`R\sigma_0` enters.
+
+    References
+    ----------
+    Foo, Koh, Keplinger, Kaltseis, Bauer & Suo, J. Appl. Phys. 111 (2012) 094107, doi:10.1063/1.4714557 (form; the
+    values are those of `deatwin.plant.dielectric.conduction_density`).
+    """
+
+    resistance: float = 1e9
+    field_scale: float = 40e6
+
+    name: ClassVar[str] = "leakage"
+    family: ClassVar[Family] = Family.ELECTRICAL
+    place: ClassVar[Place] = Place.DRIVE
+    signal: ClassVar[str] = "film_voltage"
+    strength: ClassVar[str] = "resistance"
+    order: ClassVar[int] = 1
+    """After `electrode_rc`: the drop is added to the voltage that charging has reached."""
+    wording: ClassVar[str] = (
+        "Leakage through the film, which grows e-fold every {field_scale}, drops voltage over {resistance}"
+    )
+
+    def describe(self) -> tuple[Parameter, ...]:
+        return (
+            Parameter(name="resistance", value=self.resistance, unit="ohm", lower=0.0, upper=1e11),
+            Parameter(name="field_scale", value=self.field_scale, unit="V/m", lower=10e6, upper=200e6),
+        )
+
+    def rewrite(self, signal: Any, build: Builder) -> Any:
+        voltage = build.coordinate("leaking_voltage", scale=1e3)
+        thickness, scale = build.own("thickness"), self.own("field_scale", build)
+        current = ca.SX(0)
+        for point in (p for p in build.signal("film").points if p.active):
+            area_stretch = point.stretches[0] * point.stretches[1]
+            density = conduction_density(voltage / thickness * area_stretch, field_scale=scale)
+            current += density * point.volume / thickness * area_stretch
+        build.balance(signal - voltage - self.own("resistance", build) * current)
+        return voltage

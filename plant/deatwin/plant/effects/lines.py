@@ -1,0 +1,210 @@
+"""Where a residual swings: starting points for effects that have a frequency."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+__all__ = ["Tone", "slow_cycles", "spectral_peaks", "tone_at", "tones"]
+
+NEIGHBOURS = 101
+"""Bins of the spectrum from whose median a line must stand out: 25 times the resolution, as the spectrum is taken
+four times finer."""
+CYCLES = 60
+"""Periods that are tried for a slow cycle, evenly in their logarithm."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tone:
+    r"""A line, :math:`a\cos(2\pi ft + \varphi)`.
+
+    Parameters
+    ----------
+    amplitude : float
+        a, in the unit of the residual.
+    frequency : float
+        f in Hz.
+    phase : float
+        :math:`\varphi` at clock 0, rad, between -pi and pi.
+    explained : float
+        Share of the variance that it takes away, 0 to 1.
+    """
+
+    amplitude: float
+    frequency: float
+    phase: float
+    explained: float
+
+
+def tone_at(timepts: np.ndarray, values: np.ndarray, frequency: float) -> Tone:
+    """The line of a given frequency that fits best beside a constant, by least squares.
+
+    Parameters
+    ----------
+    timepts : ndarray, shape (n,)
+        Clock times, s; gaps do no harm.
+    values : ndarray, shape (n,)
+        Any unit.
+    frequency : float
+        Hz.
+
+    Returns
+    -------
+    Tone
+
+    References
+    ----------
+    Zechmeister & Kürster, Astron. Astrophys. 496 (2009) 577, doi:10.1051/0004-6361:200811296.
+    """
+    angle = 2 * np.pi * frequency * timepts
+    columns = np.stack([np.cos(angle), -np.sin(angle)], axis=1)
+    columns -= columns.mean(axis=0)
+    level = values - values.mean()
+    cosine, sine = np.linalg.lstsq(columns, level, rcond=None)[0]
+    left = level - columns @ [cosine, sine]
+    return Tone(
+        amplitude=float(np.hypot(cosine, sine)),
+        frequency=frequency,
+        phase=float(np.arctan2(sine, cosine)),
+        explained=float(1 - left @ left / max(level @ level, 1e-300)),
+    )
+
+
+def tones(timepts: np.ndarray, residual: np.ndarray, count: int = 3) -> tuple[Tone, ...]:
+    """Lines that stand out of a residual's spectrum, each compared with its neighbourhood, best first.
+
+    A drift has more power than a weak tone, but no line. Each line found is taken out before the next is sought.
+
+    Parameters
+    ----------
+    timepts : ndarray, shape (n,)
+        Clock times, s; gaps count as zeros in the search and not at all in the fit.
+    residual : ndarray, shape (n,)
+        Any unit.
+    count : int
+        At most so many.
+
+    Returns
+    -------
+    tuple of Tone
+        Up to half the sampling rate; none where there are fewer than 16 samples.
+    """
+    from scipy.ndimage import median_filter
+
+    if residual.size < 16:
+        return ()
+    left = residual - np.polynomial.Polynomial.fit(timepts, residual, 1)(timepts)
+    found: list[Tone] = []
+    for _ in range(count):
+        frequencies, power = _periodogram(timepts, left)
+        floor = median_filter(power, size=min(NEIGHBOURS, power.size), mode="reflect")
+        # Below one and a half cycles a line cannot be told from a drift.
+        inside = frequencies * np.ptp(timepts) >= 1.5
+        if not (inside & (floor > 0)).any():
+            break
+        score = np.where(inside, power / np.maximum(floor, 1e-300), 0.0)
+        tone = _refined(timepts, left, float(frequencies[np.argmax(score)]))
+        left = left - tone.amplitude * np.cos(2 * np.pi * tone.frequency * timepts + tone.phase)
+        found.append(tone)
+    return tuple(found)
+
+
+def slow_cycles(
+    timepts: np.ndarray, residual: np.ndarray, periods: tuple[float, float], count: int = 3
+) -> tuple[Tone, ...]:
+    """Slow cycles that explain most of a residual, best first.
+
+    Parameters
+    ----------
+    timepts : ndarray, shape (n,)
+        Clock times, s.
+    residual : ndarray, shape (n,)
+        Any unit.
+    periods : pair of float
+        Shortest and longest, s; none longer than twice the record is tried.
+    count : int
+        At most so many.
+
+    Returns
+    -------
+    tuple of Tone
+        Local maxima of the share explained; none where the record is shorter than half the shortest period.
+    """
+    shortest, longest = periods[0], min(periods[1], 2 * float(np.ptp(timepts)))
+    if longest <= shortest:
+        return ()
+    tried = [tone_at(timepts, residual, 1 / p) for p in np.geomspace(shortest, longest, CYCLES)]
+    explained = np.array([t.explained for t in tried])
+    return tuple(_refined(timepts, residual, tried[k].frequency) for k in _maxima(explained)[:count])
+
+
+def spectral_peaks(
+    timepts: np.ndarray, residual: np.ndarray, band: tuple[float, float], count: int = 4
+) -> tuple[float, ...]:
+    """Frequencies at which a residual's averaged spectrum peaks, first what rises most above what is around it.
+
+    Parameters
+    ----------
+    timepts : ndarray, shape (n,)
+        Clock times, s.
+    residual : ndarray, shape (n,)
+        Any unit.
+    band : pair of float
+        Lowest and highest, Hz.
+    count : int
+        At most so many.
+
+    Returns
+    -------
+    tuple of float
+        Hz; none where there are fewer than 64 samples.
+
+    References
+    ----------
+    Welch, IEEE Trans. Audio Electroacoust. 15 (1967) 70, doi:10.1109/TAU.1967.1161901.
+    """
+    from scipy.signal import find_peaks, welch
+
+    if residual.size < 64:
+        return ()
+    frequencies, power = welch(residual, fs=1 / _sample_time(timepts), nperseg=min(256, residual.size))
+    inside = (frequencies >= band[0]) & (frequencies <= band[1])
+    peaks, seen = find_peaks(np.log(np.maximum(power[inside], 1e-300)), prominence=0.0)
+    best = peaks[np.argsort(-seen["prominences"], kind="stable")][:count]
+    return tuple(float(f) for f in frequencies[inside][best])
+
+
+def _maxima(values: np.ndarray) -> list[int]:
+    """Where values are not below their neighbours, highest first."""
+    padded = np.concatenate([[-np.inf], values, [-np.inf]])
+    peaks = np.flatnonzero((values >= padded[:-2]) & (values >= padded[2:]))
+    return [int(k) for k in peaks[np.argsort(-values[peaks], kind="stable")]]
+
+
+def _sample_time(timepts: np.ndarray) -> float:
+    return float(np.median(np.diff(timepts)))
+
+
+def _periodogram(timepts: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies and power on a grid four times finer than the record resolves."""
+    step = _sample_time(timepts)
+    rows = np.rint((timepts - timepts.min()) / step).astype(int)
+    even = np.zeros(int(rows.max()) + 1)
+    np.add.at(even, rows, values)
+    size = 4 * even.size
+    return np.fft.rfftfreq(size, step), np.abs(np.fft.rfft(even, size)) ** 2
+
+
+def _refined(timepts: np.ndarray, values: np.ndarray, frequency: float) -> Tone:
+    """The best line near a frequency that is right within the resolution."""
+    from scipy.optimize import minimize_scalar
+
+    width = 0.5 / float(np.ptp(timepts))
+    found = minimize_scalar(
+        lambda f: -tone_at(timepts, values, f).explained,
+        bounds=(max(frequency - width, 0.1 * frequency), frequency + width),
+        method="bounded",
+        options={"xatol": 1e-4 * width},
+    )
+    return tone_at(timepts, values, float(found.x))

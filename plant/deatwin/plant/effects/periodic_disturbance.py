@@ -1,0 +1,89 @@
+"""A tone in the reading."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import casadi as ca
+import numpy as np
+
+from deatwin.plant.effects.base import Effect, Family, Place
+from deatwin.plant.effects.lines import tones
+from deatwin.plant.parameters import Parameter
+
+if TYPE_CHECKING:
+    from deatwin.plant.equations import Builder
+
+__all__ = ["PeriodicDisturbance"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PeriodicDisturbance(Effect):
+    r"""A sine is added to the reading: the mains, a fan, a shaking table.
+
+    .. math:: y \to y + a\cos(2\pi ft + \varphi)
+
+    No state. A tone above half the sampling rate is recorded at its alias: mains of 50 Hz, sampled 50 times a
+    second, beats within 10 to 100 s and looks like a drift. Typical: 1 to 20 µm. Signature: one line in the
+    spectrum, at a frequency that the drive need not have, with the same size at 0 V as at 3 kV; a `resonance`
+    needs excitation. Off at a = 0.
+
+    Parameters
+    ----------
+    amplitude : float
+        a in the unit of the reading, m for a displacement.
+    frequency : float
+        f in Hz.
+    phase : float
+        :math:`\varphi` at clock 0, rad.
+
+    References
+    ----------
+    Oppenheim & Schafer, Discrete-Time Signal Processing, section on sampling (aliases).
+    """
+
+    amplitude: float = 5e-6
+    frequency: float = 0.05
+    phase: float = 0.0
+
+    name: ClassVar[str] = "periodic_disturbance"
+    family: ClassVar[Family] = Family.ENVIRONMENT
+    place: ClassVar[Place] = Place.SENSOR
+    signal: ClassVar[str] = "reading"
+    strength: ClassVar[str] = "amplitude"
+    order: ClassVar[int] = -1
+    """It moves the ball's picture before the sensor does anything to it."""
+    wording: ClassVar[str] = "A tone of {frequency} and {amplitude} is added to the reading, at a phase of {phase}"
+
+    def describe(self) -> tuple[Parameter, ...]:
+        return (
+            Parameter(name="amplitude", value=self.amplitude, unit="m", lower=0.0, upper=1e-3),
+            Parameter(name="frequency", value=self.frequency, unit="Hz", lower=1e-4, upper=1000.0),
+            Parameter(name="phase", value=self.phase, unit="rad", lower=-2 * np.pi, upper=2 * np.pi),
+        )
+
+    def rewrite(self, signal: Any, build: Builder) -> Any:
+        angle = 2 * np.pi * self.own("frequency", build) * build.time + self.own("phase", build)
+        return signal + self.own("amplitude", build) * ca.cos(angle)
+
+    def starts(self, timepts: np.ndarray, residual: np.ndarray) -> tuple[Effect, ...]:
+        """This effect at the lines that stand out of the residual's spectrum.
+
+        Parameters
+        ----------
+        timepts : ndarray, shape (n,)
+            Clock times, s.
+        residual : ndarray, shape (n,)
+            Measured minus simulated without this effect, m.
+
+        Returns
+        -------
+        tuple of Effect
+            At most three, each with amplitude and phase; frequencies up to half the sampling rate.
+        """
+        upper = {p.name: p.upper for p in self.describe()}
+        return tuple(
+            replace(self, amplitude=min(t.amplitude, upper["amplitude"]), frequency=t.frequency, phase=t.phase)
+            for t in tones(timepts, residual, count=3)
+        )

@@ -1,0 +1,64 @@
+"""Relaxation of the tension that the film was mounted with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+import casadi as ca
+
+from deatwin.plant.effects.base import Effect, Family, Place
+from deatwin.plant.parameters import Parameter, Scale
+
+if TYPE_CHECKING:
+    from deatwin.plant.equations import Builder
+    from deatwin.plant.film import AnyFilm
+
+__all__ = ["PrestretchRelaxation"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PrestretchRelaxation(Effect):
+    r"""The equilibrium tension of the mounted film decays while the experiment runs.
+
+    .. math:: W \to W\,\bigl[1 - a(1 - e^{-t/\tau})\bigr]
+
+    No state: the clock is known, and before its zero nothing has decayed. Typical for VHB that was given too
+    little time to rest: 2 to 15 % in 1000 to 100,000 s. Signature: needs no voltage; sag and gain grow together,
+    1 % of tension gives 1 % of sag, but 2.4 % of stroke at 1.9 kV and 5 % at 3 kV. A `permittivity_drift` leaves
+    the sag alone; `creep` follows the drive, and returns. Off at a = 0.
+
+    Parameters
+    ----------
+    relative_loss : float
+        a, the share that is lost in the end; negative where the film stiffens, as one that dries.
+    time : float
+        :math:`\tau` in s.
+
+    References
+    ----------
+    A Maxwell branch that was charged by mounting the film and is far too slow for the drive; VHB keeps relaxing
+    after minutes: Wang et al., J. Mech. Phys. Solids 95 (2016) 213.
+    """
+
+    relative_loss: float = 0.05
+    time: float = 1000.0
+
+    name: ClassVar[str] = "prestretch_relaxation"
+    family: ClassVar[Family] = Family.FILM
+    place: ClassVar[Place] = Place.FILM
+    signal: ClassVar[str] = "film"
+    strength: ClassVar[str] = "relative_loss"
+    order: ClassVar[int] = 2
+    wording: ClassVar[str] = "The film's prestretch relaxes: it loses {relative_loss} of its tension in {time}"
+
+    def describe(self) -> tuple[Parameter, ...]:
+        return (
+            Parameter(name="relative_loss", value=self.relative_loss, unit="1", lower=-0.5, upper=0.8),
+            Parameter(name="time", value=self.time, unit="s", lower=20.0, upper=200e3, scale=Scale.LOGARITHMIC),
+        )
+
+    def rewrite(self, signal: AnyFilm, build: Builder) -> AnyFilm:
+        elapsed = ca.fmax(build.time, 0.0)
+        lost = self.own("relative_loss", build) * (1 - ca.exp(-elapsed / self.own("time", build)))
+        return signal.with_elastic(1 - lost)

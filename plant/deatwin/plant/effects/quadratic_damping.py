@@ -1,0 +1,55 @@
+"""Drag on the moving film and ball."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import casadi as ca
+
+from deatwin.plant.effects.base import Effect, Family, Place
+from deatwin.plant.parameters import Parameter
+
+if TYPE_CHECKING:
+    from deatwin.plant.equations import Builder
+
+__all__ = ["QuadraticDamping"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class QuadraticDamping(Effect):
+    r"""Drag that grows with the square of the velocity.
+
+    .. math:: F = -c\,v\,|v|
+
+    No state; its derivative by v is continuous. Typical: 0.004 N s²/m² for a disc of 80 mm in air, of which
+    nothing is seen; 0.1 to 10 where air is pressed through the gap below the film or the ball moves in a liquid.
+    Signature: only where the ball is fast, so after steps and near its resonance; each half-swing loses a share
+    of its amplitude that is proportional to the amplitude, so large swings die faster than small ones, which no
+    `damping` does. Off at c = 0.
+
+    Parameters
+    ----------
+    coefficient : float
+        c in N s²/m².
+
+    References
+    ----------
+    Newton's drag :math:`\tfrac12\rho C_d A v^2`, with 1.2 kg/m³ and :math:`C_d` = 1.2 of a flat disc.
+    """
+
+    coefficient: float = 1.0
+
+    name: ClassVar[str] = "quadratic_damping"
+    family: ClassVar[Family] = Family.MECHANICAL
+    place: ClassVar[Place] = Place.BALL
+    signal: ClassVar[str] = "force"
+    strength: ClassVar[str] = "coefficient"
+    wording: ClassVar[str] = "The motion is damped by a drag of {coefficient} times the square of the velocity"
+
+    def describe(self) -> tuple[Parameter, ...]:
+        return (Parameter(name="coefficient", value=self.coefficient, unit="N s2/m2", lower=0.0, upper=100.0),)
+
+    def rewrite(self, signal: Any, build: Builder) -> Any:
+        velocity = build.signal("velocity")
+        return signal - self.own("coefficient", build) * velocity * ca.fabs(velocity)

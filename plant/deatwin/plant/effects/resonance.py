@@ -1,0 +1,94 @@
+"""A second mode of vibration."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from deatwin.plant.effects.base import Effect, Family, Place
+from deatwin.plant.effects.lines import spectral_peaks
+from deatwin.plant.parameters import Parameter, Scale
+
+if TYPE_CHECKING:
+    from deatwin.plant.equations import Builder
+
+__all__ = ["Resonance"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Resonance(Effect):
+    r"""A second mass that hangs on the ball by a spring and a damper.
+
+    .. math:: m_2\ddot x_2 = -F, \qquad F = m_2\omega^2(x_2 - y) + 2\zeta m_2\omega(\dot x_2 - \dot y), \qquad
+              \omega = 2\pi f
+
+    F acts on the ball. Two states: :math:`x_2` (m), counted from where the mass hangs at rest, and its velocity
+    (m/s); its weight is part of the `mass` that the film carries. Typical: a mode of film, frame or holder, with 1
+    to 20 % of the ball's mass and a damping ratio of 0.01 to 0.1. Signature: a narrow peak with a dip beside it
+    that stays where it is when the voltage moves the ball's own frequency down from 16 Hz, and that needs
+    excitation, unlike a `periodic_disturbance`; far below f only the mass is seen. Modes above half the sampling
+    rate are not seen at their frequency: with 50 samples a second f ends at 24 Hz. Off at :math:`m_2 = 0`.
+
+    Parameters
+    ----------
+    mass : float
+        :math:`m_2` in kg.
+    frequency : float
+        f in Hz.
+    damping_ratio : float
+        :math:`\zeta`.
+
+    References
+    ----------
+    Den Hartog, Mechanical Vibrations (4th ed., 1956), section 3.2: the dynamic absorber.
+    """
+
+    mass: float = 0.2e-3
+    frequency: float = 8.0
+    damping_ratio: float = 0.03
+
+    name: ClassVar[str] = "resonance"
+    family: ClassVar[Family] = Family.MECHANICAL
+    place: ClassVar[Place] = Place.BALL
+    signal: ClassVar[str] = "force"
+    strength: ClassVar[str] = "mass"
+    wording: ClassVar[str] = "A second mass of {mass} vibrates at {frequency} with a damping ratio of {damping_ratio}"
+
+    def describe(self) -> tuple[Parameter, ...]:
+        log = Scale.LOGARITHMIC
+        return (
+            Parameter(name="mass", value=self.mass, unit="kg", lower=0.0, upper=0.02),
+            Parameter(name="frequency", value=self.frequency, unit="Hz", lower=1.0, upper=24.0, scale=log),
+            Parameter(name="damping_ratio", value=self.damping_ratio, unit="1", lower=1e-3, upper=0.7, scale=log),
+        )
+
+    def rewrite(self, signal: Any, build: Builder) -> Any:
+        position = build.state("second_position", scale=1e-3)
+        velocity = build.state("second_velocity", scale=0.05)
+        omega = 2 * np.pi * self.own("frequency", build)
+        spring = omega**2 * (position - build.signal("displacement"))
+        damper = 2 * self.own("damping_ratio", build) * omega * (velocity - build.signal("velocity"))
+        build.rate(position, velocity)
+        build.rate(velocity, -(spring + damper))
+        return signal + self.own("mass", build) * (spring + damper)
+
+    def starts(self, timepts: np.ndarray, residual: np.ndarray) -> tuple[Effect, ...]:
+        """This effect at the frequencies where the residual's spectrum peaks.
+
+        Parameters
+        ----------
+        timepts : ndarray, shape (n,)
+            Clock times, s.
+        residual : ndarray, shape (n,)
+            Measured minus simulated without this effect, m.
+
+        Returns
+        -------
+        tuple of Effect
+            At most four; none where the record is too short.
+        """
+        lower, upper = next((p.lower, p.upper) for p in self.describe() if p.name == "frequency")
+        peaks = spectral_peaks(timepts, residual, (lower, upper), count=4)
+        return tuple(replace(self, frequency=f) for f in peaks)

@@ -1,0 +1,53 @@
+"""Curvature of the sensor's characteristic."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from deatwin.plant.effects.base import Effect, Family, Place
+from deatwin.plant.parameters import Parameter
+
+if TYPE_CHECKING:
+    from deatwin.plant.equations import Builder
+
+__all__ = ["SensorCurvature"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SensorCurvature(Effect):
+    r"""The sensor's characteristic is bent: its gain changes with the reading.
+
+    .. math:: y \to y + \kappa y^2
+
+    No state. The reading is relative to rest, where the gain is right. Typical: a spot that walks on a ball of 4.5 mm
+    or a laser at the end of its range bends by 10 to 100 1/m, 1 to 10 % at 1 mm. Signature: static, at all
+    frequencies, and as large for a motion that the voltage did not make (ringing after a tap, a mass put on), which
+    `permittivity_stretch` leaves alone. Off at :math:`\kappa = 0`.
+
+    Parameters
+    ----------
+    curvature : float
+        :math:`\kappa` in 1/m.
+
+    References
+    ----------
+    Second-order term of a calibration curve.
+    """
+
+    curvature: float = 50.0
+
+    name: ClassVar[str] = "sensor_curvature"
+    family: ClassVar[Family] = Family.SENSOR
+    place: ClassVar[Place] = Place.SENSOR
+    signal: ClassVar[str] = "reading"
+    strength: ClassVar[str] = "curvature"
+    order: ClassVar[int] = -10
+    """First of all: it is the motion that the sensor maps."""
+    wording: ClassVar[str] = "The sensor's gain changes with the reading, by twice {curvature} times the reading"
+
+    def describe(self) -> tuple[Parameter, ...]:
+        return (Parameter(name="curvature", value=self.curvature, unit="1/m", lower=-1e3, upper=1e3),)
+
+    def rewrite(self, signal: Any, build: Builder) -> Any:
+        return signal + self.own("curvature", build) * signal**2

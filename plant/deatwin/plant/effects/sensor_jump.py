@@ -1,0 +1,68 @@
+"""Jump of the sensor's zero."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from deatwin.plant.effects.base import Effect, Family, Place
+from deatwin.plant.effects.onset import steps_of
+from deatwin.plant.effects.smooth import smooth_step
+from deatwin.plant.parameters import Parameter
+
+if TYPE_CHECKING:
+    from deatwin.plant.equations import Builder
+
+__all__ = ["SensorJump"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SensorJump(Effect):
+    r"""From a time on all readings are shifted, as when somebody knocks the sensor.
+
+    .. math:: y \to y + \frac{a}{1 + e^{-(t - t_0)/(h/4)}}
+
+    No state. The step takes about one sample of h, so that its time has a derivative. Typical: tens of micrometres.
+    Signature: the shift is the same whatever the voltage, where an `electrode_loss` takes off a share of the motion
+    and leaves the sag at 0 V. Off at a = 0.
+
+    Parameters
+    ----------
+    change : float
+        a in m.
+    at : float
+        :math:`t_0` on the clock, s.
+    """
+
+    change: float = 20e-6
+    at: float = 100.0
+
+    name: ClassVar[str] = "sensor_jump"
+    family: ClassVar[Family] = Family.SENSOR
+    place: ClassVar[Place] = Place.SENSOR
+    signal: ClassVar[str] = "reading"
+    strength: ClassVar[str] = "change"
+    order: ClassVar[int] = 10
+    """Added to what the sensor's curve makes of the motion."""
+    event: ClassVar[str] = "at"
+    wording: ClassVar[str] = "At {at} the sensor's zero jumps by {change}"
+
+    def describe(self) -> tuple[Parameter, ...]:
+        return (
+            Parameter(name="change", value=self.change, unit="m", lower=-2e-3, upper=2e-3),
+            Parameter(name="at", value=self.at, unit="s", lower=0.0, upper=1e4),
+        )
+
+    def rewrite(self, signal: Any, build: Builder) -> Any:
+        width = build.constant("sensor_jump_width", build.signal("sample_time") / 4)
+        return signal + self.own("change", build) * smooth_step((build.time - self.own("at", build)) / width)
+
+    def starts(self, timepts: np.ndarray, residual: np.ndarray) -> tuple[Effect, ...]:
+        limit = 2e-3
+        return tuple(
+            replace(self, at=time, change=float(np.clip(height, -limit, limit)))
+            for time, height in steps_of(timepts, residual)
+            if time > 0
+        )

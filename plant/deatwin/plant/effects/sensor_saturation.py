@@ -1,0 +1,63 @@
+"""Clipping of the sensor."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from deatwin.plant.effects.base import Effect, Family, Place
+from deatwin.plant.effects.smooth import soft_excess
+from deatwin.plant.parameters import Parameter
+
+if TYPE_CHECKING:
+    from deatwin.plant.equations import Builder
+
+__all__ = ["SensorSaturation"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SensorSaturation(Effect):
+    r"""The reading is clipped at the upper end of the sensor's range.
+
+    .. math:: y \to y - s\,p(y - y_l), \qquad p(x) = w\ln(1 + e^{x/w})
+
+    No state. s = 1 clips, s < 1 bends. The corner is rounded over w = 1 µm, below the sensor's noise. A lower end is
+    left out: the ball rests there, so it would show at 0 V at once. Typical: an analogue output scaled to the motion
+    that was expected, 0.4 mm. Signature: a flat top of the reading, ringing included, while the ball moves on: it
+    leaves the limit with the speed that it has, where an `end_stop` stops it and makes it ring. Off at s = 0.
+
+    Parameters
+    ----------
+    share : float
+        s, the share of the excess that is lost.
+    limit : float
+        :math:`y_l` in m.
+
+    References
+    ----------
+    A clipped output as data sheets of sensors state it; corner: softplus.
+    """
+
+    share: float = 1.0
+    limit: float = 0.4e-3
+
+    name: ClassVar[str] = "sensor_saturation"
+    family: ClassVar[Family] = Family.SENSOR
+    place: ClassVar[Place] = Place.SENSOR
+    signal: ClassVar[str] = "reading"
+    strength: ClassVar[str] = "share"
+    order: ClassVar[int] = 30
+    """Last: the output of the sensor clips."""
+    wording: ClassVar[str] = "The sensor reads {share} less of what lies beyond {limit}"
+    width: ClassVar[float] = 1e-6
+    """Rounding of the corner, m."""
+
+    def describe(self) -> tuple[Parameter, ...]:
+        return (
+            Parameter(name="share", value=self.share, unit="1", lower=0.0, upper=1.0),
+            Parameter(name="limit", value=self.limit, unit="m", lower=1e-6, upper=20e-3),
+        )
+
+    def rewrite(self, signal: Any, build: Builder) -> Any:
+        excess = soft_excess(signal - self.own("limit", build), self.width)
+        return signal - self.own("share", build) * excess

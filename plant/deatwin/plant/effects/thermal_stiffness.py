@@ -1,0 +1,107 @@
+"""A modulus that follows the temperature."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, ClassVar
+
+import casadi as ca
+import numpy as np
+
+from deatwin.plant.effects.base import Effect, Family, Place
+from deatwin.plant.effects.lines import slow_cycles
+from deatwin.plant.parameters import Parameter, Scale
+
+if TYPE_CHECKING:
+    from deatwin.plant.equations import Builder
+    from deatwin.plant.film import AnyFilm
+
+__all__ = ["ThermalStiffness"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ThermalStiffness(Effect):
+    r"""The equilibrium network is stiffer or softer in a warmer room.
+
+    .. math:: W \to W\,(1 + k_T\,\Delta T), \qquad \Delta T = T - T_0 \quad\text{or}\quad
+              \Delta T = (1\,\text{K})\,\Bigl[\cos\Bigl(\frac{2\pi t}{P} + \varphi\Bigr) - \cos\varphi\Bigr]
+
+    No state. Where the recording brings a channel ``temperature`` (K), :math:`\Delta T` is its departure from
+    :math:`T_0` = 293.15 K, and period and phase do nothing. Where it does not (the channel is then 0 K, which no
+    thermometer shows), the room is taken to swing by 1 K about its mean, as a thermostat lets it, so
+    :math:`k_T` is then the relative change that the swing makes; it counts from clock 0, for which the rig's
+    modulus holds. Typical: a few percent for each kelvin, 10 minutes to a day. The elastic part of VHB alone was
+    seen to stiffen with the temperature (entropy asks for +0.34 % for each kelvin), the tape as a whole to
+    soften. Signature: sag and gain swing together, in a 1 : 2.4 ratio at 1.9 kV, also at 0 V, in a rhythm that
+    the drive does not have; a `permittivity_drift` goes one way and leaves the sag alone. Off at :math:`k_T = 0`.
+
+    Parameters
+    ----------
+    change_per_kelvin : float
+        :math:`k_T` in 1/K.
+    period : float
+        P in s.
+    phase : float
+        :math:`\varphi` in rad.
+
+    References
+    ----------
+    Liao et al., Int. J. Non-Linear Mech. 118 (2020) 103263, doi:10.1016/j.ijnonlinmec.2019.103263 (VHB 4905
+    softens); Alkhoury et al., Int. J. Solids Struct. (2022) 111523, doi:10.1016/j.ijsolstr.2022.111523 (VHB 4910:
+    the elastic part stiffens, the viscous part weakens).
+    """
+
+    change_per_kelvin: float = -0.02
+    period: float = 1200.0
+    phase: float = -np.pi / 2
+
+    name: ClassVar[str] = "thermal_stiffness"
+    family: ClassVar[Family] = Family.ENVIRONMENT
+    place: ClassVar[Place] = Place.FILM
+    signal: ClassVar[str] = "film"
+    strength: ClassVar[str] = "change_per_kelvin"
+    order: ClassVar[int] = 2
+    wording: ClassVar[str] = (
+        "The modulus follows the temperature by {change_per_kelvin} for each kelvin "
+        "(unless it was measured: a swing of 1 K with a period of {period} and a phase of {phase})"
+    )
+    reference: ClassVar[float] = 293.15
+    """:math:`T_0` in K."""
+    not_measured: ClassVar[float] = 0.0
+    """What the channel gives where no recording brings it, K."""
+
+    def describe(self) -> tuple[Parameter, ...]:
+        return (
+            Parameter(name="change_per_kelvin", value=self.change_per_kelvin, unit="1/K", lower=-0.2, upper=0.2),
+            Parameter(name="period", value=self.period, unit="s", lower=20.0, upper=100e3, scale=Scale.LOGARITHMIC),
+            Parameter(name="phase", value=self.phase, unit="rad", lower=-2 * np.pi, upper=2 * np.pi),
+        )
+
+    def rewrite(self, signal: AnyFilm, build: Builder) -> AnyFilm:
+        room = build.channel("temperature", self.not_measured)
+        phase = self.own("phase", build)
+        swing = ca.cos(2 * np.pi * build.time / self.own("period", build) + phase) - ca.cos(phase)
+        departure = ca.if_else(room > self.not_measured, room - self.reference, swing)
+        return signal.with_elastic(1 + self.own("change_per_kelvin", build) * departure)
+
+    def starts(self, timepts: np.ndarray, residual: np.ndarray) -> tuple[Effect, ...]:
+        """This effect with the slow cycles that explain most of the residual.
+
+        Parameters
+        ----------
+        timepts : ndarray, shape (n,)
+            Clock times, s.
+        residual : ndarray, shape (n,)
+            Measured minus simulated without this effect, m.
+
+        Returns
+        -------
+        tuple of Effect
+            At most three. A stiffer film sinks less, so with a negative `change_per_kelvin` the film's cycle has
+            the residual's phase.
+        """
+        lower, upper = next((p.lower, p.upper) for p in self.describe() if p.name == "period")
+        softer = replace(self, change_per_kelvin=-abs(self.change_per_kelvin))
+        cycles = slow_cycles(timepts, residual, (lower, upper), count=3)
+        periods = np.clip([1 / c.frequency for c in cycles], lower, upper)
+        return tuple(replace(softer, period=float(p), phase=c.phase) for p, c in zip(periods, cycles, strict=True))

@@ -1,0 +1,179 @@
+"""What holds for every effect of the catalogue, alone and beside others. Plants are run without a compiler."""
+
+import importlib
+import itertools
+import pkgutil
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from deatwin.plant import Diaphragm, Effect, Experiment, Plant, Recording, effects
+from deatwin.plant.equations import Builder
+
+SAMPLE = 0.02
+
+
+def every():
+    """An effect of each kind in the package, also those that are not registered."""
+    for info in pkgutil.iter_modules(effects.__path__):
+        for kind in vars(importlib.import_module(f"{effects.__name__}.{info.name}")).values():
+            if isinstance(kind, type) and issubclass(kind, Effect) and kind.__module__.endswith(info.name):
+                if "name" in vars(kind):
+                    yield kind()
+
+
+EFFECTS = sorted(every(), key=lambda e: e.name)
+NAMED = {e.name: e for e in EFFECTS}
+each = pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.name)
+
+
+def off(effect):
+    return replace(effect, **{effect.strength: 0.0})
+
+
+@pytest.fixture(autouse=True)
+def without_compiler(monkeypatch):
+    monkeypatch.setenv("DEATWIN_COMPILER", "")
+
+
+def commands(count=40, seed=4):
+    """Slow enough to follow, with a rest in the middle; positive."""
+    rng = np.random.default_rng(seed)
+    held = rng.uniform(1.0, 3.0, -(-count // 8)).repeat(8)[:count]
+    held[count // 2 : count // 2 + 4] = 0.0
+    return held
+
+
+def read(plant, inputs, start=5.0):
+    record = Recording.from_arrays(inputs, np.zeros(inputs.size), SAMPLE, start=start)
+    return plant.simulate(Experiment(recordings=(record,))).require().outputs[0][0]
+
+
+def test_there_are_effects_to_test():
+    assert {"creep", "mullins", "coulomb_friction", "periodic_disturbance"} <= set(NAMED)
+
+
+@each
+def test_an_effect_that_is_off_is_nothing_beside_others(effect):
+    others = [NAMED[n] for n in ("creep", "electrode_rc", "hysteresis", "mullins", "sensor_lag")
+              if n != effect.name and n in NAMED]  # fmt: skip
+    plant = Plant(rig=Diaphragm(), effects=tuple(others))
+    with_off = read(plant.with_effects(off(effect)), commands())
+    # Newton ends when an update is below 1e-5 of the scale, 1 mm; what is left is of the order of its square.
+    np.testing.assert_allclose(with_off, read(plant, commands()), rtol=0, atol=1e-12)
+
+
+NOT_EVEN = {"amplifier_offset", "amplifier_slew"}
+"""Under a whole experiment of opposite polarity: what adds a voltage, or treats rise and fall differently."""
+NOT_BLIND_TO_REVERSALS = {"amplifier_offset", "amplifier_slew", "charge_injection", "delay", "dielectric_absorption",
+                          "electrode_rc", "leakage"}  # fmt: skip
+"""Under a change of polarity between samples: what remembers a voltage with its sign, or lets it pass through 0 V."""
+
+
+@each
+def test_polarity_does_not_matter(effect):
+    plant = Plant(rig=Diaphragm(), effects=(effect,))
+    change = np.abs(read(plant, commands()) - read(plant, -commands())).max()
+    assert change > 1e-8 if effect.name in NOT_EVEN else change < 1e-12
+
+
+@each
+def test_reversals_do_not_matter_but_to_a_memory_of_the_voltage(effect):
+    signs = np.array([1, -1, -1, 1, -1]).repeat(8)
+    plant = Plant(rig=Diaphragm(), effects=(effect,))
+    change = np.abs(read(plant, commands()) - read(plant, signs * commands())).max()
+    if effect.name not in NOT_BLIND_TO_REVERSALS:
+        assert change < 1e-12
+
+
+@pytest.mark.skipif("charge_injection" not in NAMED, reason="not in this installation")
+def test_injected_charge_is_seen_after_a_reversal():
+    plant = Plant(rig=Diaphragm(), effects=(NAMED["charge_injection"],))
+    held, signs = np.full(600, 2.4), np.r_[np.ones(500), -np.ones(100)]
+    change = read(plant, signs * held) - read(plant, held)
+    assert np.abs(change[:500]).max() < 1e-12
+    assert np.abs(change[500:]).max() > 1e-7
+
+
+EXPONENTS = {"kg": 1, "A": 1, "N": 1, "Pa": 1, "J": 1, "F": 1, "S": 1, "C": 1, "W": 1, "ohm": -1, "Ohm": -1, "V": 0,
+             "m": 0, "m2": 0, "m3": 0, "s": 0, "s2": 0, "Hz": 0, "K": 0, "rad": 0, "1": 0}  # fmt: skip
+"""Powers of k when each kilogram and each ampere become k of them, so that a volt (kg m²/(s³ A)) stays a volt."""
+
+
+def exponent(parameter):
+    """How a quantity scales; the relative permittivity multiplies a constant in F/m that does not change."""
+    above, *below = parameter.unit.split("/")
+    parts = [(u, 1) for u in re.findall(r"[A-Za-z0-9]+", above)]
+    parts += [(u, -1) for u in re.findall(r"[A-Za-z0-9]+", "/".join(below))]
+    total = sum(sign * EXPONENTS[unit] for unit, sign in parts)
+    return total + (parameter.name == "permittivity")
+
+
+UNSCALED = {"leakage"}
+"""Its conductivity is a constant of VHB and not a parameter, so scaling leaves it behind."""
+
+
+@each
+def test_a_rig_of_twice_the_substance_moves_the_same(effect):
+    # Moduli, permittivity, masses, damping and friction times k, resistances over k (A7).
+    plant = Plant(rig=Diaphragm(), effects=(effect,))
+    scaled = {n: p.value * 1.7 ** exponent(p) for n, p in plant.parameters.items()}
+    changed = {n for n, p in plant.parameters.items() if scaled[n] != p.value}
+    assert {"shear_modulus", "branch_modulus", "permittivity", "mass", "damping"} <= changed
+    difference = np.abs(read(plant, commands()) - read(plant.with_values(scaled), commands())).max()
+    # The equations' unknowns are the same numbers; only rounding differs, where Newton stops, and the rounded
+    # corner of dry friction.
+    assert difference < 1e-9 or effect.name in UNSCALED
+
+
+BASE = Plant(rig=Diaphragm())
+
+
+def brought(*kinds):
+    """States and coordinates that effects bring."""
+    made = Plant(rig=Diaphragm(), effects=kinds).equations
+    return [n for n in (*made.states, *made.coordinates) if n not in (*BASE.equations.states,
+            *BASE.equations.coordinates)]  # fmt: skip
+
+
+@each
+def test_any_two_effects_make_one_plant_in_either_order(effect):
+    for other in EFFECTS[EFFECTS.index(effect) + 1 :]:
+        plant = Plant(rig=Diaphragm(), effects=(effect, other))
+        assert plant.equations is Plant(rig=Diaphragm(), effects=(other, effect)).equations
+        # Nothing of one overwrites what the other brings.
+        assert sorted(brought(effect, other)) == sorted(brought(effect) + brought(other))
+
+
+SAME_NODE = [
+    pair for pair in itertools.combinations(EFFECTS, 2)
+    if (pair[0].place, pair[0].signal) == (pair[1].place, pair[1].signal)
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("pair", SAME_NODE, ids=lambda p: f"{p[0].name}-{p[1].name}")
+def test_effects_at_one_signal_act_in_one_order(pair):
+    plant = Plant(rig=Diaphragm(), effects=pair)
+    written = []
+    for order in (pair, pair[::-1]):
+        build = Builder(plant.parameters, order)
+        written.append(build.finish(plant.rig.write(build)))
+    first, second = written
+    assert (first.states, first.coordinates) == (second.states, second.coordinates)
+    rng = np.random.default_rng(0)
+    point = [rng.uniform(0.9, 1.1, first.dynamics.numel_in(k)) for k in range(5)] + [plant.free_values, first.constants]
+    for name in ("dynamics", "output"):
+        values = [np.asarray(getattr(made, name)(*point)) for made in written]
+        np.testing.assert_array_equal(*values)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_handful_of_effects_reads_the_same_in_any_order(seed):
+    rng = np.random.default_rng(seed)
+    chosen = [EFFECTS[k] for k in rng.permutation(len(EFFECTS))[:5]]
+    plants = [Plant(rig=Diaphragm(), effects=tuple(order)) for order in (chosen, chosen[::-1])]
+    first, second = (read(plant, commands()) for plant in plants)
+    np.testing.assert_array_equal(first, second)
+    assert plants[0].effect_names == plants[1].effect_names
