@@ -69,7 +69,11 @@ def rest_state(
         residual, jacobian = (np.asarray(v) for v in functions[0](w, inputs, values, constants))
         if not (np.isfinite(residual).all() and np.isfinite(jacobian).all()):
             break
-        step = np.linalg.lstsq(jacobian, residual.ravel(), rcond=None)[0]
+        # In scaled unknowns and rows: equations of unlike units must not decide about the rank.
+        scaled = jacobian * equations.scale
+        rows = np.abs(scaled).max(axis=1)
+        rows[rows == 0.0] = 1.0
+        step = equations.scale * np.linalg.lstsq(scaled / rows[:, None], residual.ravel() / rows, rcond=None)[0]
         size = np.max(np.abs(step) / equations.scale, initial=0.0)
         # A step of a tenth of the unknowns' scale keeps Newton inside the material's range of stretches.
         w = w - step * min(1.0, 0.1 / size if size > 0 else 1.0)
@@ -77,7 +81,8 @@ def rest_state(
             found = True
             break
     n_x = len(equations.states)
-    w_p = np.asarray(functions[1](w, inputs, values, constants))
+    # Where no equilibrium was found the Jacobian may be singular, and there is nothing to differentiate.
+    w_p = np.asarray(functions[1](w, inputs, values, constants)) if found else np.zeros((w.size, values.size))
     d, d_w, d_p = (np.asarray(v) for v in functions[2](w, values, constants))
     return RestState(
         found=found, x=w[:n_x], z=w[n_x:], d=d.ravel(), x_p=w_p[:n_x], z_p=w_p[n_x:], d_p=d_w @ w_p + d_p

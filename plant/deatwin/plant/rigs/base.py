@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass, replace
 from enum import Enum
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
+from deatwin.plant.chain import MeasuringChain
 from deatwin.plant.equations import Builder
 from deatwin.plant.parameters import Parameter
 
@@ -62,6 +63,8 @@ class Rig(ABC):
         Rms error of the rig's own equations against a finer model, after a calibration, SI.
     command_range : tuple of float, or None
         Lowest and highest command that the drive may give, in the command's unit; None where it is not known.
+    chain : MeasuringChain, or None
+        Hardware of drive and sensor; None for white noise of `noise` alone.
     """
 
     sample_time: float
@@ -69,6 +72,7 @@ class Rig(ABC):
     reading: ReadingTime = ReadingTime.END_OF_HOLD
     model_error: float = 0.0
     command_range: tuple[float, float] | None = None
+    chain: MeasuringChain | None = None
 
     kind: ClassVar[str]
     input_name: ClassVar[str]
@@ -120,10 +124,13 @@ class Rig(ABC):
         -------
         Rig
         """
-        limits = data["command_range"]
-        return cls(
-            **{**data, "reading": ReadingTime(data["reading"]), "command_range": tuple(limits) if limits else None}
-        )
+        limits, chain = data["command_range"], data.get("chain")
+        read = {
+            "reading": ReadingTime(data["reading"]),
+            "command_range": tuple(limits) if limits else None,
+            "chain": MeasuringChain.from_dict(chain) if chain else None,
+        }
+        return cls(**{**data, **read})
 
     def with_effects(self, *effects: Effect) -> Plant:
         """A plant of this rig and effects.

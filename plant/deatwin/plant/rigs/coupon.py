@@ -41,7 +41,7 @@ class Coupon(Rig):
         Name in `deatwin.plant.material.MATERIALS`.
     width, thickness, length : float
         Of the unstretched strip between the clamps, m.
-    sample_time, noise, reading, model_error, command_range
+    sample_time, noise, reading, model_error, command_range, chain
         As for every `Rig`.
     """
 

@@ -1,0 +1,152 @@
+r"""What a film bears: the signals that tell where it is about to lose tension or to break down, and the events.
+
+A membrane carries no pressure: where a true in-plane stress
+
+.. math:: \sigma_i = \lambda_i\,\frac{\partial W}{\partial\lambda_i} - \varepsilon E^2
+
+falls below zero it wrinkles. The stress follows from the film's whole energy, branches and effects included.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import casadi as ca
+import numpy as np
+
+from deatwin.plant.breakdown import HUANG_2012
+from deatwin.plant.simulate import RunStatus
+
+if TYPE_CHECKING:
+    from deatwin.plant.equations import Builder
+    from deatwin.plant.film import AnyFilm, FilmPoint
+    from deatwin.plant.timeline import Timeline
+
+__all__ = ["Event", "film_events", "watch_limits"]
+
+Symbol = Any
+TENSION, BREAKDOWN = "tension", "breakdown_share"
+EVENTS = ((TENSION, RunStatus.TENSION_LOST, -1.0, 0.0), (BREAKDOWN, RunStatus.BREAKDOWN, 1.0, 1.0))
+"""Signal, what it tells, and from which value on, with the sign of the excess."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Event:
+    """Something that happened to the film in a sample.
+
+    Parameters
+    ----------
+    status : RunStatus
+        What happened.
+    time : float
+        Clock time at which the sample's command was applied, s.
+    command : float
+        In its unit.
+    film_voltage : float
+        V; NaN for a rig that does not watch it.
+    place : str
+        Where in the film, empty where the rig does not tell.
+    """
+
+    status: RunStatus
+    time: float
+    command: float
+    film_voltage: float
+    place: str
+
+    def __str__(self) -> str:
+        what = self.status.name.lower().replace("_", " ")
+        volts = f" ({self.film_voltage:.0f} V on the film)" if np.isfinite(self.film_voltage) else ""
+        where = f": {self.place}" if self.place else ""
+        return f"{what} at {self.time:.2f} s and a command of {self.command:.3f}{volts}{where}"
+
+
+def watch_limits(film: AnyFilm, squared_voltage: Symbol, build: Builder) -> None:
+    """Watch how near the film is to losing tension and to breakdown, and where.
+
+    Parameters
+    ----------
+    film : AnyFilm
+        As the effects left it; its points have virtual stretches.
+    squared_voltage : casadi.SX
+        That makes the Maxwell stress, V².
+    build : Builder
+        Has the signal ``film_voltage`` and the parameter ``thickness``. It gets ``tension``, the smallest true
+        stress in Pa, and ``breakdown_share``, the largest share of the field at which the film breaks down; for
+        both, under the name with ``_radius`` and ``_active``, where the point lies in the film as mounted in m,
+        and 1 where it has an electrode.
+    """
+    _watch_least(TENSION, _true_stresses(film, squared_voltage), [p for p in film.points for _ in (1, 2)], 1, build)
+    thickness, voltage = build.parameter("thickness"), ca.fabs(build.signal("film_voltage"))
+    active = [p for p in film.points if p.active]
+    _watch_least(BREAKDOWN, [_breakdown_share(p, voltage, thickness) for p in active], active, -1, build)
+
+
+def _true_stresses(film: AnyFilm, squared_voltage: Symbol) -> list[Symbol]:
+    """Along the meridian and the hoop of each point in turn, Pa."""
+    virtual = ca.vertcat(*(v for p in film.points for v in p.virtual or ()))
+    work = film.force(virtual, squared_voltage)
+    pairs = [(p.stretches[axis], p.volume) for p in film.points for axis in (0, 1)]
+    return [stretch * work[k] / volume for k, (stretch, volume) in enumerate(pairs)]
+
+
+def _breakdown_share(point: FilmPoint, voltage: Symbol, thickness: Symbol) -> Symbol:
+    present = thickness / (point.stretches[0] * point.stretches[1])
+    return voltage / present / HUANG_2012.at(present, *point.stretches)
+
+
+def _watch_least(name: str, values: Sequence[Symbol], points: Sequence[FilmPoint], sign: int, build: Builder) -> None:
+    """Watch the smallest value (the largest, for a negative sign) and where its point lies."""
+    least, radius, active = values[0], points[0].mounted, float(points[0].active)
+    for value, point in zip(values[1:], points[1:], strict=True):
+        nearer = sign * value < sign * least
+        least, radius = ca.if_else(nearer, value, least), ca.if_else(nearer, point.mounted, radius)
+        active = ca.if_else(nearer, float(point.active), active)
+    build.watch(name, least)
+    build.watch(f"{name}_radius", radius)
+    build.watch(f"{name}_active", active)
+
+
+def film_events(signals: Mapping[str, np.ndarray], status: RunStatus, timeline: Timeline) -> tuple[Event, ...]:
+    """What happened to the film along a simulation.
+
+    Parameters
+    ----------
+    signals : mapping of str to ndarray, each of shape (n,)
+        The watched signals at the end of each sample that was simulated, SI.
+    status : RunStatus
+        How the simulation ended.
+    timeline : Timeline
+        Its commands.
+
+    Returns
+    -------
+    tuple of Event
+        In the order of time; a simulation that stopped ends with why it did.
+    """
+    count = min((values.size for values in signals.values()), default=0)
+    found = []
+    for name, what, sign, limit in EVENTS:
+        beyond = np.flatnonzero(sign * (signals.get(name, np.empty(0)) - limit) > 0)
+        if beyond.size:
+            found.append(_event(what, signals, int(beyond[0]), int(beyond[0]), name, timeline))
+    if not status.ok:
+        # The film gives way where it is thinnest; the last sample that was solved tells.
+        found.append(_event(status, signals, min(count, timeline.commands.size - 1), count - 1, BREAKDOWN, timeline))
+    return tuple(sorted(found, key=lambda event: event.time))
+
+
+def _event(
+    what: RunStatus, signals: Mapping[str, np.ndarray], sample: int, seen: int, name: str, timeline: Timeline
+) -> Event:
+    known = seen >= 0 and f"{name}_radius" in signals
+    zone = "electrode" if known and signals[f"{name}_active"][seen] else "bare film"
+    return Event(
+        status=what,
+        time=timeline.start + sample * timeline.sample_time,
+        command=float(timeline.commands[sample]),
+        film_voltage=float(signals["film_voltage"][seen]) if seen >= 0 and "film_voltage" in signals else np.nan,
+        place=f"{zone}, {1e3 * signals[f'{name}_radius'][seen]:.1f} mm from the axis" if known else "",
+    )

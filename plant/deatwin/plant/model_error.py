@@ -1,0 +1,275 @@
+"""What a rig's own equations cannot follow: the rest between them and finer ones after a refit.
+
+A reduced plant whose parameters were calibrated has absorbed much of its own error: what counts for a diagnosis is
+what it cannot absorb on a given excitation. Both plants are simulated on it, the free parameters of the coarse one
+are fitted to the fine one by least squares, and the rest is the model error. It is kept per user, so that nobody
+pays twice for the fine simulation; parameters are rounded first, so a kept answer is the one that would be computed.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol, Self, runtime_checkable
+
+import numpy as np
+
+from deatwin.plant.compiled import cache_folder
+from deatwin.plant.documents import read_document, write_document
+from deatwin.plant.errors import ModelError, SimulationError
+from deatwin.plant.parameters import Parameter
+from deatwin.plant.recording import Experiment
+from deatwin.plant.rigs.base import Rig
+
+if TYPE_CHECKING:
+    from deatwin.plant.model import Plant
+
+__all__ = ["SCHEMA", "Discrepancy", "Refinable", "discrepancy"]
+
+SCHEMA = "deatwin/model-error/1"
+BINS = 12
+"""Intervals of the command in a band."""
+EVALUATIONS = 30
+"""Simulations that a refit may take; it settles in about ten."""
+DIGITS = 2
+"""To which the parameters are rounded: the error moves by a few percent of itself within one step."""
+
+
+@runtime_checkable
+class Refinable(Protocol):
+    """A rig that has finer equations."""
+
+    def finer(self) -> Rig:
+        """The same rig with finer equations and parameters of the same names."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Discrepancy:
+    """What a calibrated plant leaves of a finer one on an excitation.
+
+    Parameters
+    ----------
+    rms : float
+        Root mean square over all readings, SI.
+    motion : float
+        Standard deviation of the readings, SI.
+    before : float
+        Rms with the parameters as they were before the refit, SI.
+    commands : ndarray, shape (n,)
+        Middles of equal intervals of the command, in its unit.
+    mean, deviation : ndarray, shape (n,)
+        Mean and rms of fine minus coarse while the command was in each interval, SI; NaN where it never was.
+    """
+
+    rms: float
+    motion: float
+    before: float
+    commands: np.ndarray
+    mean: np.ndarray
+    deviation: np.ndarray
+
+    @property
+    def share(self) -> float:
+        """Rms as a share of the motion."""
+        return self.rms / self.motion if self.motion > 0 else 0.0
+
+    def at(self, commands: np.ndarray) -> np.ndarray:
+        """Rms of the model error while a command acts.
+
+        Parameters
+        ----------
+        commands : ndarray, shape (m,)
+            In their unit.
+
+        Returns
+        -------
+        ndarray, shape (m,)
+            SI; between the intervals' middles on a line, beyond them as in the last one.
+        """
+        seen = np.isfinite(self.deviation)
+        return np.interp(commands, self.commands[seen], self.deviation[seen])
+
+    @classmethod
+    def between(cls, fine: np.ndarray, coarse: np.ndarray, commands: np.ndarray, before: float) -> Self:
+        """The discrepancy of two sets of readings.
+
+        Parameters
+        ----------
+        fine, coarse : ndarray, shape (n,)
+            Readings, SI.
+        commands : ndarray, shape (n,)
+            That acted, in their unit.
+        before : float
+            Rms before the refit, SI.
+
+        Returns
+        -------
+        Discrepancy
+        """
+        rest = fine - coarse
+        edges = np.linspace(commands.min(), commands.max(), BINS + 1)
+        which = np.clip(np.searchsorted(edges, commands, side="right") - 1, 0, BINS - 1)
+        inside = [rest[which == k] for k in range(BINS)]
+        return cls(
+            rms=_rms(rest), motion=float(np.std(fine)), before=before, commands=(edges[:-1] + edges[1:]) / 2,
+            mean=np.array([part.mean() if part.size else np.nan for part in inside]),
+            deviation=np.array([_rms(part) if part.size else np.nan for part in inside]),
+        )  # fmt: skip
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data; an interval that was never visited has no numbers."""
+        bands = {name: [None if np.isnan(v) else float(v) for v in getattr(self, name)]
+                 for name in ("commands", "mean", "deviation")}  # fmt: skip
+        return {"schema": SCHEMA, "rms": self.rms, "motion": self.motion, "before": self.before, **bands}
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Self:
+        """The discrepancy that `to_dict` described.
+
+        Parameters
+        ----------
+        data : mapping
+            Plain data.
+
+        Returns
+        -------
+        Discrepancy
+        """
+        commands, mean, deviation = (
+            np.array([np.nan if v is None else float(v) for v in data[name]])
+            for name in ("commands", "mean", "deviation")
+        )
+        return cls(
+            rms=float(data["rms"]), motion=float(data["motion"]), before=float(data["before"]),
+            commands=commands, mean=mean, deviation=deviation,
+        )  # fmt: skip
+
+
+def discrepancy(plant: Plant, experiment: Experiment) -> Discrepancy:
+    """What a plant cannot follow of its finer twin on the commands of an experiment, kept on disk.
+
+    Parameters
+    ----------
+    plant : Plant
+        Its free parameters say where the refit starts.
+    experiment : Experiment
+        Only the commands are used.
+
+    Returns
+    -------
+    Discrepancy
+        Of a rig that has no finer equations, what the rig states, the same for all commands.
+
+    Raises
+    ------
+    SimulationError
+        If one of the plants does not reach the end, for example for pull-in.
+    """
+    commands = np.concatenate([record.inputs[0] for record in experiment.recordings])
+    if not isinstance(plant.rig, Refinable):
+        return _stated(plant.rig, commands)
+    rounded = _rounded(plant)
+    file = _file(rounded, experiment)
+    found = _read(file)
+    if found is None:
+        found = _computed(rounded, plant.rig.finer(), experiment, commands)
+        write_document(file, found.to_dict())
+    return found
+
+
+def _read(file: Path) -> Discrepancy | None:
+    try:
+        return read_document(file, SCHEMA, Discrepancy.from_dict)
+    except ModelError:  # not there, or written by another version
+        return None
+
+
+def _stated(rig: Rig, commands: np.ndarray) -> Discrepancy:
+    middles = np.linspace(commands.min(), commands.max(), BINS)
+    return Discrepancy(
+        rms=rig.model_error, motion=np.nan, before=rig.model_error, commands=middles, mean=np.zeros(BINS),
+        deviation=np.full(BINS, rig.model_error),
+    )  # fmt: skip
+
+
+def _computed(plant: Plant, finer: Rig, experiment: Experiment, commands: np.ndarray) -> Discrepancy:
+    fine = np.concatenate([y[0] for y in plant.with_rig(finer).simulate(experiment).require().outputs])
+    fit = _Refit(plant, experiment, fine)
+    before = _rms(fit.residuals(fit.start))
+    return Discrepancy.between(fine, fine - fit.rest(), commands, before)
+
+
+class _Refit:
+    """Least squares of a plant's free parameters on the readings of another."""
+
+    def __init__(self, plant: Plant, experiment: Experiment, target: np.ndarray) -> None:
+        self._plant, self._target = plant, target
+        self._timeline = plant.timeline(experiment)
+        self._rows = np.concatenate(self._timeline.readings) + 1
+        self._free: list[Parameter] = [plant.parameters[name] for name in plant.parameters.free]
+        self._last: tuple[bytes, np.ndarray, np.ndarray] | None = None
+        self.start = np.array([p.scale.to_coordinate(p.value) for p in self._free])
+
+    def rest(self) -> np.ndarray:
+        """Target minus readings after the fit, shape (n,), SI."""
+        from scipy.optimize import least_squares  # not needed to simulate
+
+        ends = np.array([[p.scale.to_coordinate(end) for end in (p.lower, p.upper)] for p in self._free])
+        lower, upper = ends.min(axis=1), ends.max(axis=1)
+        margin = 1e-9 * (upper - lower)
+        found = least_squares(
+            self.residuals, np.clip(self.start, lower + margin, upper - margin), jac=self._jacobian,
+            bounds=(lower, upper), x_scale="jac", ftol=1e-6, xtol=1e-6, gtol=1e-12, max_nfev=EVALUATIONS,
+        )  # fmt: skip
+        return self.residuals(found.x)
+
+    def residuals(self, coordinates: np.ndarray) -> np.ndarray:
+        """Target minus readings, shape (n,), SI; far too large where the plant fails, so that the fit turns back."""
+        return self._evaluate(coordinates)[0]
+
+    def _jacobian(self, coordinates: np.ndarray) -> np.ndarray:
+        return self._evaluate(coordinates)[1]
+
+    def _evaluate(self, coordinates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        key = coordinates.tobytes()
+        if self._last is None or self._last[0] != key:
+            self._last = (key, *self._simulate(coordinates))
+        return self._last[1:]
+
+    def _simulate(self, coordinates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        pairs = zip(self._free, coordinates, strict=True)
+        values = np.array([np.clip(p.scale.to_value(float(x)), p.lower, p.upper) for p, x in pairs])
+        run = self._plant.simulator.run_with_sensitivities(
+            self._timeline.commands, start=self._timeline.start, sample_time=self._timeline.sample_time,
+            rest_command=self._plant.rig.start.rest_command, values=values, channels=self._timeline.channels,
+        )  # fmt: skip
+        if not run.status.ok or run.sensitivities is None:
+            if self._last is None:
+                raise SimulationError(f"the plant itself cannot follow these commands: {run.status.value}")
+            return np.full_like(self._target, 1e3 * np.ptp(self._target)), self._last[2]
+        slopes = np.array([p.scale.slope(v) for p, v in zip(self._free, values, strict=True)])
+        return self._target - run.outputs[self._rows], -run.sensitivities[self._rows] * slopes
+
+
+def _rounded(plant: Plant) -> Plant:
+    free = [plant.parameters[name] for name in plant.parameters.free]
+    return plant.with_values({p.name: float(np.clip(float(f"{p.value:.{DIGITS}g}"), p.lower, p.upper)) for p in free})
+
+
+def _file(plant: Plant, experiment: Experiment) -> Path:
+    """The file of an answer: all that it depends on is in its name."""
+    rig = {name: value for name, value in plant.rig.to_dict().items() if name not in ("noise", "model_error")}
+    content = plant.to_dict() | {"kind": plant.rig.kind, "rig": rig, "deatwin": version("deatwin"), "schema": SCHEMA}
+    records = [(r.start, r.sample_time, np.ascontiguousarray(r.inputs).tobytes().hex()) for r in experiment.recordings]
+    name = hashlib.sha256(json.dumps([content, records], sort_keys=True, default=str).encode()).hexdigest()[:32]
+    folder = cache_folder() / "model_error"
+    folder.mkdir(mode=0o700, exist_ok=True)
+    return folder / f"{name}.json"
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values**2)))

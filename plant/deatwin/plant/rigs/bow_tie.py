@@ -1,0 +1,172 @@
+"""A film that is wide at its bars and narrow at its waist."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, ClassVar
+
+import casadi as ca
+import numpy as np
+
+from deatwin.plant.equations import Builder
+from deatwin.plant.errors import RigError
+from deatwin.plant.film import AnyFilm, FilmPoint, PointwiseFilm
+from deatwin.plant.rigs.film_actuator import FilmActuator, relaxed_stresses
+from deatwin.plant.rigs.kinematics import Kinematics, electrode_share
+from deatwin.plant.rigs.sides import LIMITS, SIDES, check_sides
+
+__all__ = ["BowTie"]
+
+Symbol = Any
+HELD = ("clamped", "free")
+
+
+@dataclass(frozen=True, kw_only=True)
+class BowTie(FilmActuator):
+    r"""Film between a fixed bar and a moved one, narrowing linearly to a waist half way; the reading is its elongation.
+
+    .. math:: H w(s)\Bigl(\frac{\partial W}{\partial\lambda}
+              - \varepsilon\frac{V^2}{H^2}\lambda\lambda_s^2\Bigr) = F \quad\text{at all } s, \qquad
+              x = L\int_0^1\lambda\,ds, \qquad w = w_0 + (w_1 - w_0)\,s
+
+    from the waist (s = 0) to a bar (s = 1), the other half being its mirror image: strips in series, each under
+    the whole dead load. A strip does not feel its neighbours' shear, which holds for films that narrow slowly.
+    Sides are ``"clamped"``: stiff fibres across the film hold the side stretch (pure shear), or ``"free"``, and
+    each strip contracts as it likes (uniaxial), which leaves little elongation.
+
+    The waist is stretched most, is thinnest and has the highest field; but what its field gains its stiffness
+    takes, so far from pull-in all strips lengthen by nearly the same share, and the shape alone brings nothing over
+    a strip of the mean width. Free sides: the waist pulls in first, before that strip would. Clamped sides: a waist
+    near its limit of stretch lags behind.
+
+    Neither the thesis' drawing (2.2.3) nor those of the first bow-tie actuators (Kornbluh, Pelrine and others)
+    were at hand: the outline and its free or fibre-held sides are assumed. A frame of hinged bars that turns
+    sideways expansion into elongation, as some of these actuators have it, is not in this rig.
+
+    Parameters
+    ----------
+    length : float
+        L, along the motion before stretching, m.
+    waist_width, bar_width : float
+        :math:`w_0, w_1` before stretching, m.
+    prestretch : float
+        Along the motion, without voltage, of a strip of the mean width: it fixes the dead load, which stays when
+        a fit moves the material.
+    side_prestretch : float, or None
+        Across that strip; None: :math:`\lambda^{-1/2}`, as a free strip has it.
+    sides : {"clamped", "free"}
+        How they are held.
+    stations : int
+        Gauss points from waist to bar.
+    material, thickness, mass, damping, gain, start_ramp, start_hold
+        As for every `FilmActuator`.
+    sample_time, noise, reading, model_error, command_range, chain
+        As for every `Rig`.
+    """
+
+    length: float = 40e-3
+    waist_width: float = 20e-3
+    bar_width: float = 60e-3
+    prestretch: float = 1.5
+    side_prestretch: float | None = 3.0
+    sides: str = "clamped"
+    stations: int = 4
+    damping: float = 3.0
+
+    kind: ClassVar[str] = "bow_tie"
+
+    def __post_init__(self) -> None:
+        check_sides(self.sides, HELD)
+        if self.stations < 1 or not (self.waist_width > 0 and self.bar_width > 0):
+            raise RigError(
+                f"bow-tie of {self.stations} stations, {self.waist_width:g} m at the waist and {self.bar_width:g} m at "
+                "the bars: need at least one station and widths above 0"
+            )
+
+    @property
+    def across(self) -> float:
+        """Prestretch across a strip of the mean width."""
+        return self.prestretch**-0.5 if self.side_prestretch is None else self.side_prestretch
+
+    @property
+    def _outside(self) -> tuple[tuple[str, float, str], ...]:
+        along, _ = relaxed_stresses(self.substance, self.prestretch, self.across)
+        return (("load", along * self.thickness * (self.waist_width + self.bar_width) / 2, "N"),)
+
+    @property
+    def _size(self) -> float:
+        return self.length
+
+    @property
+    def _rest_position(self) -> float:
+        return self.length * float(self._stations[1] @ self._hanging)
+
+    @property
+    def _rest_stretch(self) -> float:
+        return float(max(self.prestretch, (self.prestretch * self.across) ** 0.5))
+
+    @property
+    def _watch_limits(self) -> Callable[[AnyFilm, Symbol, Builder], None]:
+        return LIMITS[self.sides]
+
+    def _kinematics(self, position: Symbol, build: Builder) -> Kinematics:
+        places, shares, widths = self._stations
+        length, share = build.constant("length", self.length), build.constant("share", shares)
+        width = build.constant("widths", widths)
+        along = self._along(position / length, share, build)
+        points, coordinates = [], along[:-1]
+        covered = electrode_share(build)
+        for number, (stretch, hanging) in enumerate(zip(along, self._hanging, strict=True)):
+            rest = self._across(hanging)
+            across, more = SIDES[self.sides](f"side_stretch_{number}", stretch, rest, build)
+            volume = length * share[number] * width[number] * build.parameter("thickness")
+            place = float(places[number])
+            mounted = place * self.prestretch * self.length / 2
+            points.append(FilmPoint(
+                volume=volume, stretches=(stretch, across), radius=place, coverage=covered, mounted=mounted,
+            ))  # fmt: skip
+            coordinates += more
+        return Kinematics(points=points, coordinates=coordinates, film=PointwiseFilm)
+
+    def _along(self, mean: Symbol, share: Symbol, build: Builder) -> list[Symbol]:
+        """Stretches along the motion: a coordinate for each station, but the last makes up the mean."""
+        inner = [build.coordinate(f"stretch_{number}", scale=1.0) for number in range(self.stations - 1)]
+        for stretch, hanging in zip(inner, self._hanging, strict=False):
+            build.guess(stretch, hanging)
+        rest = mean - sum((share[k] * stretch for k, stretch in enumerate(inner)), ca.SX(0))
+        return [*inner, rest / share[self.stations - 1]]
+
+    @property
+    def _stations(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Place from the waist (0) to a bar (1), share of the length, and width of each station."""
+        abscissae, weights = np.polynomial.legendre.leggauss(self.stations)
+        places = (1 + abscissae) / 2
+        return places, weights / 2, self.waist_width + (self.bar_width - self.waist_width) * places
+
+    def _across(self, along: float) -> float:
+        """Stretch across a strip that has one along and is not under voltage."""
+        return {"free": along**-0.5, "clamped": self.across}[self.sides]
+
+    @cached_property
+    def _hanging(self) -> np.ndarray:
+        """Stretches of the stations under the dead load, of the film with its published values."""
+        mean = (self.waist_width + self.bar_width) / 2
+        held = relaxed_stresses(self.substance, self.prestretch, self.across)[0] * mean / self._stations[2]
+        low, high = np.full(held.size, 0.1), np.full(held.size, 20.0)
+        for _ in range(50):
+            middle = (low + high) / 2
+            more = np.array([self._pull(stretch) for stretch in middle]) < held
+            low, high = np.where(more, middle, low), np.where(more, high, middle)
+        return (low + high) / 2
+
+    def _pull(self, along: float) -> float:
+        """Nominal stress along a strip; without limit where the film cannot be stretched so far."""
+        try:
+            return relaxed_stresses(self.substance, along, self._across(along))[0]
+        except RigError:
+            return np.inf
+
+    def _potential(self, position: Symbol, shape: Kinematics, build: Builder) -> Symbol:
+        return -build.parameter("load") * position

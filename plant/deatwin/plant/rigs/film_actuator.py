@@ -1,0 +1,218 @@
+"""What planar, stacked, bow-tie and rolled actuators share: a flat film, one moved part, dead loads, a drive."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import casadi as ca
+import numpy as np
+
+from deatwin.plant.breakdown import HUANG_2012
+from deatwin.plant.effects.base import Place
+from deatwin.plant.equations import Builder
+from deatwin.plant.errors import RigError
+from deatwin.plant.film import AnyFilm
+from deatwin.plant.material import Material, material
+from deatwin.plant.parameters import Parameter, Scale
+from deatwin.plant.rigs.base import Rig, StartProcedure
+from deatwin.plant.rigs.drive import squared_voltage
+from deatwin.plant.rigs.kinematics import Kinematics
+from deatwin.plant.rigs.material_film import material_film
+from deatwin.plant.stress import nominal_stress
+
+__all__ = ["FilmActuator", "relaxed_stresses", "watch_breakdown", "watch_field"]
+
+Symbol = Any
+
+
+@dataclass(frozen=True, kw_only=True)
+class FilmActuator(Rig):
+    r"""A flat film that moves one part against dead loads and springs; command in, motion out.
+
+    .. math:: m\,\dot v = -\frac{\partial}{\partial x}(E + U) + \frac{V^2}{2}\frac{\partial C}{\partial x} - c\,v,
+              \qquad \dot x = v
+
+    with the position x of the moved part, which grows with the reading, the energy E of the film and the
+    potential U of loads and springs. Further coordinates of the film have no inertia; its own mass is left out.
+    Damping makes the part creep rather than ring; at rest it is gone, so statics are those of the film. With a
+    mass of zero the part follows the force at once.
+
+    Parameters
+    ----------
+    material : str
+        Name in `deatwin.plant.material.MATERIALS`.
+    thickness : float
+        Of a film before stretching, m.
+    mass : float
+        Inertia of the moved part, kg; what pulls it is a load of its own.
+    damping : float
+        Of its guide, where a fit begins, N s/m.
+    gain : float
+        Film volts per command volt.
+    start_ramp, start_hold : float
+        Start procedure from 0 V, s.
+    sample_time, noise, reading, model_error, command_range, chain
+        As for every `Rig`.
+    """
+
+    material: str = "VHB 4905"
+    thickness: float = 0.5e-3
+    mass: float = 5e-3
+    damping: float = 1.0
+    gain: float = 800.0
+    start_ramp: float = 0.0
+    start_hold: float = 0.0
+    sample_time: float = 0.02
+    noise: float = 2e-6
+
+    input_name: ClassVar[str] = "command"
+    input_unit: ClassVar[str] = "V"
+    output_name: ClassVar[str] = "displacement"
+    output_unit: ClassVar[str] = "m"
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        known: dict[str, Any] = {"source": "the rig", "known": True}
+        return (
+            *self.substance.parameters,
+            Parameter(name="damping", value=self.damping, unit="N s/m", lower=1e-6, upper=1e4,
+                      scale=Scale.LOGARITHMIC, source="chosen so that the part does not ring"),
+            Parameter(name="zero", value=0.0, unit="m", lower=-1e-2, upper=1e-2, source="sensor offset"),
+            Parameter(name="mass", value=self.mass, unit="kg", lower=0.0, upper=10.0, **known),
+            Parameter(name="gain", value=self.gain, unit="V/V", lower=1e-3, upper=1e5, **known),
+            Parameter(name="thickness", value=self.thickness, unit="m", lower=1e-6, upper=0.1, **known),
+            *(Parameter(name=name, value=value, unit=unit, lower=-1e6, upper=1e6, **known)
+              for name, value, unit in self._outside),
+        )  # fmt: skip
+
+    @property
+    def start(self) -> StartProcedure:
+        return StartProcedure(rest_command=0.0, ramp=self.start_ramp, hold=self.start_hold)
+
+    @property
+    def substance(self) -> Material:
+        """The material with its published values."""
+        return material(self.material)
+
+    def write(self, build: Builder) -> Symbol:
+        build.share("sample_time", self.sample_time)
+        size = self._size
+        position = build.state("position", scale=size)
+        velocity = build.watch("velocity", build.state("velocity", scale=size))
+        displacement = build.watch("displacement", position - build.at_rest("rest_position", position))
+        build.guess(position, self._rest_position)
+        shape = self._kinematics(position, build)
+        film = build.place(Place.FILM, "film", material_film(shape, self.substance, self._rest_stretch, build))
+        squared = squared_voltage(build.share("film", film), build)
+        watch_field(film, build)
+        self._watch_limits(film, squared, build)
+
+        friction = build.place(Place.BALL, "force", -build.parameter("damping") * velocity)
+        unknowns = ca.vertcat(position, *shape.coordinates)
+        forces = film.force(unknowns, squared) + ca.gradient(self._potential(position, shape, build), unknowns)
+        build.rate(position, velocity)
+        build.rate(velocity, friction - forces[0], mass=build.parameter("mass"))
+        for number in range(len(shape.coordinates)):
+            build.balance(forces[1 + number])
+        return build.place(Place.SENSOR, "reading", displacement + build.parameter("zero"))
+
+    @property
+    @abstractmethod
+    def _outside(self) -> tuple[tuple[str, float, str], ...]:
+        """Name, value and unit of the known parameters of loads and springs."""
+
+    @property
+    @abstractmethod
+    def _size(self) -> float:
+        """Of the film along the motion, m: what a stretch of one moves."""
+
+    @property
+    @abstractmethod
+    def _rest_position(self) -> float:
+        """Where to look for the position at rest, m."""
+
+    @property
+    @abstractmethod
+    def _rest_stretch(self) -> float:
+        """Where to look for the film's stretches at rest."""
+
+    @property
+    @abstractmethod
+    def _watch_limits(self) -> Callable[[AnyFilm, Symbol, Builder], None]:
+        """Watches what the film bears: with its tension, where something holds it in its plane."""
+
+    @abstractmethod
+    def _kinematics(self, position: Symbol, build: Builder) -> Kinematics:
+        """The film at a position of the moved part."""
+
+    @abstractmethod
+    def _potential(self, position: Symbol, shape: Kinematics, build: Builder) -> Symbol:
+        """Of loads and springs, J."""
+
+
+def relaxed_stresses(substance: Material, stretch_1: float, stretch_2: float) -> tuple[float, float]:
+    """Nominal stresses of a relaxed film with its published values.
+
+    Parameters
+    ----------
+    substance : Material
+        With its values.
+    stretch_1, stretch_2 : float
+        Principal in-plane stretches.
+
+    Returns
+    -------
+    tuple of float
+        Along 1 and 2, force per reference area, Pa.
+
+    Raises
+    ------
+    RigError
+        If the film cannot be stretched so far.
+    """
+    values = [p.value for p in substance.elastic]
+    first, second = (float(s) for s in nominal_stress(substance.energy, stretch_1, stretch_2, *values))
+    if not (np.isfinite(first) and np.isfinite(second)):
+        raise RigError(
+            f"{substance.name} has no stress at stretches of {stretch_1:g} and {stretch_2:g}: both must be above 0 "
+            "and below its limit"
+        )
+    return first, second
+
+
+def watch_breakdown(film: AnyFilm, squared_voltage: Symbol, build: Builder) -> None:
+    """Watch how near the film is to breakdown, for films that nothing holds in their plane: those do not wrinkle.
+
+    Parameters
+    ----------
+    film : AnyFilm
+        With stretches.
+    squared_voltage : casadi.SX
+        Not needed; as for `deatwin.plant.limits.watch_limits`, which also watches the tension.
+    build : Builder
+        Has the signal ``film_voltage`` and gets ``breakdown_share``, the largest share of the field at which the
+        film breaks down.
+    """
+    thickness, voltage = build.parameter("thickness"), ca.fabs(build.signal("film_voltage"))
+    present = [thickness / (p.stretches[0] * p.stretches[1]) for p in film.points]
+    limits = [HUANG_2012.at(h, *p.stretches) for h, p in zip(present, film.points, strict=True)]
+    shares = [voltage / h / limit for h, limit in zip(present, limits, strict=True)]
+    build.watch("breakdown_share", ca.mmax(ca.vertcat(*shares)))
+
+
+def watch_field(film: AnyFilm, build: Builder) -> None:
+    """Watch the largest true field.
+
+    Parameters
+    ----------
+    film : AnyFilm
+        With stretches.
+    build : Builder
+        Has the signal ``film_voltage`` and gets ``field`` in V/m.
+    """
+    thickness, voltage = build.parameter("thickness"), ca.fabs(build.signal("film_voltage"))
+    thinnings = ca.vertcat(*(p.stretches[0] * p.stretches[1] for p in film.points))
+    build.watch("field", voltage * ca.mmax(thinnings) / thickness)

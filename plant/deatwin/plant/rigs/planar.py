@@ -1,0 +1,199 @@
+"""A rectangular film with electrodes all over: free, under dead load, with clamped sides, or blocked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, ClassVar
+
+from deatwin.plant.effects.base import Place
+from deatwin.plant.equations import Builder
+from deatwin.plant.errors import RigError
+from deatwin.plant.film import AnyFilm, FilmPoint, PointwiseFilm
+from deatwin.plant.limits import watch_limits
+from deatwin.plant.material import Material, material
+from deatwin.plant.parameters import Parameter
+from deatwin.plant.rigs.base import Rig, StartProcedure
+from deatwin.plant.rigs.drive import squared_voltage
+from deatwin.plant.rigs.film_actuator import FilmActuator, relaxed_stresses, watch_field
+from deatwin.plant.rigs.kinematics import Kinematics, electrode_share
+from deatwin.plant.rigs.material_film import material_film
+from deatwin.plant.rigs.sides import LIMITS, SIDES, check_sides
+
+__all__ = ["BlockedPlanar", "Planar"]
+
+Symbol = Any
+MIDDLE = 0.5**0.5
+"""Radius of a uniform film's only point, as a share of the electrode's: half of the area lies within."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Planar(FilmActuator):
+    r"""Film between a fixed bar and a moved one; the reading is how far the voltage lengthens it.
+
+    .. math:: H L_2\Bigl(\frac{\partial W}{\partial\lambda_1}
+              - \varepsilon\frac{V^2}{H^2}\lambda_1\lambda_2^2\Bigr) = F_1
+
+    along the motion, and the same with 1 and 2 exchanged across it where the sides are free. The dead loads
+    :math:`F_1, F_2` are those that hold the film of published values at its prestretch without voltage; they
+    stay when a fit moves the material. Sides may be
+
+    - ``"equal"``: both directions carry the same nominal stress and move as one. Without prestretch this is the
+      free equal-biaxial film of the closed forms;
+    - ``"free"``: each direction has its own dead load; a `side_prestretch` of :math:`\lambda^{-1/2}` needs none;
+    - ``"clamped"``: rails hold the side stretch (pure shear).
+
+    The thesis (2.2.3) is taken to mean by *planar* that the film's expansion in its plane is used directly.
+
+    Parameters
+    ----------
+    length, width : float
+        Before stretching, along and across the motion, m.
+    prestretch : float
+        Along the motion, without voltage.
+    side_prestretch : float, or None
+        Across it; None: as along.
+    sides : {"equal", "free", "clamped"}
+        How they are held.
+    material, thickness, mass, damping, gain, start_ramp, start_hold
+        As for every `FilmActuator`; where both directions move, `mass` and `damping` act on the motion along 1.
+    sample_time, noise, reading, model_error, command_range, chain
+        As for every `Rig`.
+
+    References
+    ----------
+    Zhao & Suo, Appl. Phys. Lett. 91 (2007) 061921, doi:10.1063/1.2768641.
+    """
+
+    length: float = 50e-3
+    width: float = 50e-3
+    prestretch: float = 3.0
+    side_prestretch: float | None = None
+    sides: str = "equal"
+
+    kind: ClassVar[str] = "planar"
+
+    def __post_init__(self) -> None:
+        check_sides(self.sides, SIDES)
+        if self.sides == "equal" and self.across != self.prestretch:
+            raise RigError(
+                f"equal sides have one prestretch, here are {self.prestretch:g} and {self.across:g}: leave out "
+                'side_prestretch, or take sides="free"'
+            )
+
+    @property
+    def across(self) -> float:
+        """Prestretch across the motion."""
+        return self.prestretch if self.side_prestretch is None else self.side_prestretch
+
+    @property
+    def _outside(self) -> tuple[tuple[str, float, str], ...]:
+        along, across = relaxed_stresses(self.substance, self.prestretch, self.across)
+        return (
+            ("load", along * self.width * self.thickness, "N"),
+            ("side_load", across * self.length * self.thickness, "N"),
+        )
+
+    @property
+    def _size(self) -> float:
+        return self.length
+
+    @property
+    def _rest_position(self) -> float:
+        return self.prestretch * self.length
+
+    @property
+    def _rest_stretch(self) -> float:
+        return float(max(self.prestretch, (self.prestretch * self.across) ** 0.5))
+
+    @property
+    def _watch_limits(self) -> Callable[[AnyFilm, Symbol, Builder], None]:
+        return LIMITS[self.sides]
+
+    def _kinematics(self, position: Symbol, build: Builder) -> Kinematics:
+        length, width = build.constant("length", self.length), build.constant("width", self.width)
+        along = position / length
+        across, coordinates = SIDES[self.sides]("side_stretch", along, self.across, build)
+        volume = length * width * build.parameter("thickness")
+        point = FilmPoint(volume=volume, stretches=(along, across), radius=MIDDLE, coverage=electrode_share(build))
+        return Kinematics(points=[point], coordinates=coordinates, film=PointwiseFilm)
+
+    def _potential(self, position: Symbol, shape: Kinematics, build: Builder) -> Symbol:
+        across = build.constant("reference_width", self.width) * shape.points[0].stretches[1]
+        return -build.parameter("load") * position - build.parameter("side_load") * across
+
+
+@dataclass(frozen=True, kw_only=True)
+class BlockedPlanar(Rig):
+    r"""The film of a `Planar` between fixed bars; the reading is the film's pull at them.
+
+    .. math:: F = H L_2\Bigl(\frac{\partial W}{\partial\lambda_1}
+              - \varepsilon\frac{V^2}{H^2}\lambda_1\lambda_2^2\Bigr)
+
+    Nothing moves, so voltage takes off the same force whatever the elasticity: what drive and dielectric do alone.
+
+    Parameters
+    ----------
+    material : str
+        Name in `deatwin.plant.material.MATERIALS`.
+    thickness, length, width : float
+        Before stretching, m.
+    prestretch, side_prestretch : float
+        Between the bars, and across; both held.
+    gain : float
+        Film volts per command volt.
+    sample_time, noise, reading, model_error, command_range, chain
+        As for every `Rig`; the noise is a load cell's, N.
+    """
+
+    material: str = "VHB 4905"
+    thickness: float = 0.5e-3
+    length: float = 50e-3
+    width: float = 50e-3
+    prestretch: float = 3.0
+    side_prestretch: float = 3.0
+    gain: float = 800.0
+    sample_time: float = 0.02
+    noise: float = 1e-3
+
+    kind: ClassVar[str] = "blocked_planar"
+    input_name: ClassVar[str] = "command"
+    input_unit: ClassVar[str] = "V"
+    output_name: ClassVar[str] = "force"
+    output_unit: ClassVar[str] = "N"
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        known: dict[str, Any] = {"source": "the rig", "known": True}
+        return (
+            *self._material.parameters,
+            Parameter(name="zero", value=0.0, unit="N", lower=-10.0, upper=10.0, source="load cell's offset"),
+            Parameter(name="gain", value=self.gain, unit="V/V", lower=1e-3, upper=1e5, **known),
+            Parameter(name="thickness", value=self.thickness, unit="m", lower=1e-6, upper=0.1, **known),
+        )
+
+    @property
+    def start(self) -> StartProcedure:
+        return StartProcedure(rest_command=0.0, ramp=0.0, hold=0.0)
+
+    def write(self, build: Builder) -> Symbol:
+        build.share("sample_time", self.sample_time)
+        along = build.constant("prestretch", self.prestretch)
+        across = build.constant("side_prestretch", self.side_prestretch)
+        length, width = build.constant("length", self.length), build.constant("width", self.width)
+        point = FilmPoint(
+            volume=length * width * build.parameter("thickness"), stretches=(along, across), radius=MIDDLE,
+            coverage=electrode_share(build),
+        )
+        shape = Kinematics(points=[point], coordinates=[], film=PointwiseFilm)
+        film = build.place(Place.FILM, "film", material_film(shape, self._material, self.prestretch, build))
+        squared = squared_voltage(build.share("film", film), build)
+        watch_field(film, build)
+        watch_limits(film, squared, build)
+        pull = build.watch("force", film.force(along, squared) / length)
+        return build.place(Place.SENSOR, "reading", pull + build.parameter("zero"))
+
+    @cached_property
+    def _material(self) -> Material:
+        return material(self.material)

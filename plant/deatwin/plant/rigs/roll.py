@@ -1,0 +1,104 @@
+"""A film wound around a compressed spring: voltage lets the spring lengthen it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from deatwin.plant.equations import Builder
+from deatwin.plant.film import AnyFilm, FilmPoint, PointwiseFilm
+from deatwin.plant.limits import watch_limits
+from deatwin.plant.rigs.film_actuator import FilmActuator, relaxed_stresses
+from deatwin.plant.rigs.kinematics import Kinematics, electrode_share
+
+__all__ = ["Roll"]
+
+Symbol = Any
+MIDDLE = 0.5**0.5
+"""Radius of a uniform film's only point, as a share of the electrode's: half of the area lies within."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Roll(FilmActuator):
+    r"""Spring roll: film under axial and hoop prestretch on a spring core; the reading is its elongation.
+
+    .. math:: B H\Bigl(\frac{\partial W}{\partial\lambda} - \varepsilon\frac{V^2}{H^2}\lambda\lambda_h^2\Bigr)
+              = k\,(\ell_0 - \lambda L) + F
+
+    The layers hold each other around the core: the hoop stretch :math:`\lambda_h` stays, the film is in pure
+    shear and all layers have the same axial stretch. The wound film is thin beside the core, so its layers also
+    share one hoop stretch. The spring's free length :math:`\ell_0` is the one that holds the film of published
+    values at its prestretch without voltage; it stays when a fit moves the material. The thesis (2.2.3) is taken
+    to mean a roll that works by elongation.
+
+    Parameters
+    ----------
+    length : float
+        L, along the axis, of the unstretched film, m.
+    width : float
+        B, along the winding, of the unstretched film between electrodes, m; both films of a pair together.
+    prestretch, hoop_prestretch : float
+        Along the axis and around it, without voltage.
+    spring_rate : float
+        k in N/m.
+    load : float
+        F that pulls the roll longer, N.
+    material, thickness, mass, damping, gain, start_ramp, start_hold
+        As for every `FilmActuator`.
+    sample_time, noise, reading, model_error, command_range, chain
+        As for every `Rig`.
+
+    References
+    ----------
+    Lu, Foo, Huang, Zhu & Suo, J. Appl. Phys. 115 (2014) 184105: a film rolled to a tube under hoop prestretch
+    between rigid rings, of which this is the case of ends far apart.
+    """
+
+    length: float = 15e-3
+    width: float = 0.5
+    prestretch: float = 3.0
+    hoop_prestretch: float = 4.5
+    spring_rate: float = 250.0
+    load: float = 0.0
+    mass: float = 20e-3
+    damping: float = 15.0
+
+    kind: ClassVar[str] = "roll"
+
+    @property
+    def _outside(self) -> tuple[tuple[str, float, str], ...]:
+        axial, _ = relaxed_stresses(self.substance, self.prestretch, self.hoop_prestretch)
+        tension = axial * self.width * self.thickness
+        return (
+            ("load", self.load, "N"),
+            ("spring_rate", self.spring_rate, "N/m"),
+            ("spring_length", self._rest_position + (tension - self.load) / self.spring_rate, "m"),
+        )
+
+    @property
+    def _size(self) -> float:
+        return self.length
+
+    @property
+    def _rest_position(self) -> float:
+        return self.prestretch * self.length
+
+    @property
+    def _rest_stretch(self) -> float:
+        return (self.prestretch * self.hoop_prestretch) ** 0.5
+
+    @property
+    def _watch_limits(self) -> Callable[[AnyFilm, Symbol, Builder], None]:
+        return watch_limits
+
+    def _kinematics(self, position: Symbol, build: Builder) -> Kinematics:
+        length = build.constant("length", self.length)
+        volume = length * build.constant("width", self.width) * build.parameter("thickness")
+        stretches = (position / length, build.constant("hoop_prestretch", self.hoop_prestretch))
+        point = FilmPoint(volume=volume, stretches=stretches, radius=MIDDLE, coverage=electrode_share(build))
+        return Kinematics(points=[point], coordinates=[], film=PointwiseFilm)
+
+    def _potential(self, position: Symbol, shape: Kinematics, build: Builder) -> Symbol:
+        compressed = build.parameter("spring_length") - position
+        return build.parameter("spring_rate") / 2 * compressed**2 - build.parameter("load") * position

@@ -1,0 +1,60 @@
+"""How the sides of a film that is moved along one direction are held across it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+from types import MappingProxyType
+from typing import Any
+
+from deatwin.plant.equations import Builder
+from deatwin.plant.errors import RigError, nearest
+from deatwin.plant.film import AnyFilm
+from deatwin.plant.limits import watch_limits
+from deatwin.plant.rigs.film_actuator import watch_breakdown
+
+__all__ = ["LIMITS", "SIDES", "Sides", "check_sides"]
+
+Symbol = Any
+Sides = Callable[[str, Symbol, float, Builder], tuple[Symbol, list[Symbol]]]
+
+
+def _equal(name: str, along: Symbol, across: float, build: Builder) -> tuple[Symbol, list[Symbol]]:
+    return along, []
+
+
+def _free(name: str, along: Symbol, across: float, build: Builder) -> tuple[Symbol, list[Symbol]]:
+    side = build.coordinate(name, scale=1.0)
+    build.guess(side, across)
+    return side, [side]
+
+
+def _clamped(name: str, along: Symbol, across: float, build: Builder) -> tuple[Symbol, list[Symbol]]:
+    return build.constant(name, across), []
+
+
+SIDES: Mapping[str, Sides] = MappingProxyType({"equal": _equal, "free": _free, "clamped": _clamped})
+"""``SIDES[how](name, along, across, build)``: the stretch across a film that has the stretch `along` (a symbol)
+along the motion and `across` at rest, and the coordinates that it takes."""
+LIMITS: Mapping[str, Callable[[AnyFilm, Symbol, Builder], None]] = MappingProxyType(
+    {"equal": watch_breakdown, "free": watch_breakdown, "clamped": watch_limits}
+)
+"""What is watched of the film: sides that are free have no tension to lose."""
+
+
+def check_sides(sides: str, known: Collection[str]) -> None:
+    """Refuse sides that a rig does not have.
+
+    Parameters
+    ----------
+    sides : str
+        As given.
+    known : collection of str
+        Those that the rig has.
+
+    Raises
+    ------
+    RigError
+        If `sides` is none of them.
+    """
+    if sides not in known:
+        raise RigError(f"unknown sides {sides!r}{nearest(sides, known)} (known: {', '.join(known)})")

@@ -1,0 +1,112 @@
+"""The recordings of an experiment as a plant makes them, and what happened to its film on the way."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from deatwin.plant.errors import SimulationError
+from deatwin.plant.limits import Event, film_events
+from deatwin.plant.simulate import Run, RunStatus
+from deatwin.plant.timeline import Timeline
+
+__all__ = ["Simulation"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Simulation:
+    """The recordings of an experiment as a plant makes them.
+
+    Parameters
+    ----------
+    status : RunStatus
+        How it ended; of a simulation that reached its end the first event, if there was one. Its text is the advice.
+    outputs : tuple of ndarray, each of shape (1, n)
+        Noise-free readings of each recording, SI; NaN after a failure.
+    watched : tuple of mapping of str to ndarray, each of shape (n,)
+        The plant's named signals along each recording, SI.
+    failed_at : float or None
+        Clock time of a failure, s.
+    failed_command : float or None
+        Command at that time, in its unit.
+    command_unit : str
+        That unit.
+    events : tuple of Event
+        What happened to the film, in the order of time, from the start procedure on: where it lost tension, broke
+        down or pulled in.
+    """
+
+    status: RunStatus
+    outputs: tuple[np.ndarray, ...]
+    watched: tuple[Mapping[str, np.ndarray], ...]
+    failed_at: float | None = None
+    failed_command: float | None = None
+    command_unit: str = "V"
+    events: tuple[Event, ...] = ()
+
+    @classmethod
+    def of(cls, run: Run, timeline: Timeline, names: Sequence[str], unit: str) -> Self:
+        """The simulation that a run over a timeline is.
+
+        Parameters
+        ----------
+        run : Run
+            With or without watched signals.
+        timeline : Timeline
+            What was simulated.
+        names : sequence of str
+            Of the watched signals.
+        unit : str
+            Of the command.
+
+        Returns
+        -------
+        Simulation
+        """
+        full = np.full(timeline.commands.size + 1, np.nan)
+        full[: run.outputs.size] = run.outputs
+        signals = np.full((len(names), timeline.commands.size + 1), np.nan)
+        seen = np.empty((len(names), 0)) if run.watched is None else run.watched
+        signals[:, 1 : 1 + seen.shape[1]] = seen
+        signals[:, 0] = signals[:, 1]
+        events = film_events(dict(zip(names, seen, strict=True)), run.status, timeline)
+        failed = run.failed_at
+        return cls(
+            status=events[0].status if run.status.ok and events else run.status,
+            outputs=tuple(full[None, r + 1] for r in timeline.readings),
+            watched=tuple({n: signals[k, r + 1] for k, n in enumerate(names)} for r in timeline.readings),
+            failed_at=None if failed is None else timeline.start + failed * timeline.sample_time,
+            failed_command=None if failed is None else float(timeline.commands[failed]),
+            command_unit=unit,
+            events=events,
+        )
+
+    @property
+    def sound_until(self) -> float:
+        """Clock time from which on readings are not to be believed, s; infinite where all are sound."""
+        return min((event.time for event in self.events), default=np.inf)
+
+    def require(self) -> Self:
+        """This simulation, if it reached its end.
+
+        Returns
+        -------
+        Simulation
+            Also one in which the film lost tension or broke down on the way: its status and events say so.
+
+        Raises
+        ------
+        SimulationError
+            With time, command and place, if it did not.
+        """
+        if self.status.ok:
+            return self
+        where = ""
+        if self.failed_at is not None:
+            where = f" at {self.failed_at:.2f} s and a command of {self.failed_command:.3f} {self.command_unit}"
+        places = [event.place for event in self.events if event.status is self.status and event.place]
+        where += "".join(f", {place}" for place in places)
+        raise SimulationError(f"the simulation stopped{where}: {self.status.value}")
