@@ -71,6 +71,19 @@ class Part:
         masks = tuple(np.ones(r.n_samples, dtype=bool) for r in experiment.recordings)
         return cls(experiment=experiment, masks=masks)
 
+    def until_last(self) -> Part:
+        """The same samples, of an experiment that ends with the last of them."""
+        last = max(k for k, mask in enumerate(self.masks) if mask.any())
+        end = int(np.flatnonzero(self.masks[last])[-1]) + 1
+        records = self.experiment.recordings
+        kept = (*records[:last], records[last].section(0, end))
+        return Part(experiment=Experiment(recordings=kept), masks=(*self.masks[:last], self.masks[last][:end]))
+
+    @property
+    def timepts(self) -> np.ndarray:
+        """Clock times of the samples that count, one after another, shape (n,), s."""
+        return np.concatenate([r.timepts[m] for r, m in zip(self.experiment.recordings, self.masks, strict=True)])
+
     @property
     def measured(self) -> np.ndarray:
         """Readings that count, one after another, shape (n,), SI."""

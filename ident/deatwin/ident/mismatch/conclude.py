@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,9 +17,8 @@ from deatwin.ident.mismatch.gate import Gate
 from deatwin.ident.mismatch.locate import locate_frequency, locate_region, locate_time
 from deatwin.ident.mismatch.name import Candidate, Naming
 from deatwin.ident.mismatch.say import sentence
-from deatwin.ident.mismatch.screen import detectable_size
+from deatwin.ident.mismatch.screen import Footprint, detectable_size
 from deatwin.ident.mismatch.verify import Verification, shares_explained
-from deatwin.ident.parallel import run_jobs
 from deatwin.plant.calibrated import CalibratedPlant
 
 __all__ = ["Findings", "conclude"]
@@ -40,6 +39,8 @@ class Findings:
         State of the recordings.
     base : Base
         The calibrated base plant.
+    known : sequence of Footprint
+        What each effect does to the readings of the base plant.
     naming : Naming
         The explanations that were tried.
     verification : Verification
@@ -55,6 +56,7 @@ class Findings:
     bench: Bench
     checked: Gate
     base: Base
+    known: Sequence[Footprint]
     naming: Naming
     verification: Verification
     verdict: Verdict
@@ -172,8 +174,8 @@ def _smallest(findings: Findings) -> dict[str, float | None]:
     """Rms that each effect would need to add to the readings to be detected, in the report's unit."""
     bench, size = findings.bench, findings.unit[1]
     base = findings.base.chosen.calibration
-    sizes = run_jobs(detectable_size, [(base, e, bench.fitted) for e in bench.effects], workers=bench.jobs)
-    return {e.name: None if s is None else s / size for e, s in zip(bench.effects, sizes, strict=True)}
+    sizes = {effect.name: detectable_size(findings.known, base, effect.name) for effect in bench.effects}
+    return {name: None if found is None else found / size for name, found in sizes.items()}
 
 
 def _locate(findings: Findings) -> dict[str, list[dict[str, Any]]]:

@@ -17,6 +17,7 @@ from deatwin.ident.mismatch.evidence import readings, tracks
 from deatwin.ident.mismatch.gate import Gate, Soundness, confirm, gate, split
 from deatwin.ident.mismatch.locate import locate_time
 from deatwin.ident.mismatch.name import Candidate, Naming, free_run_residuals, try_pairs, try_singles
+from deatwin.ident.mismatch.screen import Footprint, footprints
 from deatwin.ident.mismatch.verify import Verification, verify
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.effects.catalogue import catalogue
@@ -83,9 +84,12 @@ def diagnose(
 
     checked = confirm(checked, readings(base.chosen.calibration.plant, several))
     naming = Naming(candidates=(base.chosen,), best=None, rivals=(), probabilities={}, noise=base.noise)
+    tell(0.25, "screening the effects")
+    fit = base.chosen.calibration
+    known = footprints(bench, fit, bench.effects, fit)
     if base.chosen.mismatch and checked.soundness is Soundness.SOUND:
-        tell(0.3, "trying single effects")
-        naming = _name(bench, base, lambda share, text: tell(0.3 + 0.6 * share, text))
+        tell(0.35, "trying single effects")
+        naming = _name(bench, base, known, lambda share, text: tell(0.35 + 0.55 * share, text))
         base = replace(base, chosen=naming.candidates[0], noise=naming.noise)
 
     tell(0.9, "verifying on unseen data")
@@ -97,7 +101,7 @@ def diagnose(
 
     tell(0.97, "locating the mismatch")
     findings = Findings(
-        bench=bench, checked=checked, base=base, naming=naming, verification=verification, verdict=verdict,
+        bench=bench, checked=checked, base=base, known=known, naming=naming, verification=verification, verdict=verdict,
         answer=answer, final=final,
     )  # fmt: skip
     diagnosis = conclude(findings)
@@ -133,19 +137,20 @@ def _late_onset(base: Base, checked: Gate) -> float | None:
     return max(windows, key=lambda w: w.score).from_s if windows else None
 
 
-def _name(bench: Bench, base: Base, tell: Progress) -> Naming:
+def _name(bench: Bench, base: Base, known: Sequence[Footprint], tell: Progress) -> Naming:
     """Single effects, then pairs; where neither is adequate, single effects on a rival form of the rig."""
     singles = try_singles(
-        bench, base.chosen, base.noise, lambda share: tell(0.5 * share, "trying single effects")
+        bench, base.chosen, known, base.noise, lambda share: tell(0.5 * share, "trying single effects")
     )
     if singles.best is not None:
         return singles
     pairs = try_pairs(
-        bench, singles, lambda share: tell(0.5 + 0.5 * share, "trying pairs of effects")
+        bench, known, singles, lambda share: tell(0.5 + 0.5 * share, "trying pairs of effects")
     )
     better = [r for r in base.rivals if r.losses.mean() < CLEARLY_BETTER * base.chosen.losses.mean()]
     if pairs.best is None and better:
-        second = try_singles(bench, better[0], base.noise)
+        other = better[0].calibration
+        second = try_singles(bench, better[0], footprints(bench, other, bench.effects, other), base.noise)
         if second.best is not None:
             return second
     return pairs

@@ -13,8 +13,8 @@ from deatwin.ident.greybox.fit import Calibration, Part
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.detect import Detection, detect, noise_floor
 from deatwin.ident.mismatch.losses import block_losses, evidence
-from deatwin.ident.mismatch.screen import screened
-from deatwin.ident.mismatch.search import search
+from deatwin.ident.mismatch.screen import Footprint, footprints, leads
+from deatwin.ident.mismatch.search import at_its_time, search
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.model import Plant
@@ -30,6 +30,8 @@ __all__ = [
     "try_singles",
 ]
 
+SINGLES, PAIRS = 8, 6
+"""How many of the most promising effects are fitted, alone and beside the best one."""
 FAILED_SEARCH = 1.02
 """A fit whose error is larger than the plant's without the effect by more than this has lost its way."""
 EVIDENCE_RATIO = 20.0
@@ -136,10 +138,9 @@ def fit_candidate(
         Where the fit starts: a base plant that was fitted without the effect has been bent to imitate it, and
         the way back is long.
     base : Calibration
-        The fitted plant without the effect, for the effect's starting shape, and where to start if the way from
-        the nominal plant leads nowhere.
+        The fitted plant without the effect: where to start if the way from the nominal plant leads nowhere.
     effect : Effect
-        To be added.
+        To be added, with the shape and strength to start from.
     noise : float
         Standard deviation of the sensor's noise, SI.
 
@@ -148,12 +149,13 @@ def fit_candidate(
     Candidate or None
         None if the plant with the effect cannot be simulated.
     """
-    start = screened(base, effect, bench.fitted)
-    calibration = search(nominal.with_effects(start), bench.fitted, noise)
+    calibration = search(nominal.with_effects(effect), bench.fitted, noise)
     if not calibration.status.ok or calibration.rms > FAILED_SEARCH * base.rms:
         # The plant without the effect is a special case of the one with it: a worse fit is a failed search.
-        again = search(base.plant.with_effects(start), bench.fitted, noise)
+        again = search(base.plant.with_effects(effect), bench.fitted, noise)
         calibration = again if again.status.ok else calibration
+    if calibration.status.ok:
+        calibration = at_its_time(calibration, bench.fitted, noise)
     return judge(bench, calibration, noise) if calibration.status.ok else None
 
 
@@ -206,9 +208,13 @@ def free_run_residuals(plant: Plant, parts: Sequence[Part]) -> np.ndarray | None
 
 
 def try_singles(
-    bench: Bench, base: Candidate, noise: float, finished: Callable[[float], None] | None = None
+    bench: Bench,
+    base: Candidate,
+    known: Sequence[Footprint],
+    noise: float,
+    finished: Callable[[float], None] | None = None,
 ) -> Naming:
-    """Build each effect alone into the base plant.
+    """Build each promising effect alone into the base plant.
 
     Parameters
     ----------
@@ -216,6 +222,8 @@ def try_singles(
         Effects and recordings.
     base : Candidate
         The calibrated plant without effects, in the form of the rig that is to be used.
+    known : sequence of Footprint
+        Of all effects in that plant.
     noise : float
         Standard deviation of the sensor's noise, SI.
     finished : callable, optional
@@ -226,24 +234,32 @@ def try_singles(
     Naming
     """
     nominal = bench.nominal.with_rig(base.calibration.plant.rig)
-    tasks = [(bench, nominal, base.calibration, effect, noise) for effect in bench.effects]
+    promising = [lead.effect for lead in leads(known, base.calibration)[:SINGLES]]
+    tasks = [(bench, nominal, base.calibration, effect, noise) for effect in promising]
     singles = _try(tasks, bench.jobs, finished)
     noise = _quietest(bench, singles, noise)
     singles = [replace(c, noise=noise) for c in singles]
     tried = {name for single in singles for name in single.effects}
-    failed = tuple(e.name for e in bench.effects if e.name not in tried)
+    seen = {footprint.effect.name for footprint in known}
+    untried = {e.name for e in promising} - tried
+    failed = tuple(e.name for e in bench.effects if e.name in untried or e.name not in seen)
     return replace(_decide((replace(base, noise=noise), *singles), singles, noise), failed=failed)
 
 
 def try_pairs(
-    bench: Bench, naming: Naming, finished: Callable[[float], None] | None = None
+    bench: Bench,
+    known: Sequence[Footprint],
+    naming: Naming,
+    finished: Callable[[float], None] | None = None,
 ) -> Naming:
-    """Build each other effect into the best plant with a single one.
+    """Build each other promising effect into the best plant with a single one.
 
     Parameters
     ----------
     bench : Bench
         Effects and recordings.
+    known : sequence of Footprint
+        Of all effects in the base plant.
     naming : Naming
         What `try_singles` found.
     finished : callable, optional
@@ -259,7 +275,7 @@ def try_pairs(
         return naming
     one = max(singles, key=lambda c: c.evidence).calibration
     start = _with_fitted(bench.nominal.with_rig(one.plant.rig), one.plant)
-    others = [effect for effect in bench.effects if effect.name not in one.plant.effect_names]
+    others = _promising_beside(bench, known, naming.candidates[0].calibration, one)
     tasks = [(bench, start, one, effect, naming.noise) for effect in others]
     pairs = _try(tasks, bench.jobs, finished)
     noise = _quietest(bench, pairs, naming.noise)
@@ -275,6 +291,18 @@ def try_pairs(
         # The second effect only takes up what the plant's own error leaves: it is a rival, not a cause.
         decided = replace(_decide((*before, *pairs), [single, *idle], noise), best=single, rivals=tuple(idle))
     return replace(decided, failed=(*naming.failed, *failed))
+
+
+def _promising_beside(
+    bench: Bench, known: Sequence[Footprint], base: Calibration, one: Calibration
+) -> list[Effect]:
+    """The effects that could explain most of what a plant with a single one leaves."""
+    free = [effect for effect in bench.effects if effect.name not in one.plant.effect_names]
+    looking = [e for e in free if e.starts(np.concatenate([p.timepts for p in bench.fitted]), one.residuals)]
+    again = footprints(bench, base, looking, one)
+    names = {e.name for e in free} - {e.name for e in looking}
+    kept = [f for f in known if f.effect.name in names]
+    return [lead.effect for lead in leads([*kept, *again], one)[:PAIRS]]
 
 
 def _try(tasks: list[Any], jobs: int, finished: Callable[[float], None] | None) -> list[Candidate]:

@@ -1,127 +1,216 @@
-"""What an effect could explain, to first order in its strength: one simulation each, no fit."""
+"""What each effect could explain, to first order in its strength: one simulation for each of its shapes, no fit."""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Calibration, Part, Problem
+from deatwin.ident.greybox.fit import Calibration, Part
+from deatwin.ident.mismatch.bench import Bench
+from deatwin.ident.parallel import run_jobs
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.parameters import Scale
 
-__all__ = ["detectable_size", "screened", "strength_direction"]
+__all__ = ["Footprint", "Lead", "detectable_size", "footprints", "leads"]
 
 SHAPES = 3
 """Values of each shape parameter at which an effect is screened,"""
 SHAPE_RANGE = (1 / 8, 8.0)
 """over this range of its typical value."""
+EVENT_STEP = 0.04
+"""Share of the record by which the time of an event is moved first, in the search for the best one."""
+WEAKER = (1.0, 0.2, 0.02)
+"""Shares of the typical strength at which the simulation is tried, until the plant can be simulated."""
 
 
-def screened(base: Calibration, effect: Effect, parts: Sequence[Part]) -> Effect:
-    """An effect with the shape and the sign that a score test finds most promising.
-
-    For each of a few shapes the derivative of the readings by the strength, at strength zero, is projected off
-    the base plant's Jacobian; the residual's share along it says how much the effect could explain, to first
-    order. The strength itself starts at its typical size: the base plant has absorbed part of the effect.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Footprint:
+    """What an effect of one shape does to the readings of the calibrated base plant.
 
     Parameters
     ----------
-    base : Calibration
-        Of the plant without the effect, on the same parts.
     effect : Effect
+        With its shape, at its typical strength.
+    change : ndarray, shape (m,)
+        Change of the fitted part's readings per unit of strength, SI.
+    """
+
+    effect: Effect
+    change: np.ndarray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Lead:
+    """An effect as a fit should start with it.
+
+    Parameters
+    ----------
+    effect : Effect
+        With the shape and the sign that promise most.
+    share : float
+        Of the squared residual, what it could explain to first order.
+    """
+
+    effect: Effect
+    share: float
+
+
+def footprints(
+    bench: Bench, base: Calibration, effects: Sequence[Effect], fit: Calibration
+) -> tuple[Footprint, ...]:
+    """Simulate the base plant with each effect, at each of its shapes.
+
+    Parameters
+    ----------
+    bench : Bench
+        The fitted part and the number of workers.
+    base : Calibration
+        Of the plant without the effects, on the fitted part.
+    effects : sequence of Effect
         To be tried.
-    parts : sequence of Part
-        The fitted part.
+    fit : Calibration
+        Whose residual is to be explained: effects that come at a time or with a period look there for it.
 
     Returns
     -------
-    Effect
-        With its starting values.
+    tuple of Footprint
+        In the order of `effects`; none of a shape with which the plant cannot be simulated.
+    """
+    found = run_jobs(_of_effect, [(base, effect, bench.fitted, fit) for effect in effects], workers=bench.jobs)
+    return tuple(itertools.chain.from_iterable(found))
+
+
+def leads(known: Sequence[Footprint], fit: Calibration) -> tuple[Lead, ...]:
+    """Order effects by what they could explain of a fit's residual.
+
+    Each footprint is projected off the Jacobian of the fit, since the plant's parameters take up what they can;
+    the residual's share along it is what the effect could explain. The strength starts at its typical size: the
+    fitted plant has absorbed part of the effect.
+
+    Parameters
+    ----------
+    known : sequence of Footprint
+        Of all shapes.
+    fit : Calibration
+        Whose residual is to be explained.
+
+    Returns
+    -------
+    tuple of Lead
+        One for each effect, the most promising first.
 
     References
     ----------
     Rao's score test, Proc. Camb. Phil. Soc. 44 (1948) 50, doi:10.1017/S0305004100023987.
     """
-    shapes = _shapes(effect)
-    strength = next(p for p in effect.describe() if p.name == effect.strength)
-    if len(shapes) == 1 and strength.lower >= 0.0:
-        return effect
-    residual = base.residuals
-    best, best_score = effect, 0.0
-    for shaped in shapes:
-        direction = strength_direction(base, shaped, parts)
-        if direction is None:
-            continue
-        along = float(direction @ residual) / max(float(np.linalg.norm(direction)), 1e-300)
-        sign = 1.0 if strength.lower >= 0.0 else float(np.sign(along) or 1.0)
-        if sign * along > best_score:
-            best = replace(shaped, **{effect.strength: sign * abs(strength.value)})
-            best_score = sign * along
-    return best
+    basis = _basis(fit)
+    best: dict[str, Lead] = {}
+    for footprint in known:
+        lead = _lead(footprint, fit.residuals, basis)
+        if lead.effect.name not in best or lead.share > best[lead.effect.name].share:
+            best[lead.effect.name] = lead
+    return tuple(sorted(best.values(), key=lambda lead: -lead.share))
 
 
-def strength_direction(base: Calibration, effect: Effect, parts: Sequence[Part]) -> np.ndarray | None:
-    """What the base refit leaves of an effect's first-order contribution to the readings.
-
-    Parameters
-    ----------
-    base : Calibration
-        Of the plant without the effect.
-    effect : Effect
-        Its shape parameters count.
-    parts : sequence of Part
-        On which the base was fitted.
-
-    Returns
-    -------
-    ndarray, shape (m,), or None
-        Derivative by the strength at strength zero, projected off the base plant's Jacobian; None if the plant
-        cannot be simulated.
-    """
-    found = _strength_derivative(base, effect, parts)
-    return None if found is None else _off_base(base, found)
-
-
-def detectable_size(base: Calibration, effect: Effect, parts: Sequence[Part]) -> float | None:
+def detectable_size(known: Sequence[Footprint], base: Calibration, name: str) -> float | None:
     """Rms that an effect must add to the readings to be detected after the base refit.
 
     Parameters
     ----------
+    known : sequence of Footprint
+        Of the base plant.
     base : Calibration
         Of the plant without the effect.
-    effect : Effect
-        Its shape parameters count.
-    parts : sequence of Part
-        On which the base was fitted.
+    name : str
+        Of the effect.
 
     Returns
     -------
     float or None
-        SI; what the refit leaves of it equals the model error, to first order in the strength. None where the
-        refit absorbs it all, or the plant cannot be simulated.
+        SI; what the refit leaves of it equals the model error, to first order, at the shape that is seen best.
+        None where the refit absorbs it all, or the plant cannot be simulated.
     """
-    derivative = _strength_derivative(base, effect, parts)
-    if derivative is None:
-        return None
-    left = _off_base(base, derivative)
-    share = float(np.linalg.norm(left) / max(float(np.linalg.norm(derivative)), 1e-300))
+    basis = _basis(base)
+    sizes = [np.linalg.norm(f.change) for f in known if f.effect.name == name]
+    lefts = [np.linalg.norm(_off(f.change, basis)) for f in known if f.effect.name == name]
+    share = max((float(left / size) for left, size in zip(lefts, sizes, strict=True) if size > 0), default=0.0)
     return base.plant.rig.model_error / share if share > 1e-6 else None
 
 
-def _off_base(base: Calibration, direction: np.ndarray) -> np.ndarray:
-    """What is left of a direction when the base plant's parameters take up all they can."""
-    basis, _ = np.linalg.qr(base.jacobian / np.linalg.norm(base.jacobian, axis=0))
+def _lead(footprint: Footprint, residual: np.ndarray, basis: np.ndarray) -> Lead:
+    effect = footprint.effect
+    strength = next(p for p in effect.describe() if p.name == effect.strength)
+    direction = _off(footprint.change, basis)
+    length = float(np.linalg.norm(direction))
+    along = float(direction @ residual) / length if length > 1e-9 * np.linalg.norm(footprint.change) else 0.0
+    if along < 0.0 and strength.lower >= 0.0:
+        return Lead(effect=effect, share=0.0)
+    start = replace(effect, **{effect.strength: float(np.copysign(strength.value, along))})
+    return Lead(effect=start, share=along**2 / float(residual @ residual))
+
+
+def _basis(fit: Calibration) -> np.ndarray:
+    """What the plant's parameters can do to the readings, orthonormal."""
+    return np.linalg.qr(fit.jacobian / np.linalg.norm(fit.jacobian, axis=0))[0]
+
+
+def _off(direction: np.ndarray, basis: np.ndarray) -> np.ndarray:
+    """What is left of a direction when the plant's parameters take up all they can."""
     return direction - basis @ (basis.T @ direction)
 
 
-def _strength_derivative(base: Calibration, effect: Effect, parts: Sequence[Part]) -> np.ndarray | None:
-    plant = base.plant.with_effects(replace(effect, **{effect.strength: 0.0}))
-    problem = Problem(plant=plant, parts=tuple(parts), names=(f"{effect.name}.{effect.strength}",))
-    found = problem.evaluate(problem.start())
-    return None if found is None else found[1][:, 0]
+def _of_effect(
+    base: Calibration, effect: Effect, parts: Sequence[Part], fit: Calibration
+) -> list[Footprint]:
+    """One for each shape at which the plant can be simulated."""
+    without = np.concatenate([part.measured for part in parts]) - base.residuals
+    times = np.concatenate([part.timepts for part in parts])
+
+    def footprint(shape: Effect) -> Footprint | None:
+        change = _change(base, shape, parts, without)
+        return None if change is None else Footprint(effect=shape, change=change)
+
+    found = [f for f in map(footprint, effect.starts(times, fit.residuals) or _shapes(effect)) if f is not None]
+    return [_at_its_time(found, fit, times, footprint)] if effect.event and found else found
+
+
+def _at_its_time(
+    found: Sequence[Footprint], fit: Calibration, times: np.ndarray, footprint: Callable[[Effect], Footprint | None]
+) -> Footprint:
+    """The event where it explains most: no fit can move it, since only a sample or two know of its time."""
+    basis, event = _basis(fit), found[0].effect.event
+    best = max(found, key=lambda f: _lead(f, fit.residuals, basis).share)
+    step = EVENT_STEP * float(np.ptp(times))
+    while step > fit.plant.rig.sample_time / 2:
+        at = getattr(best.effect, event)
+        tried = [footprint(replace(best.effect, **{event: at + s})) for s in (-step, step) if at + s > 0]
+        better = max([best, *(f for f in tried if f is not None)], key=lambda f: _lead(f, fit.residuals, basis).share)
+        step, best = (step, better) if better is not best else (step / 2, best)
+    return best
+
+
+def _change(base: Calibration, effect: Effect, parts: Sequence[Part], without: np.ndarray) -> np.ndarray | None:
+    typical = abs(next(p.value for p in effect.describe() if p.name == effect.strength))
+    for share in WEAKER:
+        strength = share * typical
+        readings = _readings(base, replace(effect, **{effect.strength: strength}), parts)
+        if readings is not None:
+            return (readings - without) / strength
+    return None
+
+
+def _readings(base: Calibration, effect: Effect, parts: Sequence[Part]) -> np.ndarray | None:
+    plant = base.plant.with_effects(effect)
+    pieces = []
+    for part in (part.until_last() for part in parts):
+        simulation = plant.simulate(part.experiment)
+        if not simulation.status.ok:
+            return None
+        pieces += [y[0, m] for y, m in zip(simulation.outputs, part.masks, strict=True)]
+    return np.concatenate(pieces)
 
 
 def _shapes(effect: Effect) -> list[Effect]:
