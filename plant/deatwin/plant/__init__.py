@@ -1,6 +1,8 @@
 """Physics to recordings: rigs, materials, effects, and the recordings that they make."""
 
+from deatwin.plant.actuation import ActuationCurve, actuation_curve
 from deatwin.plant.calibrated import CalibratedPlant
+from deatwin.plant.chain import MeasuringChain
 from deatwin.plant.effects import (
     AmplifierOffset,
     AmplifierSaturation,
@@ -38,21 +40,34 @@ from deatwin.plant.effects import (
 )
 from deatwin.plant.errors import DataError, DeatwinError, ModelError, RigError, SimulationError
 from deatwin.plant.files import read_experiment, read_recording
-from deatwin.plant.model import Plant, Simulation
+from deatwin.plant.fleet import Actuator, fleet
+from deatwin.plant.limits import Event
+from deatwin.plant.linear_elastic import LinearElastic
+from deatwin.plant.model import Plant
+from deatwin.plant.model_error import Discrepancy
 from deatwin.plant.parameters import Parameter, ParameterSet, Scale
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.rigs.base import ReadingTime, Rig, StartProcedure
+from deatwin.plant.rigs.bow_tie import BowTie
 from deatwin.plant.rigs.coupon import Coupon
 from deatwin.plant.rigs.diaphragm import Diaphragm
+from deatwin.plant.rigs.planar import BlockedPlanar, Planar
 from deatwin.plant.rigs.rigfile import read_rig
+from deatwin.plant.rigs.roll import Roll
+from deatwin.plant.rigs.stack import Stack
 from deatwin.plant.simulate import RunStatus
+from deatwin.plant.simulation import Simulation
 from deatwin.plant.sources import load_plant
 from deatwin.plant.thesis import thesis_plant
 
 __all__ = [
+    "ActuationCurve",
+    "Actuator",
     "AmplifierOffset",
     "AmplifierSaturation",
     "AmplifierSlew",
+    "BlockedPlanar",
+    "BowTie",
     "CalibratedPlant",
     "ChargeInjection",
     "CoulombFriction",
@@ -64,14 +79,18 @@ __all__ = [
     "Delay",
     "Diaphragm",
     "DielectricAbsorption",
+    "Discrepancy",
     "Effect",
     "ElectrodeLoss",
     "ElectrodeRC",
     "EndStop",
+    "Event",
     "Experiment",
     "Family",
     "Hysteresis",
     "Leakage",
+    "LinearElastic",
+    "MeasuringChain",
     "ModelError",
     "Mullins",
     "Parameter",
@@ -80,6 +99,7 @@ __all__ = [
     "PermittivityDrift",
     "PermittivityStretch",
     "Place",
+    "Planar",
     "Plant",
     "PrestretchRelaxation",
     "QuadraticDamping",
@@ -88,6 +108,7 @@ __all__ = [
     "Resonance",
     "Rig",
     "RigError",
+    "Roll",
     "RunStatus",
     "Scale",
     "SensorCurvature",
@@ -97,11 +118,14 @@ __all__ = [
     "SensorSaturation",
     "Simulation",
     "SimulationError",
+    "Stack",
     "StartProcedure",
     "StrainStiffening",
     "ThermalStiffness",
+    "actuation_curve",
     "catalogue",
     "effect_named",
+    "fleet",
     "load_plant",
     "read_experiment",
     "read_recording",

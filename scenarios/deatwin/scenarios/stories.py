@@ -78,6 +78,14 @@ STORIES: Mapping[str, Story] = MappingProxyType({
             name="vhb4910", minutes=0.2, module="deatwin.scenarios.vhb4910",
             line="measured pulls of VHB 4910: a hyperelastic strip lacks a relaxation",
         ),
+        Story(
+            name="thesis-data", minutes=0.5, module="deatwin.scenarios.thesis_data",
+            line="the thesis' six actuators: recordings, drifts, figures 2.5 to 2.8",
+        ),
+        Story(
+            name="prestretch-sweep", minutes=0.3, module="deatwin.scenarios.prestretch",
+            line="what prestretch does: each claim that is made for it, with a number",
+        ),
     )
 })  # fmt: skip
 

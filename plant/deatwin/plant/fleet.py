@@ -1,0 +1,235 @@
+"""Six actuators of one specification: six fabrications, six histories, and the recordings that they give.
+
+The thesis built six actuators alike and found that all differ (section 2.3.2): the mean of the first falls, and its
+recording is rough between 10 and 30 s where the ball is 0.4 to 0.5 mm down; the means of the second and the third rise;
+the sixth shifts quickly and is then steady. Here each of these is named physics, as is what the fourth and the fifth
+do, of which the thesis says only that they differ; nothing is added to a reading.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+
+import numpy as np
+
+from deatwin.plant.chain import MeasuringChain
+from deatwin.plant.effects.base import Effect
+from deatwin.plant.effects.charge_injection import ChargeInjection
+from deatwin.plant.effects.creep import Creep
+from deatwin.plant.effects.electrode_loss import ElectrodeLoss
+from deatwin.plant.effects.hysteresis import Hysteresis
+from deatwin.plant.effects.permittivity_drift import PermittivityDrift
+from deatwin.plant.effects.prestretch_relaxation import PrestretchRelaxation
+from deatwin.plant.effects.thermal_stiffness import ThermalStiffness
+from deatwin.plant.excitation import band_limited_noise
+from deatwin.plant.grease_ridge import GreaseRidge
+from deatwin.plant.model import Plant
+from deatwin.plant.recording import Experiment, Recording
+from deatwin.plant.thesis import thesis_plant
+
+__all__ = ["DURATION", "HISTORIES", "TOLERANCES", "Actuator", "History", "Tolerance", "fleet", "specification"]
+
+DURATION = 1100.0
+"""Length of each of the thesis' recordings, s."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tolerance:
+    """How far a quantity may lie beside its specification, all values being equally likely.
+
+    Parameters
+    ----------
+    share : float
+        Largest relative departure to either side.
+    reason : str
+        Why so much.
+    """
+
+    share: float
+    reason: str
+
+
+TOLERANCES: Mapping[str, Tolerance] = MappingProxyType({
+    "thickness": Tolerance(
+        share=0.025, reason="one roll; between rolls 3M gives ±15 % for the 0.4 mm tape of the family (4920)"
+    ),
+    "prestretch": Tolerance(share=0.015, reason="a circle of 23 mm drawn on the tape to ±0.3 mm before stretching"),
+    "electrode_radius": Tolerance(share=0.03, reason="grease brushed by hand inside a mask, ±0.5 mm"),
+    "contact_radius": Tolerance(share=0.1, reason="how far the ball sinks into film and grease"),
+    "mass": Tolerance(share=0.005, reason="grease that sticks to a bearing ball"),
+    "shear_modulus": Tolerance(share=0.03, reason="1 to 2 K of room temperature, and the hours since stretching"),
+    "stretch_limit": Tolerance(share=0.03, reason="as the modulus: both are the network's"),
+    "branch_modulus": Tolerance(share=0.1, reason="sets fitted to tapes of one kind differ by much more"),
+    "branch_time": Tolerance(share=0.15, reason="falls by 15 % with each kelvin (WLF at 20 °C)"),
+    "permittivity": Tolerance(share=0.03, reason="humidity, and grease that migrates into the tape"),
+    "damping": Tolerance(share=0.2, reason="grease at the ball"),
+    "hysteresis.force": Tolerance(share=0.2, reason="grease at the ball"),
+})  # fmt: skip
+"""Departures that an experimenter would not notice before the first recording. Sizes without a source are assumed:
+the thesis gives none."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class History:
+    """What happens to an actuator while it is recorded.
+
+    Parameters
+    ----------
+    story : str
+        In one sentence, what is seen and why.
+    effects : tuple of Effect
+        The physics of it.
+    """
+
+    story: str
+    effects: tuple[Effect, ...]
+
+
+HISTORIES: tuple[History, ...] = (
+    History(
+        story="The mean falls, as the permittivity relaxes; from 10 to 30 s the ball runs over a ridge of grease.",
+        effects=(PermittivityDrift(relative_change=-0.09, time=400.0), GreaseRidge()),
+    ),
+    History(
+        story="The mean rises, as the tension of a film that had not rested long enough relaxes.",
+        effects=(PrestretchRelaxation(relative_loss=0.06, time=1000.0),),
+    ),
+    History(
+        story="The mean rises, as the film creeps under its mean load and takes up moisture, which polarises.",
+        effects=(Creep(modulus=42e3, time=400.0), PermittivityDrift(relative_change=0.06, time=700.0)),
+    ),
+    History(
+        story="The mean swings to and fro, as the modulus follows a room that is heated by a thermostat.",
+        effects=(ThermalStiffness(change_per_kelvin=-0.02, period=550.0, phase=-np.pi / 2),),
+    ),
+    History(
+        story="The mean falls in the first minutes, as charge enters the film, and then rises, as the tension relaxes.",
+        effects=(ChargeInjection(share=0.08, time=100.0), PrestretchRelaxation(relative_loss=0.06, time=1200.0)),
+    ),
+    History(
+        story="A quick shift, then steady: at 45 s a part of the electrode's rim loses contact.",
+        effects=(ElectrodeLoss(share=0.5, at=45.0),),
+    ),
+)
+"""Of the first to the sixth; sizes and times lie in the typical ranges that the effects give."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Actuator:
+    """One of the six.
+
+    Parameters
+    ----------
+    name : str
+        ``DEA 1`` to ``DEA 6``.
+    plant : Plant
+        As fabricated, with its history.
+    story : str
+        What happens to it, in one sentence.
+    seed : tuple of int
+        Of its excitation and of its sensor's noise.
+    """
+
+    name: str
+    plant: Plant
+    story: str
+    seed: tuple[int, ...]
+
+    def excitation(self, duration: float = DURATION) -> Experiment:
+        """The thesis' noise, drawn for this actuator.
+
+        Parameters
+        ----------
+        duration : float
+            s. A shorter one is other noise, not the beginning of the longer one.
+
+        Returns
+        -------
+        Experiment
+            One recording of commands without readings.
+        """
+        step = self.plant.rig.sample_time
+        commands = band_limited_noise(np.random.default_rng((*self.seed, 1)), duration, step)
+        return Experiment(recordings=(Recording.from_arrays(commands, np.zeros_like(commands), step),))
+
+    def record(
+        self, experiment: Experiment | None = None, rng: np.random.Generator | None = None
+    ) -> Experiment:
+        """Record this actuator.
+
+        Parameters
+        ----------
+        experiment : Experiment, optional
+            Only commands and clock are used; by default `excitation`.
+        rng : numpy.random.Generator, optional
+            Source of the sensor's noise; by default of the actuator's own seed.
+
+        Returns
+        -------
+        Experiment
+            With readings, m.
+
+        Raises
+        ------
+        SimulationError
+            If the film pulls in.
+        """
+        return self.plant.record(experiment or self.excitation(), rng or np.random.default_rng((*self.seed, 2)))
+
+
+def specification() -> Plant:
+    """What all six were to be: the thesis' plant without a drift, with the real drive and sensor.
+
+    Returns
+    -------
+    Plant
+        With hysteresis only.
+    """
+    nominal, chain = thesis_plant(), MeasuringChain()
+    rig = replace(nominal.rig, chain=chain, noise=chain.noise)
+    return Plant(rig=rig, effects=(Hysteresis(),), values=nominal.values)
+
+
+def fleet(seed: int = 0) -> tuple[Actuator, ...]:
+    """The six actuators.
+
+    Parameters
+    ----------
+    seed : int
+        Of the fabrications, the excitations and the sensors' noise; the histories are the same for all seeds.
+
+    Returns
+    -------
+    tuple of Actuator
+        Of length 6.
+
+    References
+    ----------
+    W. R. Jacobs, "Identification and Frequency Response Analysis with Application to Soft Smart Actuators",
+    University of Sheffield, section 2.3.2.
+
+    Examples
+    --------
+    >>> [actuator.name for actuator in fleet()]
+    ['DEA 1', 'DEA 2', 'DEA 3', 'DEA 4', 'DEA 5', 'DEA 6']
+    """
+    return tuple(
+        Actuator(
+            name=f"DEA {number}",
+            plant=_fabricate(np.random.default_rng((seed, number, 0))).with_effects(*history.effects),
+            story=history.story,
+            seed=(seed, number),
+        )
+        for number, history in enumerate(HISTORIES, start=1)
+    )
+
+
+def _fabricate(rng: np.random.Generator) -> Plant:
+    """An actuator as it leaves the bench: each quantity somewhere within its tolerance."""
+    wished = specification()
+    factors = {name: 1 + t.share * rng.uniform(-1, 1) for name, t in TOLERANCES.items()}
+    geometry = {n: f * getattr(wished.rig, n) for n, f in factors.items() if hasattr(wished.rig, n)}
+    values = {n: f * wished.parameters[n].value for n, f in factors.items() if n not in geometry}
+    return wished.with_rig(replace(wished.rig, **geometry)).with_values(values)

@@ -1,0 +1,91 @@
+"""A ridge of dried grease under the ball: rough motion between two deflections, until it is worn down."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import casadi as ca
+import numpy as np
+
+from deatwin.plant.effects.base import Effect, Family, Place
+from deatwin.plant.effects.smooth import smooth_step
+from deatwin.plant.parameters import Parameter, Scale
+
+if TYPE_CHECKING:
+    from deatwin.plant.equations import Builder
+
+__all__ = ["GreaseRidge"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class GreaseRidge(Effect):
+    r"""Lumps of dried electrode grease that the film drags over the ball, between two deflections and two times.
+
+    .. math:: F = -F_g\,\sin\frac{2\pi y}{p}\;B\Bigl(\frac{y - y_1}{d}, \frac{y_2 - y}{d}\Bigr)\,
+              B\Bigl(\frac{t - t_1}{T}, \frac{t_2 - t}{T}\Bigr), \qquad B(a, b) = S(a)\,S(b), \qquad
+              S(x) = \frac{1}{1 + e^{-x}}
+
+    with the displacement y, p = 50 µm from lump to lump, d = 2 µm, and T = 0.5 s. No state. It is the Prandtl-Tomlinson
+    law of friction, a body on a spring in a periodic potential: where :math:`2\pi F_g/p` is more than the film's
+    stiffness k (here 20 N/m at 0.45 mm) the ball snaps from one lump to the next, whatever the speed, and what the
+    spring gives free is lost in the damping. Typical: 1 to 5 % of the weight of the ball, as all friction there;
+    distance of the lumps assumed. Signature: a ripple of :math:`F_g/k` with frequencies that the drive does not
+    have, at those deflections and times only. Off at :math:`F_g = 0`.
+
+    Parameters
+    ----------
+    force : float
+        :math:`F_g` in N.
+    lower, upper : float
+        :math:`y_1` and :math:`y_2`, displacement from rest, m.
+    built, worn : float
+        :math:`t_1`, when the strokes have pushed the ridge together, and :math:`t_2`, when they have worn it down, on
+        the clock, s.
+
+    References
+    ----------
+    Iglesias & Gonçalves, "Sliding and dry friction: Prandtl-Tomlinson athermal model revisited", arXiv:1708.03414
+    (the law).
+    """
+
+    force: float = 1e-3
+    lower: float = 0.4e-3
+    upper: float = 0.5e-3
+    built: float = 10.0
+    worn: float = 30.0
+
+    name: ClassVar[str] = "grease_ridge"
+    family: ClassVar[Family] = Family.MECHANICAL
+    place: ClassVar[Place] = Place.BALL
+    signal: ClassVar[str] = "force"
+    strength: ClassVar[str] = "force"
+    wording: ClassVar[str] = (
+        "From {built} to {worn} the ball runs over a ridge of {force} between deflections of {lower} and {upper}"
+    )
+    pitch: ClassVar[float] = 50e-6
+    """p in m."""
+    edge: ClassVar[float] = 2e-6
+    """d in m."""
+    growth: ClassVar[float] = 0.5
+    """T in s."""
+
+    def describe(self) -> tuple[Parameter, ...]:
+        place: dict[str, Any] = {"unit": "m", "lower": 10e-6, "upper": 10e-3, "scale": Scale.LOGARITHMIC}
+        return (
+            Parameter(name="force", value=self.force, unit="N", lower=0.0, upper=0.05),
+            Parameter(name="lower", value=self.lower, **place),
+            Parameter(name="upper", value=self.upper, **place),
+            Parameter(name="built", value=self.built, unit="s", lower=-100.0, upper=1e4),
+            Parameter(name="worn", value=self.worn, unit="s", lower=-100.0, upper=1e5),
+        )
+
+    def rewrite(self, signal: Any, build: Builder) -> Any:
+        displacement = build.signal("displacement")
+        here = _between(displacement, self.own("lower", build), self.own("upper", build), self.edge)
+        now = _between(build.time, self.own("built", build), self.own("worn", build), self.growth)
+        return signal - self.own("force", build) * ca.sin(2 * np.pi * displacement / self.pitch) * here * now
+
+
+def _between(value: Any, lower: Any, upper: Any, width: float) -> Any:
+    return smooth_step((value - lower) / width) * smooth_step((upper - value) / width)

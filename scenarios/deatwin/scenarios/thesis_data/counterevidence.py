@@ -1,0 +1,155 @@
+"""Two sentences of the thesis that physics contradicts, each with an example that can be checked by hand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from deatwin.plant.model import Plant
+from deatwin.plant.recording import Experiment, Recording
+
+__all__ = ["SideBands", "SmallVoltages", "side_bands", "small_voltages"]
+
+Array = np.ndarray
+LEVELS = 0.05 * 2.0 ** np.arange(5)
+"""Commands from far below the smallest of the excitation up to near it, V."""
+HOLD = 12.0
+"""At each of them, s: twenty times the film's relaxation time, so that the ball is where it stays."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SmallVoltages:
+    """Displacements at voltages at which nothing seems to move.
+
+    Parameters
+    ----------
+    voltages : ndarray, shape (n,)
+        At the film, V.
+    displacements : ndarray, shape (n,)
+        Where the ball comes to rest, without the sensor's noise and rounding, m.
+    visible : float
+        Voltage at which the displacement is one step of the sensor's reading, V.
+    """
+
+    voltages: Array
+    displacements: Array
+    visible: float
+
+    @property
+    def exponents(self) -> Array:
+        """Slope of ln y over ln V from each voltage to the next, shape (n - 1,)."""
+        slopes: Array = np.diff(np.log(self.displacements)) / np.diff(np.log(self.voltages))
+        return slopes
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SideBands:
+    """The line spectrum of a linear plant whose gain drifts.
+
+    Parameters
+    ----------
+    frequencies : ndarray, shape (n,)
+        Hz.
+    inputs, outputs : ndarray, shape (n,)
+        Amplitudes of input and output.
+    line, drift : float
+        Frequency of the only line of the input, and of the drift of the gain, Hz.
+    expected : tuple of float
+        Amplitudes of the two side bands in closed form.
+    superposition : float
+        Largest departure of the response to a sum from the sum of the responses, over the largest response.
+    """
+
+    frequencies: Array
+    inputs: Array
+    outputs: Array
+    line: float
+    drift: float
+    expected: tuple[float, float]
+    superposition: float
+
+    @property
+    def reached(self) -> tuple[float, float]:
+        """Amplitudes of the output at the line less and plus the drift's frequency, where the input has none."""
+        sides = np.interp((self.line - self.drift, self.line + self.drift), self.frequencies, self.outputs)
+        return float(sides[0]), float(sides[1])
+
+
+def small_voltages(plant: Plant, step: float) -> SmallVoltages:
+    """Let an actuator rest at small voltages, one after another.
+
+    Parameters
+    ----------
+    plant : Plant
+        Without drifts.
+    step : float
+        Of the sensor's reading, m.
+
+    Returns
+    -------
+    SmallVoltages
+    """
+    rig = plant.rig
+    commands = np.repeat(LEVELS, round(HOLD / rig.sample_time))
+    record = Recording.from_arrays(commands, np.zeros_like(commands), rig.sample_time)
+    run = plant.simulate(Experiment(recordings=(record,))).require()
+    at_rest = run.outputs[0][0].reshape(LEVELS.size, -1)[:, -1]
+    voltages = plant.parameters["gain"].value * LEVELS
+    visible = float(np.exp(np.interp(np.log(step), np.log(at_rest), np.log(voltages))))
+    return SmallVoltages(voltages=voltages, displacements=at_rest, visible=visible)
+
+
+def side_bands(
+    line: float = 0.5, drift: float = 0.05, depth: float = 0.2, time: float = 0.5, sample_time: float = 0.02
+) -> SideBands:
+    r"""Drive a first-order lag of drifting gain with one line.
+
+    .. math:: y_k = c\,y_{k-1} + (1 - c)\,(1 + d\cos 2\pi f_d t_k)\,u_k, \qquad c = e^{-h/T}
+
+    It is linear in u, and varies in time. Of :math:`u = \cos 2\pi f t` the product has lines at :math:`f` and, with
+    half the depth, at :math:`f \pm f_d`; the lag passes each on by its response.
+
+    Parameters
+    ----------
+    line, drift : float
+        f and :math:`f_d`, Hz.
+    depth : float
+        d.
+    time, sample_time : float
+        T and h, s.
+
+    Returns
+    -------
+    SideBands
+    """
+    period = round(1 / (drift * sample_time)) * 2
+    timepts = sample_time * np.arange(2 * period)
+    pole = np.exp(-sample_time / time)
+
+    def respond(u: Array) -> Array:
+        gained = (1 - pole) * (1 + depth * np.cos(2 * np.pi * drift * timepts)) * u
+        y = np.empty_like(u)
+        last = 0.0
+        for k, value in enumerate(gained):
+            y[k] = last = pole * last + value
+        return y
+
+    wave, other = np.cos(2 * np.pi * line * timepts), np.cos(2 * np.pi * 2.3 * line * timepts)
+    response, of_other, of_sum = respond(wave), respond(other), respond(wave + other)
+    sides = np.array([line - drift, line + drift])
+    gain = np.abs((1 - pole) / (1 - pole * np.exp(-2j * np.pi * sides * sample_time))).tolist()
+    return SideBands(
+        frequencies=np.fft.rfftfreq(period, sample_time),
+        inputs=_amplitudes(wave[period:]),
+        outputs=_amplitudes(response[period:]),
+        line=line,
+        drift=drift,
+        expected=(depth / 2 * gain[0], depth / 2 * gain[1]),
+        superposition=float(np.abs(of_sum - response - of_other).max() / np.abs(of_sum).max()),
+    )
+
+
+def _amplitudes(values: Array) -> Array:
+    amplitudes: Array = 2 * np.abs(np.fft.rfft(values)) / values.size
+    return amplitudes

@@ -1,0 +1,278 @@
+"""Drifts and roughness of a recording as numbers, simulated or measured."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from deatwin.plant.errors import DataError
+
+__all__ = [
+    "GainChange",
+    "Shift",
+    "at_same_input",
+    "fast_part",
+    "gain_change",
+    "mean_shift",
+    "moving_mean",
+    "roughness",
+]
+
+Array = np.ndarray
+Window = tuple[float, float]
+DEGREE, DEGREE_OF_RATE = 6, 3
+"""Of the polynomials that say what a reading is to be expected at a command and its rate."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shift:
+    """How far the mean has moved from one time to another, at the same input.
+
+    Parameters
+    ----------
+    size, error : float
+        Shift and its standard error, m.
+    """
+
+    size: float
+    error: float
+
+    @property
+    def significance(self) -> float:
+        """Shift over its standard error."""
+        return self.size / self.error
+
+
+@dataclass(frozen=True, kw_only=True)
+class GainChange:
+    """How gain and nonlinearity have changed from one time to another.
+
+    Parameters
+    ----------
+    gain, gain_error : float
+        Relative change of the gain over all commands, and its standard error.
+    bend, bend_error : float
+        Relative change of the ratio of the slopes at an upper and a lower command, and its standard error.
+    """
+
+    gain: float
+    gain_error: float
+    bend: float
+    bend_error: float
+
+
+def moving_mean(values: ArrayLike, samples: int) -> Array:
+    """Mean of as many neighbours to either side.
+
+    Parameters
+    ----------
+    values : (n,) array_like
+        Of any unit.
+    samples : int
+        In the window.
+
+    Returns
+    -------
+    (n,) array
+        NaN where the window does not lie within the record.
+    """
+    v = np.asarray(values, dtype=np.float64)
+    mean = np.full(v.size, np.nan)
+    if samples <= v.size:
+        sums = np.concatenate([[0.0], np.cumsum(v)])
+        first = samples // 2
+        mean[first : first + v.size - samples + 1] = (sums[samples:] - sums[:-samples]) / samples
+    return mean
+
+
+def mean_shift(
+    commands: ArrayLike, readings: ArrayLike, sample_time: float, early: Window, late: Window, block: float = 5.0
+) -> Shift:
+    """Shift of the mean from one time to another, at the same input.
+
+    The mean of 100 s of the thesis' noise wanders of itself, by several per cent of the stroke, and a drift of the gain
+    shows the more the larger the commands happen to be. So in each window a line is laid through the readings over what
+    command and rate explain (`at_same_input`), and taken where that has its mean over the whole record.
+
+    Parameters
+    ----------
+    commands, readings : (n,) array_like
+        Of the whole record, V and m.
+    sample_time : float
+        s.
+    early, late : tuple of float
+        The two times, each from and to, s.
+    block : float
+        Time after which departures count as independent, s: leaving out one block of it at a time gives the error
+        (jackknife).
+
+    Returns
+    -------
+    Shift
+    """
+    u, y = np.asarray(commands, dtype=np.float64), np.asarray(readings, dtype=np.float64)
+    expected = _expected(u, y, sample_time)
+    found, variance = [], 0.0
+    for window in (early, late):
+        f, r = (_blocks(v, sample_time, window, block) for v in (expected - expected.mean(), y))
+        level, error = _jackknife(_level, f, r)
+        found.append(level)
+        variance += error**2
+    return Shift(size=float(found[1] - found[0]), error=float(np.sqrt(variance)))
+
+
+def at_same_input(commands: ArrayLike, readings: ArrayLike, sample_time: float) -> Array:
+    """Readings without what the command and its rate explain, on average over the record.
+
+    Parameters
+    ----------
+    commands, readings : (n,) array_like
+        Of the whole record, V and m.
+    sample_time : float
+        s.
+
+    Returns
+    -------
+    (n,) array
+        m, about 0.
+    """
+    y = np.asarray(readings, dtype=np.float64)
+    return y - _expected(np.asarray(commands, dtype=np.float64), y, sample_time)
+
+
+def gain_change(
+    commands: ArrayLike, readings: ArrayLike, sample_time: float, early: Window, late: Window,
+    at: tuple[float, float] = (2.0, 3.0), blocks: int = 10,
+) -> GainChange:  # fmt: skip
+    """Change of gain and of nonlinearity from one time to another.
+
+    The readings of each window are set against those that command and rate explain over the whole record: the slope of
+    a line through them is the gain, the slopes of a parabola, where the command is `at` its lower and its upper value,
+    give the nonlinearity.
+
+    Parameters
+    ----------
+    commands, readings : (n,) array_like
+        Of the whole record, V and m.
+    sample_time : float
+        s.
+    early, late : tuple of float
+        The two times, each from and to, s.
+    at : tuple of float
+        Lower and upper command, V.
+    blocks : int
+        Into which each window is cut; leaving out one at a time gives the error (jackknife).
+
+    Returns
+    -------
+    GainChange
+    """
+    u, y = np.asarray(commands, dtype=np.float64), np.asarray(readings, dtype=np.float64)
+    expected = _expected(u, y, sample_time)
+    levels = np.polynomial.Polynomial.fit(u, y, DEGREE)(np.array(at))
+    found, variance = [], np.zeros(2)
+    for window in (early, late):
+        f, r = (_blocks(v, sample_time, window, (window[1] - window[0]) / blocks) for v in (expected, y))
+        logarithms, error = _jackknife(lambda f, r: _log_slopes(f, r, levels), f, r)
+        found.append(logarithms)
+        variance += error**2
+    change, error = np.expm1(found[1] - found[0]), np.sqrt(variance)
+    (gain, bend), (gain_error, bend_error) = change.tolist(), error.tolist()
+    return GainChange(gain=gain, gain_error=gain_error, bend=bend, bend_error=bend_error)
+
+
+def fast_part(readings: ArrayLike, sample_time: float, above: float = 5.0) -> Array:
+    """What is fast in a reading, without delay.
+
+    Parameters
+    ----------
+    readings : (n,) array_like
+        Of the whole record, m.
+    sample_time : float
+        s.
+    above : float
+        Frequency above which a motion is fast, Hz; the thesis' input ends at 1 Hz.
+
+    Returns
+    -------
+    (n,) array
+        m.
+    """
+    from scipy.signal import butter, sosfiltfilt
+
+    passed = butter(4, above, "highpass", fs=1 / sample_time, output="sos")
+    return np.asarray(sosfiltfilt(passed, np.asarray(readings, dtype=np.float64)))
+
+
+def roughness(readings: ArrayLike, sample_time: float, window: Window, between: tuple[float, float]) -> float:
+    """Rms of the fast part of a reading, while it lies between two displacements.
+
+    Parameters
+    ----------
+    readings : (n,) array_like
+        Of the whole record, m.
+    sample_time : float
+        s.
+    window : tuple of float
+        Time from and to, s.
+    between : tuple of float
+        Displacements from and to, m.
+
+    Returns
+    -------
+    float
+        m.
+
+    Raises
+    ------
+    DataError
+        If no sample lies there.
+    """
+    y = np.asarray(readings, dtype=np.float64)
+    timepts = sample_time * np.arange(y.size)
+    there = (timepts >= window[0]) & (timepts < window[1]) & (y > between[0]) & (y < between[1])
+    if not there.any():
+        raise DataError(
+            f"no reading from {between[0]:g} to {between[1]:g} m between {window[0]:g} and {window[1]:g} s"
+        )
+    return float(np.sqrt(np.mean(fast_part(y, sample_time)[there] ** 2)))
+
+
+def _blocks(values: Array, sample_time: float, window: Window, length: float) -> Array:
+    """The whole blocks of a window, one a row."""
+    first, last = (round(edge / sample_time) for edge in window)
+    size = round(length / sample_time)
+    inside = values[first:last]
+    return inside[: inside.size // size * size].reshape(-1, size)
+
+
+def _expected(u: Array, y: Array, sample_time: float) -> Array:
+    """What a polynomial in the command, and one times the command's rate, make of it."""
+    level = (u - u.mean()) / u.std()
+    rate = np.gradient(level, sample_time)
+    terms = [level**k for k in range(DEGREE + 1)] + [rate * level**k for k in range(DEGREE_OF_RATE + 1)]
+    table = np.stack(terms, axis=1)
+    explained: Array = table @ np.linalg.lstsq(table, y, rcond=None)[0]
+    return explained
+
+
+def _jackknife(estimate: Callable[[Array, Array], Any], f: Array, r: Array) -> tuple[Any, Any]:
+    """An estimate from blocks, one a row, and its standard error."""
+    replicas = np.array([estimate(np.delete(f, k, 0), np.delete(r, k, 0)) for k in range(len(f))])
+    return estimate(f, r), np.sqrt((len(f) - 1) * replicas.var(axis=0))
+
+
+def _level(expected: Array, readings: Array) -> Any:
+    """Where a line through the readings has the value for an expected one of 0."""
+    return np.polynomial.Polynomial.fit(expected.ravel(), readings.ravel(), 1)(0.0)
+
+
+def _log_slopes(expected: Array, readings: Array, levels: Array) -> Array:
+    """Logarithms of the slope of a line, and of the ratio of a parabola's slopes at two levels."""
+    line, parabola = (np.polynomial.Polynomial.fit(expected.ravel(), readings.ravel(), k).deriv() for k in (1, 2))
+    lower, upper = parabola(levels)
+    return np.log([line(levels[0]), upper / lower])
