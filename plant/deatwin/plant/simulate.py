@@ -11,10 +11,12 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from deatwin.plant.collocation import SETTLED, step_functions
+from deatwin.plant.collocation import step_functions
 from deatwin.plant.compiled import compile_functions
 from deatwin.plant.equations import Equations
 from deatwin.plant.errors import SimulationError
+from deatwin.plant.march import March
+from deatwin.plant.newton import SETTLED
 from deatwin.plant.rest import RestState, has_equilibrium, rest_state
 
 __all__ = ["Run", "RunStatus", "Simulator", "Stepper"]
@@ -23,21 +25,22 @@ CHUNK = 200
 """Samples in one call of compiled code."""
 
 Progress = Callable[[float], None]
-Chunk = tuple[int, int, list[np.ndarray]]
 
 
 class RunStatus(Enum):
     """How a simulation ended; the text is the advice."""
 
     DONE = "the simulation reached its end"
+    TENSION_LOST = "the film lost tension and would wrinkle, what follows is not sound: lower the voltage, stretch more"
+    BREAKDOWN = "the field went beyond what the film bears, what follows is not sound: lower the voltage"
     NO_REST = "no state of rest was found: the film is too soft for its load, or a parameter is far off"
     PULL_IN = "no equilibrium is in reach (pull-in or loss of tension): lower the voltage or stiffen the film"
     NOT_SOLVED = "the equations of a sample could not be solved: a parameter may be far off, or sample faster"
 
     @property
     def ok(self) -> bool:
-        """Whether the whole simulation is valid."""
-        return self is RunStatus.DONE
+        """Whether the simulation reached its end; where the film lost tension or broke down it did, unsoundly."""
+        return self in (RunStatus.DONE, RunStatus.TENSION_LOST, RunStatus.BREAKDOWN)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -77,12 +80,12 @@ class Simulator:
     def __init__(self, equations: Equations) -> None:
         self.equations = equations
         step = step_functions(equations)
-        self._plain = step.plain
+        self._single = step
         marches = {
             "plain_march": step.plain.mapaccum("plain_march", CHUNK, [0, 1], [0, 1]),
             "sensitive_march": step.sensitive.mapaccum("sensitive_march", CHUNK, [0, 1, 2], [0, 1, 2]),
         }
-        self._march = compile_functions(marches)
+        self._march = compile_functions(marches, in_lanes=step.in_lanes)
 
     def run(
         self,
@@ -125,20 +128,21 @@ class Simulator:
         status = RunStatus.DONE
         first = float(self._reading(rest, rest_command, start, values))
         inputs = self.equations.inputs(commands, rest_command, channels)
-        state = [rest.x, rest.z]
         outputs, watched = [np.array([first])], []
-        held = np.repeat(rest.d[:, None], CHUNK, axis=1)
-        for begin, count, piece in self._chunks(inputs, start, sample_time, values):
-            x, z, y, w, update = self._march["plain_march"](*state, held, *piece)
-            good = _valid(update, y, count)
-            outputs.append(np.asarray(y).ravel()[:good])
-            watched.append(np.asarray(w)[:, :good])
+        march = March(self._march["plain_march"])
+        x, z, d, *known = march.arguments
+        x[:], z[:], d[:] = rest.x, rest.z, rest.d
+        for begin, count in self._chunks(known, inputs, start, sample_time, values):
+            x_new, z_new, y, w, error = march.advance()
+            good = _valid(error, y, count)
+            outputs.append(y[:good, 0].copy())
+            watched.append(w[:good].T.copy())
             if progress is not None:
                 progress((begin + count) / commands.size)
             if good < count:
                 status = self._why(rest, rest_command, commands[begin + good], values)
                 break
-            state = [x[:, -1], z[:, -1]]
+            x[:], z[:] = x_new[-1], z_new[-1]
         signals = np.hstack(watched) if watched else np.empty((len(self.equations.signals), 0))
         return _run(status, outputs, None, signals)
 
@@ -174,17 +178,19 @@ class Simulator:
         inputs = self.equations.inputs(commands, rest_command, channels)
         first = float(self.equations.output(*point))
         outputs, slopes = [np.array([first])], [self._rest_slope(point, rest.x_p, rest.z_p, rest.d_p)]
-        state = [rest.x, rest.z, rest.x_p]
-        held, held_p = np.repeat(rest.d[:, None], CHUNK, axis=1), np.tile(rest.d_p, (1, CHUNK))
-        for begin, count, piece in self._chunks(inputs, start, sample_time, values):
-            x, z, dx, y, dy, update = self._march["sensitive_march"](*state, held_p, held, *piece)
-            good = _valid(update, y, count)
-            outputs.append(np.asarray(y).ravel()[:good])
-            slopes.append(np.asarray(dy).reshape(CHUNK, n_p)[:good])
+        march = March(self._march["sensitive_march"])
+        x, z, dx, dd, d, *known = march.arguments
+        x[:], z[:], dx[:], d[:] = rest.x, rest.z, rest.x_p.T, rest.d
+        dd[:] = np.tile(rest.d_p.T, (CHUNK, 1))
+        for begin, count in self._chunks(known, inputs, start, sample_time, values):
+            x_new, z_new, dx_new, y, dy, error = march.advance()
+            good = _valid(error, y, count)
+            outputs.append(y[:good, 0].copy())
+            slopes.append(dy.reshape(CHUNK, n_p)[:good].copy())
             if good < count:
                 status = self._why(rest, rest_command, commands[begin + good], values)
                 break
-            state = [x[:, -1], z[:, -1], dx[:, -n_p:]]
+            x[:], z[:], dx[:] = x_new[-1], z_new[-1], dx_new[dx_new.shape[0] - n_p :]
         return _run(status, outputs, np.vstack(slopes), None)
 
     def stepper(
@@ -220,20 +226,20 @@ class Simulator:
     @cached_property
     def _step(self) -> ca.Function:
         """One sample, compiled only for those who step: the marches hold their own copy."""
-        return compile_functions({"plain_step": self._plain})["plain_step"]
+        return compile_functions({"plain_step": self._single.plain}, in_lanes=self._single.in_lanes)["plain_step"]
 
-    def _chunks(self, inputs: np.ndarray, start: float, sample_time: float, values: np.ndarray) -> Iterator[Chunk]:
-        """Inputs in pieces of `CHUNK`, the last one filled up with its last sample."""
-        fixed = [
-            np.full((1, CHUNK), sample_time),
-            np.repeat(values[:, None], CHUNK, axis=1),
-            np.repeat(self.equations.constants[:, None], CHUNK, axis=1),
-        ]
+    def _chunks(
+        self, known: list[np.ndarray], inputs: np.ndarray, start: float, sample_time: float, values: np.ndarray
+    ) -> Iterator[tuple[int, int]]:
+        """Fill the arguments ``u, t, h, p, c`` of a march piece by piece; yield begin and length of each."""
+        u, t, h, p, c = known
+        h[:], p[:], c[:] = sample_time, values, self.equations.constants
         for begin in range(0, inputs.shape[1], CHUNK):
-            piece = inputs[:, begin : begin + CHUNK]
-            padded = np.hstack([piece, np.repeat(piece[:, -1:], CHUNK - piece.shape[1], axis=1)])
-            times = start + sample_time * np.arange(begin, begin + CHUNK)
-            yield begin, piece.shape[1], [padded, times[None], *fixed]
+            piece = inputs[:, begin : begin + CHUNK].T
+            # The last piece is filled up with its last sample.
+            u[: len(piece)], u[len(piece) :] = piece, piece[-1]
+            t[:, 0] = start + sample_time * np.arange(begin, begin + CHUNK)
+            yield begin, len(piece)
 
     def _reading(self, rest: RestState, command: float, time: float, values: np.ndarray) -> ca.DM:
         inputs = self.equations.held_inputs(command)
@@ -337,8 +343,8 @@ class Stepper:
         if self._status.ok:
             inputs = self._inputs.copy()
             inputs[: 1 + self._history] = [command, *self._inputs[: self._history]]
-            x, z, y, _, update = self._step(self._x, self._z, self._held, inputs, self.time, *self._fixed)
-            if _valid(update, y, 1):
+            x, z, y, _, error = self._step(self._x, self._z, self._held, inputs, self.time, *self._fixed)
+            if _valid(error, y, 1):
                 self._inputs = inputs
                 self._x, self._z, self._reading, self._count = x, z, float(y), self._count + 1
             else:
@@ -346,7 +352,8 @@ class Stepper:
         return self._status
 
 
-def _valid(update: ca.DM, reading: ca.DM, count: int) -> int:
-    """How many of the first `count` samples converged to finite readings."""
-    bad = ~((np.asarray(update).ravel()[:count] <= SETTLED) & np.isfinite(np.asarray(reading).ravel()[:count]))
+def _valid(error: np.ndarray | ca.DM, reading: np.ndarray | ca.DM, count: int) -> int:
+    """How many of the first `count` samples were solved and have finite readings."""
+    errors, readings = (np.asarray(v).ravel()[:count] for v in (error, reading))
+    bad = ~((errors <= SETTLED) & np.isfinite(readings))
     return int(np.argmax(bad)) if bad.any() else count
