@@ -1,0 +1,117 @@
+"""C code that evaluates one function at several points at once, a point in each lane of the processor's vectors.
+
+CasADi writes a function of one point; called for each stage of a step it would wait for each division in turn. Here
+the same instructions act on vectors, by the extension that GCC and Clang share.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+
+import casadi as ca
+
+__all__ = ["LANES", "in_lanes", "replaced"]
+
+LANES = 8
+"""Numbers in a vector; a processor whose vectors are shorter takes two for one."""
+DIRECT = {
+    ca.OP_ASSIGN: "{0}", ca.OP_ADD: "{0} + {1}", ca.OP_SUB: "{0} - {1}", ca.OP_MUL: "{0} * {1}",
+    ca.OP_DIV: "{0} / {1}", ca.OP_NEG: "-{0}", ca.OP_SQ: "{0} * {0}", ca.OP_TWICE: "{0} + {0}", ca.OP_INV: "1.0 / {0}",
+}  # fmt: skip
+"""Operations that C has for vectors."""
+BY_LANE = {
+    ca.OP_SQRT: "sqrt({0})", ca.OP_EXP: "exp({0})", ca.OP_LOG: "log({0})", ca.OP_POW: "pow({0}, {1})",
+    ca.OP_CONSTPOW: "pow({0}, {1})", ca.OP_SIN: "sin({0})", ca.OP_COS: "cos({0})", ca.OP_TAN: "tan({0})",
+    ca.OP_ASIN: "asin({0})", ca.OP_ACOS: "acos({0})", ca.OP_ATAN: "atan({0})", ca.OP_ATAN2: "atan2({0}, {1})",
+    ca.OP_SINH: "sinh({0})", ca.OP_COSH: "cosh({0})", ca.OP_TANH: "tanh({0})", ca.OP_ASINH: "asinh({0})",
+    ca.OP_ACOSH: "acosh({0})", ca.OP_ATANH: "atanh({0})", ca.OP_LOG1P: "log1p({0})", ca.OP_EXPM1: "expm1({0})",
+    ca.OP_HYPOT: "hypot({0}, {1})", ca.OP_FLOOR: "floor({0})", ca.OP_CEIL: "ceil({0})", ca.OP_FABS: "fabs({0})",
+    ca.OP_FMIN: "fmin({0}, {1})", ca.OP_FMAX: "fmax({0}, {1})", ca.OP_SIGN: "({0} > 0) - ({0} < 0)",
+    ca.OP_LT: "{0} < {1}", ca.OP_LE: "{0} <= {1}", ca.OP_EQ: "{0} == {1}", ca.OP_NE: "{0} != {1}",
+    ca.OP_NOT: "!{0}", ca.OP_AND: "{0} && {1}", ca.OP_OR: "{0} || {1}", ca.OP_IF_ELSE_ZERO: "{0} ? {1} : 0",
+}  # fmt: skip
+"""Operations that are done lane by lane; a compiler may still find a vector instruction."""
+
+
+def in_lanes(function: ca.Function, count: int, varying: Sequence[int]) -> str | None:
+    """Body of a C function in CasADi's calling convention that evaluates a function at several points.
+
+    Parameters
+    ----------
+    function : casadi.Function
+        Of scalars (SX), evaluated at each point.
+    count : int
+        Number of points, at most `LANES`.
+    varying : sequence of int
+        Arguments that hold one column for each point; the others are the same at all points. All results have
+        one column for each point.
+
+    Returns
+    -------
+    str or None
+        None if there are too many points, or the function has an operation that is not known here.
+    """
+    if count > LANES:
+        return None
+    names = ", ".join(f"a{i}" for i in range(function.sz_w()))
+    lines = [
+        f"  typedef double lanes __attribute__((vector_size({LANES * 8})));",
+        f"  lanes {names};",
+        "  const lanes zero = {0};",
+        "  int k;",
+    ]
+    for k in range(function.n_instructions()):
+        line = _statement(function, k, count, varying)
+        if line is None:
+            return None
+        lines.append(f"  {line}")
+    return "\n".join([*lines, "  return 0;"])
+
+
+def _statement(function: ca.Function, number: int, count: int, varying: Sequence[int]) -> str | None:
+    """One instruction in C."""
+    operation = function.instruction_id(number)
+    inputs, outputs = function.instruction_input(number), function.instruction_output(number)
+    if operation == ca.OP_OUTPUT:
+        result, entry = outputs
+        target = f"res[{result}][k * {function.nnz_out(result)} + {entry}]"
+        return f"for (k = 0; k < {count}; ++k) {target} = a{inputs[0]}[k];"
+    target = f"a{outputs[0]}"
+    if operation == ca.OP_CONST and math.isfinite(function.instruction_constant(number)):
+        return f"{target} = zero + {function.instruction_constant(number)!r};"
+    if operation == ca.OP_INPUT:
+        argument, entry = inputs
+        if argument not in varying:
+            return f"{target} = zero + arg[{argument}][{entry}];"
+        # Lanes without a point repeat the last one, so that they raise nothing that it does not.
+        points = [min(lane, count - 1) * function.nnz_in(argument) + entry for lane in range(LANES)]
+        return f"{target} = (lanes){{{', '.join(f'arg[{argument}][{point}]' for point in points)}}};"
+    if operation in DIRECT:
+        return f"{target} = {DIRECT[operation].format(*(f'a{i}' for i in inputs))};"
+    if operation in BY_LANE:
+        value = BY_LANE[operation].format(*(f"a{i}[k]" for i in inputs))
+        return f"{{ lanes b; for (k = 0; k < {LANES}; ++k) b[k] = {value}; {target} = b; }}"
+    return None
+
+
+def replaced(source: str, name: str, body: str) -> str:
+    """Exchange the body of one function in C code that CasADi wrote.
+
+    Parameters
+    ----------
+    source : str
+        C code.
+    name : str
+        Of the CasADi Function.
+    body : str
+        Its new body.
+
+    Returns
+    -------
+    str
+        Unchanged if there is no such function.
+    """
+    pattern = rf"(/\* {name}:\(.*?\n(?:static )?int \w+\([^)]*\) \{{\n).*?(\n\}}\n)"
+    return re.sub(pattern, lambda found: found[1] + body + found[2], source, count=1, flags=re.DOTALL)
