@@ -72,11 +72,12 @@ def test_no_command_draws_work_from_a_passive_effect(name, data):
 
 
 def test_a_parameter_that_is_changed_from_outside_can_give_work():
-    # the clock is at 5 s, a quarter of the period, when the command begins; stiffened while the film is stretched and softened when it is not, the film gives work, as this audit must see
+    # The clock is at 5 s, a quarter of the period, when the command begins. A film that is stiffened while it is
+    # stretched, and softened while it is not, gives work, and this audit must see it.
     plant = Plant(rig=Diaphragm(contact_radius=1.5e-3, start_ramp=0.0, start_hold=0.0))
     swinging = plant.with_effects(effect_named("thermal_stiffness")).with_values(
-        {"thermal_stiffness.change_per_kelvin": 0.2, "thermal_stiffness.period": 20.0, "thermal_stiffness.phase": np.pi / 2,
-         "damping": 1.0, "branch_modulus": 1.0}
+        {"thermal_stiffness.change_per_kelvin": 0.2, "thermal_stiffness.period": 20.0,
+         "thermal_stiffness.phase": np.pi / 2, "damping": 1.0, "branch_modulus": 1.0}
     )  # fmt: skip
     angle = 2 * np.pi * 0.02 / 20.0 * np.arange(3000)
     gained = []

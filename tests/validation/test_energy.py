@@ -30,9 +30,10 @@ def audited(plant: Plant) -> Equations:
     held = film.stored + mass * velocity**2 / 2 - mass * GRAVITY * deflection
     build.watch("held", held + film.capacitance * voltage**2 / 2)
     build.watch("charge", film.capacitance * voltage)
+    flow = build._rates["branch_stretch"][0] / build.own("branch_time")
     losses = {
         "by_damper": build.own("damping") * velocity**2,
-        "by_branch": -ca.gradient(film.relaxing, viscous) * build._rates["branch_stretch"][0] / build.own("branch_time"),
+        "by_branch": -ca.gradient(film.relaxing, viscous) * flow,
     }
     if "electrode_rc" in {e.name for e in plant.effects}:
         resistance = build.own("electrode_rc.time") / build.at_rest("capacitance_at_rest", film.capacitance)

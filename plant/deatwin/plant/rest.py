@@ -71,7 +71,7 @@ def rest_state(
             break
         # In scaled unknowns and rows: equations of unlike units must not decide about the rank.
         scaled = jacobian * equations.scale
-        rows = np.abs(scaled).max(axis=1)
+        rows = np.abs(scaled).max(axis=1, initial=0.0)
         rows[rows == 0.0] = 1.0
         step = equations.scale * np.linalg.lstsq(scaled / rows[:, None], residual.ravel() / rows, rcond=None)[0]
         size = np.max(np.abs(step) / equations.scale, initial=0.0)

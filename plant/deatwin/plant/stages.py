@@ -143,7 +143,7 @@ class Stages:
             For each result of `function` its values at the stages.
         """
         d, u, t, h, p, c = known
-        pieces = ca.vertsplit(w, self.n)
+        pieces = ca.vertsplit(w, self.n) if self.n else [w] * self.count
         calls = [
             function.call([piece, d, u, t + node * h, p, c]) for piece, node in zip(pieces, self.nodes, strict=True)
         ]
