@@ -24,7 +24,6 @@ from peers import Peer, hand_written_peer, scipy_peer, sundials_peer
 
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant import ElectrodeRC, Plant
-from deatwin.plant.compiled import compiler
 from deatwin.plant.excitation import band_limited_noise
 from deatwin.plant.simulate import Simulator
 from deatwin.plant.thesis import thesis_plant
@@ -136,11 +135,9 @@ def without_compiler(plant: Plant) -> None:
     commands = excitation(plant.rig.sample_time, 20.0)
     fast = timed(lambda: own(plant, commands))
     os.environ["DEATWIN_COMPILER"] = ""
-    compiler.cache_clear()
     slow = Simulator(plant.equations)
     taken = timed(lambda: slow.run(commands, **settings(plant)), 1)
     del os.environ["DEATWIN_COMPILER"]
-    compiler.cache_clear()
     print(f"  without a compiler: {taken / fast:.0f} times as long")
 
 

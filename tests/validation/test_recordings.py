@@ -57,13 +57,10 @@ def test_verdict_and_prediction(case: str, tmp_path: Path) -> None:
         assert named == []
         assert diagnosis.fit["fitted"]["before"] <= 2.6
         assert error <= 2.6
-    elif set(truth) <= {"creep", "permittivity_drift", "electrode_rc", "hysteresis"}:
+    else:
         assert diagnosis.verdict is Verdict.NAMED
         assert sorted(named) == sorted(truth)
         assert error <= 2.6
         without, _ = check_error(diagnosis, diagnosis.evidence.base_model, history, check)
         assert without >= 2 * error
         assert 0.90 <= cover <= 0.99
-    else:
-        assert diagnosis.verdict is Verdict.UNKNOWN
-        assert named == []

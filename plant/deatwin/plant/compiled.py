@@ -56,10 +56,13 @@ def _user_cache() -> Path:
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
 
 
-@lru_cache(maxsize=1)
 def compiler() -> str | None:
     """Path of the C compiler, or None; ``DEATWIN_COMPILER`` names another, or none when it is empty."""
-    wanted = os.environ.get("DEATWIN_COMPILER")
+    return _compiler(os.environ.get("DEATWIN_COMPILER"))
+
+
+@lru_cache(maxsize=4)
+def _compiler(wanted: str | None) -> str | None:
     if wanted is not None:
         return shutil.which(wanted) if wanted else None
     if platform.system() == "Windows":  # a Unix linker line is used below

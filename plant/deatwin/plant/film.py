@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 
 from deatwin.plant.dielectric import VACUUM_PERMITTIVITY
+from deatwin.plant.errors import RigError
 from deatwin.plant.material import maxwell_branch
 
 if TYPE_CHECKING:
@@ -229,7 +230,14 @@ class AnyFilm(ABC):
         Returns
         -------
         same kind of film
+
+        Raises
+        ------
+        RigError
+            If there is no electrode anywhere.
         """
+        if not self.capacitances:
+            raise RigError("this rig's film has no electrode, so its permittivity does nothing")
         pairs = zip(self.points, self.capacitances, strict=True)
         return replace(self, capacitances=[factor(p) * c if p.active else c for p, c in pairs])
 

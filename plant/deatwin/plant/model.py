@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
+from deatwin.plant.compiled import compiler
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.effects.catalogue import effect_named
 from deatwin.plant.equations import Builder, Equations
@@ -157,7 +158,7 @@ class Plant:
     @property
     def simulator(self) -> Simulator:
         """The compiled equations, shared by all plants of the same structure in this process."""
-        return _simulator(_Structure(self))
+        return _simulator(_Structure(self), compiler())
 
     @property
     def free_values(self) -> np.ndarray:
@@ -324,9 +325,11 @@ class _Structure:
 def _equations(structure: _Structure) -> Equations:
     plant = structure.plant
     build = Builder(plant.parameters, plant.effects)
+    build.share("sample_time", plant.rig.sample_time)
     return build.finish(plant.rig.write(build))
 
 
 @lru_cache(maxsize=64)
-def _simulator(structure: _Structure) -> Simulator:
+def _simulator(structure: _Structure, program: str | None) -> Simulator:
+    """For the compiler that is in use, which is a part of the key only."""
     return Simulator(_equations(structure))

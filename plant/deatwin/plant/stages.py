@@ -165,7 +165,7 @@ class Stages:
         columns = zip(ca.horzsplit(w), ca.horzsplit(t), strict=True)
         found = [function.call([w_i, d, u, t_i, p, c]) for w_i, t_i in columns]
         return ca.Function(name, [w, d, u, t, p, c], [
-            ca.horzcat(*(result.nz[:] for result in results)) for results in zip(*found, strict=True)
+            ca.horzcat(*(ca.reshape(r.nz[:], r.nnz(), 1) for r in results)) for results in zip(*found, strict=True)
         ])  # fmt: skip
 
     def everywhere(self, function: ca.Function, w: ca.MX, known: Sequence[ca.MX]) -> list[ca.MX]:

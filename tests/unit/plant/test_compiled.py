@@ -21,12 +21,10 @@ def compiler_named(monkeypatch):
 
     def name(program):
         monkeypatch.setenv("DEATWIN_COMPILER", program)
-        compiled.compiler.cache_clear()
         monkeypatch.delenv(compiled.SAID, raising=False)
 
     yield name
     monkeypatch.undo()
-    compiled.compiler.cache_clear()
 
 
 def square(name="square"):

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deatwin.plant import Plant, catalogue, compiled
+from deatwin.plant import Plant, catalogue
 from deatwin.plant.actuation import actuation_curve
 from deatwin.plant.rigs.bow_tie import BowTie
 from deatwin.plant.rigs.planar import BlockedPlanar, Planar
@@ -25,10 +25,8 @@ EACH = pytest.mark.parametrize("rig", RIGS, ids=lambda r: f"{r.kind} {getattr(r,
 def _without_compiler(monkeypatch):
     """A few short runs: CasADi's own machine is quicker than a compiler."""
     monkeypatch.setenv("DEATWIN_COMPILER", "")
-    compiled.compiler.cache_clear()
     yield
     monkeypatch.undo()
-    compiled.compiler.cache_clear()
 
 
 def reading(plant, experiment, commands=STEP):

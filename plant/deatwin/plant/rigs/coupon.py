@@ -73,7 +73,10 @@ class Coupon(Rig):
         return StartProcedure(rest_command=1.0, ramp=0.0, hold=0.0)
 
     def write(self, build: Builder) -> Symbol:
-        stretch = build.watch("stretch", build.place(Place.DRIVE, "command", build.command))
+        pulled = build.watch("stretch", build.place(Place.DRIVE, "command", build.command))
+        # The force is the derivative by a virtual pull: the stretch itself may be an expression by now.
+        virtual = build.constant("virtual_pull", 0.0)
+        stretch = pulled + virtual
         volume = build.constant("volume", self._volume)
         elastic = [build.parameter(p.name) for p in self._material.elastic]
         strip = Film(
@@ -85,7 +88,7 @@ class Coupon(Rig):
             rest_stretch=1.0,
         )
         stored = build.place(Place.FILM, "film", strip).stored
-        force = build.watch("force", ca.gradient(stored, stretch) / build.constant("length", self.length))
+        force = build.watch("force", ca.gradient(stored, virtual) / build.constant("length", self.length))
         return build.place(Place.SENSOR, "reading", force + build.parameter("zero"))
 
     @cached_property

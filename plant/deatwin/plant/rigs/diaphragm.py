@@ -142,7 +142,6 @@ class Diaphragm(Rig):
         return replace(self, resolution="fine")
 
     def write(self, build: Builder) -> Symbol:
-        build.share("sample_time", self.sample_time)
         deflection = build.state("deflection", scale=1e-3)
         velocity = build.watch("velocity", build.state("velocity", scale=0.05))
         displacement = build.watch("displacement", deflection - build.at_rest("rest_deflection", deflection))

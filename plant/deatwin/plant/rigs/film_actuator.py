@@ -98,7 +98,6 @@ class FilmActuator(Rig):
         return material(self.material)
 
     def write(self, build: Builder) -> Symbol:
-        build.share("sample_time", self.sample_time)
         size = self._size
         position = build.state("position", scale=size)
         velocity = build.watch("velocity", build.state("velocity", scale=size))

@@ -178,7 +178,6 @@ class BlockedPlanar(Rig):
         return StartProcedure(rest_command=0.0, ramp=0.0, hold=0.0)
 
     def write(self, build: Builder) -> Symbol:
-        build.share("sample_time", self.sample_time)
         along = build.constant("prestretch", self.prestretch)
         across = build.constant("side_prestretch", self.side_prestretch)
         length, width = build.constant("length", self.length), build.constant("width", self.width)

@@ -46,7 +46,6 @@ class Chain(Rig):
         return StartProcedure(rest_command=0.0, ramp=0.0, hold=0.0)
 
     def write(self, build: Builder) -> Any:
-        build.share("sample_time", self.sample_time)
         swelling = build.state("swelling", scale=1.0)
         build.rate(swelling, (build.command / 3) ** 2 - swelling, mass=0.1)
         build.watch("capacitance", 1e-9 * (1 + swelling))

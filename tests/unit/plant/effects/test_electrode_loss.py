@@ -21,22 +21,22 @@ def run(plant, experiment, commands):
     return done.outputs[0][0], done.watched[0]
 
 
-def test_a_rim_takes_its_area_off_the_capacitance(base, experiment):
+def test_a_loss_takes_its_area_off_the_capacitance(base, experiment):
     at_rest = np.zeros(60)
     whole = run(base, experiment, at_rest)[1]["capacitance"]
-    left = run(base.with_effects(ElectrodeLoss(share=1.0, at=0.5)), experiment, at_rest)[1]["capacitance"]
+    left = run(base.with_effects(ElectrodeLoss(share=0.3, at=0.5)), experiment, at_rest)[1]["capacitance"]
     np.testing.assert_allclose(left[:20], whole[:20], rtol=1e-9)  # 20 widths before
-    # The flat film is uniform: a sharp ring has 1 - 0.75² of it. Rounding over w adds (pi w)²/3 = 0.02 of the area
-    # without the edge; the edge cuts some of it off again, so 2 % of the ring bound both, and six points add less.
-    assert 1 - left[-1] / whole[-1] == pytest.approx(1 - 0.75**2, rel=0.02)
+    # a flat film is uniform; the sag of 1 mm over 40 mm stretches it by less than 0.1 % more near the ball
+    assert 1 - left[-1] / whole[-1] == pytest.approx(0.3, rel=0.005)
 
 
 def test_a_loss_leaves_rest_and_a_jump_does_not(damped, experiment):
     before, after = slice(195, 200), slice(395, 400)
     loss, _ = run(damped.with_effects(ElectrodeLoss(share=0.5, at=4.0)), experiment, HOLDS)
     jump, _ = run(damped.with_effects(SensorJump(change=-5e-6, at=4.0)), experiment, HOLDS)
-    np.testing.assert_allclose(loss[before], 0.0, atol=1e-9)
-    np.testing.assert_allclose(loss[after], 0.0, atol=1e-9)
+    # the ball has settled, and the two zones of the reduced film meet elsewhere: 1e-5 of the sag of 1 mm
+    np.testing.assert_allclose(loss[before], 0.0, atol=1e-8)
+    np.testing.assert_allclose(loss[after], 0.0, atol=1e-8)
     np.testing.assert_allclose(jump[after], -5e-6, atol=1e-9)
     assert loss[299] < 0.95 * loss[99]
 

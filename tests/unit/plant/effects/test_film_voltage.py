@@ -49,7 +49,8 @@ def test_a_lag_that_does_not_see_the_film_is_linear(chain):
 def test_without_resistance_the_voltage_passes(chain):
     for share in (0.0, 1.0):
         voltage = chain(NOISE, ElectrodeRC(time=0.0, film_share=share))["film_voltage"]
-        np.testing.assert_allclose(voltage, GAIN * NOISE, rtol=1e-13)
+        # Newton ends with an error below 1e-10 of the scale, 1 kV
+        np.testing.assert_allclose(voltage, GAIN * NOISE, rtol=0, atol=1e-7)
 
 
 def test_the_lag_grows_with_the_voltage(chain):
