@@ -13,8 +13,9 @@ from deatwin.ident.greybox.fit import Calibration, Part
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.detect import Detection, detect, noise_floor
 from deatwin.ident.mismatch.losses import block_losses, evidence
-from deatwin.ident.mismatch.screen import Footprint, footprints, leads
+from deatwin.ident.mismatch.screen import Footprint, Lead, footprints, leads
 from deatwin.ident.mismatch.search import at_its_time, search
+from deatwin.ident.mismatch.shortlist import shortlist
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.model import Plant
@@ -30,8 +31,6 @@ __all__ = [
     "try_singles",
 ]
 
-SINGLES, PAIRS = 8, 6
-"""How many of the most promising effects are fitted, alone and beside the best one."""
 FAILED_SEARCH = 1.02
 """A fit whose error is larger than the plant's without the effect by more than this has lost its way."""
 EVIDENCE_RATIO = 20.0
@@ -234,7 +233,7 @@ def try_singles(
     Naming
     """
     nominal = bench.nominal.with_rig(base.calibration.plant.rig)
-    promising = [lead.effect for lead in leads(known, base.calibration)[:SINGLES]]
+    promising = shortlist(bench, nominal, leads(known, base.calibration))
     tasks = [(bench, nominal, base.calibration, effect, noise) for effect in promising]
     singles = _try(tasks, bench.jobs, finished)
     noise = _quietest(bench, singles, noise)
@@ -275,7 +274,7 @@ def try_pairs(
         return naming
     one = max(singles, key=lambda c: c.evidence).calibration
     start = _with_fitted(bench.nominal.with_rig(one.plant.rig), one.plant)
-    others = _promising_beside(bench, known, naming.candidates[0].calibration, one)
+    others = shortlist(bench, start, _leads_beside(bench, known, naming.candidates[0].calibration, one))
     tasks = [(bench, start, one, effect, naming.noise) for effect in others]
     pairs = _try(tasks, bench.jobs, finished)
     noise = _quietest(bench, pairs, naming.noise)
@@ -293,16 +292,16 @@ def try_pairs(
     return replace(decided, failed=(*naming.failed, *failed))
 
 
-def _promising_beside(
+def _leads_beside(
     bench: Bench, known: Sequence[Footprint], base: Calibration, one: Calibration
-) -> list[Effect]:
-    """The effects that could explain most of what a plant with a single one leaves."""
+) -> tuple[Lead, ...]:
+    """What the other effects could explain of what a plant with a single one leaves."""
     free = [effect for effect in bench.effects if effect.name not in one.plant.effect_names]
     looking = [e for e in free if e.starts(np.concatenate([p.timepts for p in bench.fitted]), one.residuals)]
     again = footprints(bench, base, looking, one)
     names = {e.name for e in free} - {e.name for e in looking}
     kept = [f for f in known if f.effect.name in names]
-    return [lead.effect for lead in leads([*kept, *again], one)[:PAIRS]]
+    return leads([*kept, *again], one)
 
 
 def _try(tasks: list[Any], jobs: int, finished: Callable[[float], None] | None) -> list[Candidate]:
