@@ -23,6 +23,8 @@ __all__ = ["Run", "RunStatus", "Simulator", "Stepper"]
 
 CHUNK = 200
 """Samples in one call of compiled code."""
+SHORTER_STEPS = (4, 16, 64)
+"""Into how many steps a sample is divided that is not solved in one, one number after the other."""
 
 Progress = Callable[[float], None]
 
@@ -130,19 +132,17 @@ class Simulator:
         inputs = self.equations.inputs(commands, rest_command, channels)
         outputs, watched = [np.array([first])], []
         march = March(self._march["plain_march"])
-        x, z, d, *known = march.arguments
+        x, z, d = march.arguments[:3]
         x[:], z[:], d[:] = rest.x, rest.z, rest.d
-        for begin, count in self._chunks(known, inputs, start, sample_time, values):
-            x_new, z_new, y, w, error = march.advance()
-            good = _valid(error, y, count)
-            outputs.append(y[:good, 0].copy())
-            watched.append(w[:good].T.copy())
+        done = 0
+        for y, w in self._marched(march, 2, inputs, start, sample_time, values):
+            outputs.append(y[:, 0])
+            watched.append(w.T)
+            done += len(y)
             if progress is not None:
-                progress((begin + count) / commands.size)
-            if good < count:
-                status = self._why(rest, rest_command, commands[begin + good], values)
-                break
-            x[:], z[:] = x_new[-1], z_new[-1]
+                progress(done / commands.size)
+        if done < commands.size:
+            status = self._why(rest, rest_command, commands[done], values)
         signals = np.hstack(watched) if watched else np.empty((len(self.equations.signals), 0))
         return _run(status, outputs, None, signals)
 
@@ -179,18 +179,16 @@ class Simulator:
         first = float(self.equations.output(*point))
         outputs, slopes = [np.array([first])], [self._rest_slope(point, rest.x_p, rest.z_p, rest.d_p)]
         march = March(self._march["sensitive_march"])
-        x, z, dx, dd, d, *known = march.arguments
+        x, z, dx, dd, d = march.arguments[:5]
         x[:], z[:], dx[:], d[:] = rest.x, rest.z, rest.x_p.T, rest.d
         dd[:] = np.tile(rest.d_p.T, (CHUNK, 1))
-        for begin, count in self._chunks(known, inputs, start, sample_time, values):
-            x_new, z_new, dx_new, y, dy, error = march.advance()
-            good = _valid(error, y, count)
-            outputs.append(y[:good, 0].copy())
-            slopes.append(dy.reshape(CHUNK, n_p)[:good].copy())
-            if good < count:
-                status = self._why(rest, rest_command, commands[begin + good], values)
-                break
-            x[:], z[:], dx[:] = x_new[-1], z_new[-1], dx_new[dx_new.shape[0] - n_p :]
+        done = 0
+        for y, dy in self._marched(march, 3, inputs, start, sample_time, values):
+            outputs.append(y[:, 0])
+            slopes.append(dy.reshape(len(y), n_p))
+            done += len(y)
+        if done < commands.size:
+            status = self._why(rest, rest_command, commands[done], values)
         return _run(status, outputs, np.vstack(slopes), None)
 
     def stepper(
@@ -228,18 +226,38 @@ class Simulator:
         """One sample, compiled only for those who step: the marches hold their own copy."""
         return compile_functions({"plain_step": self._single.plain}, in_lanes=self._single.in_lanes)["plain_step"]
 
-    def _chunks(
-        self, known: list[np.ndarray], inputs: np.ndarray, start: float, sample_time: float, values: np.ndarray
-    ) -> Iterator[tuple[int, int]]:
-        """Fill the arguments ``u, t, h, p, c`` of a march piece by piece; yield begin and length of each."""
-        u, t, h, p, c = known
-        h[:], p[:], c[:] = sample_time, values, self.equations.constants
-        for begin in range(0, inputs.shape[1], CHUNK):
-            piece = inputs[:, begin : begin + CHUNK].T
+    def _marched(
+        self, march: March, n_states: int, inputs: np.ndarray, start: float, sample_time: float, values: np.ndarray
+    ) -> Iterator[list[np.ndarray]]:
+        """Results of a march besides its states, for some samples at a time; ends early where one is not solved.
+
+        The first `n_states` arguments and results of the march are its states. A sample that is not solved in one
+        step is taken in shorter ones.
+        """
+        u, t, h, p, c = march.arguments[-5:]
+        p[:], c[:] = values, self.equations.constants
+        begin, n = 0, inputs.shape[1]
+        while begin < n:
+            count = min(CHUNK, n - begin)
             # The last piece is filled up with its last sample.
-            u[: len(piece)], u[len(piece) :] = piece, piece[-1]
-            t[:, 0] = start + sample_time * np.arange(begin, begin + CHUNK)
-            yield begin, len(piece)
+            u[:count], u[count:] = inputs[:, begin : begin + count].T, inputs[:, begin + count - 1]
+            h[:], t[:, 0] = sample_time, start + sample_time * np.arange(begin, begin + CHUNK)
+            results = march.advance()
+            good = _valid(results[-1], results[n_states], count)
+            if good:
+                yield _kept(march, results, n_states, 0, good)
+            begin += good
+            if good < count:
+                u[:], time = inputs[:, begin], start + sample_time * begin
+                for shorter in SHORTER_STEPS:
+                    h[:], t[:, 0] = sample_time / shorter, time + sample_time / shorter * np.arange(CHUNK)
+                    results = march.advance()
+                    if _valid(results[-1], results[n_states], shorter) == shorter:
+                        yield _kept(march, results, n_states, shorter - 1, shorter)
+                        break
+                else:
+                    return
+                begin += 1
 
     def _reading(self, rest: RestState, command: float, time: float, values: np.ndarray) -> ca.DM:
         inputs = self.equations.held_inputs(command)
@@ -343,13 +361,34 @@ class Stepper:
         if self._status.ok:
             inputs = self._inputs.copy()
             inputs[: 1 + self._history] = [command, *self._inputs[: self._history]]
-            x, z, y, _, error = self._step(self._x, self._z, self._held, inputs, self.time, *self._fixed)
-            if _valid(error, y, 1):
-                self._inputs = inputs
-                self._x, self._z, self._reading, self._count = x, z, float(y), self._count + 1
+            found = next((f for f in (self._in_steps(inputs, n) for n in (1, *SHORTER_STEPS)) if f is not None), None)
+            if found is not None:
+                self._x, self._z, self._reading = found
+                self._inputs, self._count = inputs, self._count + 1
             else:
                 self._status = self._why(command)
         return self._status
+
+    def _in_steps(self, inputs: np.ndarray, number: int) -> tuple[ca.DM, ca.DM, float] | None:
+        """States and reading after a sample that is taken in so many steps; None where one is not solved."""
+        x: Any = self._x
+        z: Any = self._z
+        reading, (width, *rest) = ca.DM(self._reading), self._fixed
+        for step in range(number):
+            time = self.time + width / number * step
+            x, z, reading, _, error = self._step(x, z, self._held, inputs, time, width / number, *rest)
+            if not _valid(error, reading, 1):
+                return None
+        return x, z, float(reading)
+
+
+def _kept(march: March, results: list[np.ndarray], n_states: int, first: int, last: int) -> list[np.ndarray]:
+    """Results of some samples, without states and error; the states after the last of them are the march's next."""
+    for argument, result in zip(march.arguments[:n_states], results[:n_states], strict=True):
+        width = argument.shape[0]
+        argument[:] = result[(last - 1) * width : last * width]
+    widths = [result.shape[0] // CHUNK for result in results[n_states:-1]]
+    return [r[first * k : last * k].copy() for r, k in zip(results[n_states:-1], widths, strict=True)]
 
 
 def _valid(error: np.ndarray | ca.DM, reading: np.ndarray | ca.DM, count: int) -> int:

@@ -14,6 +14,7 @@ from deatwin.ident.mismatch.conclude import Findings, conclude
 from deatwin.ident.mismatch.detect import detect
 from deatwin.ident.mismatch.diagnosis import Diagnosis, Verdict
 from deatwin.ident.mismatch.evidence import readings, tracks
+from deatwin.ident.mismatch.floor import with_model_error
 from deatwin.ident.mismatch.gate import Gate, Soundness, confirm, gate, split
 from deatwin.ident.mismatch.locate import locate_time
 from deatwin.ident.mismatch.name import Candidate, Naming, free_run_residuals, try_pairs, try_singles
@@ -81,6 +82,8 @@ def diagnose(
     if onset is not None:
         bench = _bench(plant, checked, bench.effects, jobs, onset)
         base = calibrate_base(bench)
+    tell(0.2, "comparing with finer equations")
+    bench, base = with_model_error(bench, base)
 
     checked = confirm(checked, readings(base.chosen.calibration.plant, several))
     naming = Naming(candidates=(base.chosen,), best=None, rivals=(), probabilities={}, noise=base.noise)

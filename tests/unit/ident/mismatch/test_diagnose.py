@@ -87,7 +87,7 @@ def test_locations_and_smallest_sizes_are_reported(creeping):
     assert {place["place"] for place in creeping.locate["place"]} == {"film", "drive", "parameter"}
     assert set(creeping.detect["smallest_detectable"]) == {"creep", "electrode_rc", "permittivity_drift"}
     # a refit can only make an effect harder to see than the model error it must exceed
-    assert all(size >= 1.2 for size in creeping.detect["smallest_detectable"].values() if size is not None)
+    assert all(size >= 1.0 for size in creeping.detect["smallest_detectable"].values() if size is not None)
 
 
 def test_clean_data_only_want_other_parameters(clean):
