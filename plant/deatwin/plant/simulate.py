@@ -318,7 +318,9 @@ class Stepper:
     ) -> None:  # fmt: skip
         self._step, self._fixed, self._why = step, fixed, why
         self._inputs, self._history = inputs, history
-        self._x, self._z, self._held = rest.x, rest.z, rest.d
+        self._x: Any = rest.x
+        self._z: Any = rest.z
+        self._held = rest.d
         self._reading, self._start, self._count = reading, start, 0
         self._status = RunStatus.DONE if rest.found else RunStatus.NO_REST
 
@@ -371,9 +373,7 @@ class Stepper:
 
     def _in_steps(self, inputs: np.ndarray, number: int) -> tuple[ca.DM, ca.DM, float] | None:
         """States and reading after a sample that is taken in so many steps; None where one is not solved."""
-        x: Any = self._x
-        z: Any = self._z
-        reading, (width, *rest) = ca.DM(self._reading), self._fixed
+        x, z, reading, (width, *rest) = self._x, self._z, ca.DM(self._reading), self._fixed
         for step in range(number):
             time = self.time + width / number * step
             x, z, reading, _, error = self._step(x, z, self._held, inputs, time, width / number, *rest)
