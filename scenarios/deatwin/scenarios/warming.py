@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import combinations
-
 from deatwin.plant.effects import catalogue
 from deatwin.plant.model import Plant
 from deatwin.plant.rigs.diaphragm import Diaphragm
@@ -17,11 +15,13 @@ def usual_plants() -> list[Plant]:
     Returns
     -------
     list of Plant
-        For each support of the ball: alone, with each effect of the catalogue, with each pair.
+        For each support of the ball: alone, alone and fine, and with each effect of the catalogue.
     """
-    effects = catalogue()
-    sets = [set_ for size in range(3) for set_ in combinations(effects, size)]
-    return [Plant(rig=Diaphragm(ball=ball)).with_effects(*set_) for ball in ("bonded", "sliding") for set_ in sets]
+    plants = []
+    for ball in ("bonded", "sliding"):
+        rig = Diaphragm(ball=ball)
+        plants += [Plant(rig=rig), Plant(rig=rig.finer()), *(Plant(rig=rig, effects=(e,)) for e in catalogue())]
+    return plants
 
 
 def compile_plant(plant: Plant) -> None:
