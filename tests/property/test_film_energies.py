@@ -12,9 +12,9 @@ from deatwin.plant.dielectric import (
     electrostriction_factors,
     maxwell_stress,
 )
-from deatwin.plant.energies import arruda_boyce, gent, mooney_rivlin, neo_hookean, ogden, yeoh
-from deatwin.plant.permittivity import polarisation_rate, polarised_energy, stretched
-from deatwin.plant.stress import nominal_stress, tangent, true_stress
+from deatwin.plant.laws.energies import arruda_boyce, gent, mooney_rivlin, neo_hookean, ogden, yeoh
+from deatwin.plant.laws.permittivity import polarisation_rate, polarised_energy, stretched
+from deatwin.plant.laws.stress import nominal_stress, tangent, true_stress
 
 moduli = st.floats(1e3, 1e5)
 ENERGIES = {

@@ -9,11 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from deatwin.plant.csvtable import read_table
 from deatwin.plant.files import read_recording, write_csv, write_recording
+from deatwin.plant.files.csvtable import read_table
+from deatwin.plant.files.units import UNITS
 from deatwin.plant.recording import Recording
 from deatwin.plant.rigs.rigfile import RigFile
-from deatwin.plant.units import UNITS
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 moderate = st.floats(-1e6, 1e6, allow_subnormal=False)

@@ -16,7 +16,7 @@ from deatwin.plant import (
     SimulationError,
 )
 from deatwin.plant.excitation import band_limited_noise, random_holds
-from deatwin.plant.reference import reference_outputs
+from deatwin.plant.integrator.reference import reference_outputs
 
 BASE = Plant(rig=Diaphragm())
 SMOOTH = BASE.with_effects(Creep(), ElectrodeRC(), PermittivityDrift())

@@ -14,8 +14,8 @@ import pytest
 
 from deatwin.ident.mismatch import Diagnosis, Verdict, diagnose
 from deatwin.plant import Experiment, Recording
-from deatwin.plant.compiled import compiler
 from deatwin.plant.files import read_recording
+from deatwin.plant.integrator.compiled import compiler
 from deatwin.plant.sources import load_plant
 
 FOLDER = Path(__file__).parents[1] / "recordings"

@@ -14,7 +14,7 @@ import deatwin.plant.material as materials
 from deatwin.plant import Parameter, Plant
 from deatwin.plant.actuation import CurveEnd, actuation_curve
 from deatwin.plant.dielectric import VACUUM_PERMITTIVITY
-from deatwin.plant.energies import neo_hookean
+from deatwin.plant.laws.energies import neo_hookean
 from deatwin.plant.linear_elastic import LinearElastic
 from deatwin.plant.rigs.bow_tie import BowTie
 from deatwin.plant.rigs.planar import BlockedPlanar, Planar

@@ -24,7 +24,7 @@ from typing import Any
 
 import casadi as ca
 
-from deatwin.plant.stress import true_stress
+from deatwin.plant.laws.stress import true_stress
 
 __all__ = [
     "VACUUM_PERMITTIVITY",
@@ -177,7 +177,7 @@ def electrostriction_factors(
               \sigma_i = -f_i\,\varepsilon E^2
 
     Follows from the co-energy with :math:`\varepsilon(\lambda_1, \lambda_2)`, so `electric_energy` with such a
-    permittivity holds it already. With `deatwin.plant.permittivity.stretched` the factor varies with the stretch:
+    permittivity holds it already. With `deatwin.plant.laws.permittivity.stretched` the factor varies with the stretch:
     at small strain electrostriction is a mere scale of the permittivity, at large strain it is not.
 
     Parameters

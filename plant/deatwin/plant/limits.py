@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import numpy as np
 
-from deatwin.plant.breakdown import HUANG_2012
+from deatwin.plant.laws.breakdown import HUANG_2012
 from deatwin.plant.simulate import RunStatus
 
 if TYPE_CHECKING:

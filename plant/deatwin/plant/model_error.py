@@ -18,9 +18,9 @@ from typing import TYPE_CHECKING, Any, Protocol, Self, runtime_checkable
 
 import numpy as np
 
-from deatwin.plant.compiled import cache_folder
 from deatwin.plant.documents import read_document, write_document
 from deatwin.plant.errors import ModelError, SimulationError
+from deatwin.plant.integrator.compiled import cache_folder
 from deatwin.plant.parameters import Parameter
 from deatwin.plant.recording import Experiment
 from deatwin.plant.rigs.base import Rig

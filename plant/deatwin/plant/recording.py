@@ -8,8 +8,8 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.plant.columns import usual_unit
 from deatwin.plant.errors import DataError
+from deatwin.plant.files.columns import usual_unit
 
 # Two clocks that drift apart by less than this share of a sample over a record count as one.
 _CLOCK_TOLERANCE = 0.1
@@ -204,20 +204,20 @@ class Recording:
         )
 
     def to_pandas(self) -> Any:
-        """Return the recording as a `pandas.DataFrame`; see `deatwin.plant.conversion.as_data_frame`."""
-        from deatwin.plant.conversion import as_data_frame
+        """Return the recording as a `pandas.DataFrame`; see `deatwin.plant.files.conversion.as_data_frame`."""
+        from deatwin.plant.files.conversion import as_data_frame
 
         return as_data_frame(self)
 
     def to_xarray(self) -> Any:
-        """Return the recording as an `xarray.Dataset`; see `deatwin.plant.conversion.as_dataset`."""
-        from deatwin.plant.conversion import as_dataset
+        """Return the recording as an `xarray.Dataset`; see `deatwin.plant.files.conversion.as_dataset`."""
+        from deatwin.plant.files.conversion import as_dataset
 
         return as_dataset(self)
 
     def to_input_output_data(self) -> Any:
         """Return the recording as `nonlinear_benchmarks.Input_output_data`, inputs and outputs only."""
-        from deatwin.plant.conversion import as_input_output_data
+        from deatwin.plant.files.conversion import as_input_output_data
 
         return as_input_output_data(self)
 

@@ -11,12 +11,12 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from deatwin.plant.collocation import step_functions
-from deatwin.plant.compiled import compile_functions
 from deatwin.plant.equations import Equations
 from deatwin.plant.errors import SimulationError
-from deatwin.plant.march import March
-from deatwin.plant.newton import SETTLED
+from deatwin.plant.integrator.collocation import step_functions
+from deatwin.plant.integrator.compiled import compile_functions
+from deatwin.plant.integrator.march import March
+from deatwin.plant.integrator.newton import SETTLED
 from deatwin.plant.rest import RestState, has_equilibrium, rest_state
 
 __all__ = ["Run", "RunStatus", "Simulator", "Stepper"]

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from deatwin.plant.calibrated import CalibratedPlant
-from deatwin.plant.columns import COLUMNS
 from deatwin.plant.files import read_commands, read_experiment
+from deatwin.plant.files.columns import COLUMNS
+from deatwin.plant.files.units import UNITS, split_unit
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.rigs.base import Rig
 from deatwin.plant.rigs.rigfile import RigFile, read_rig
 from deatwin.plant.sources import load_plant
-from deatwin.plant.units import UNITS, split_unit
 
 __all__ = ["GivenPlant", "reading_column"]
 

@@ -16,16 +16,16 @@ from typing import Any
 import numpy as np
 
 from deatwin.plant.actuation import ActuationCurve, actuation_curve
-from deatwin.plant.breakdown import HUANG_2012, KOFOD_2001
 from deatwin.plant.dielectric import VACUUM_PERMITTIVITY
-from deatwin.plant.energies import maxwell_branch
+from deatwin.plant.laws.breakdown import HUANG_2012, KOFOD_2001
+from deatwin.plant.laws.energies import maxwell_branch
+from deatwin.plant.laws.stress import nominal_stress
 from deatwin.plant.material import material
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.rigs.diaphragm import Diaphragm
 from deatwin.plant.rigs.film_actuator import relaxed_stresses
 from deatwin.plant.rigs.planar import Planar
-from deatwin.plant.stress import nominal_stress
 from deatwin.scenarios.prestretch_claims import RELAXING, Sweep, Verdict, judged_claims
 from deatwin.scenarios.report.prestretch import write_page
 from deatwin.scenarios.stories import Setting

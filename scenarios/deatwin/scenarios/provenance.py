@@ -101,7 +101,7 @@ class RunRecord:
         -------
         dict
         """
-        from deatwin.plant.compiled import compiler
+        from deatwin.plant.integrator.compiled import compiler
 
         return {
             "schema": SCHEMA,

@@ -5,7 +5,7 @@ import pytest
 
 from deatwin.plant import DataError, Plant, SimulationError
 from deatwin.plant.actuation import CurveEnd, actuation_curve
-from deatwin.plant.breakdown import HUANG_2012
+from deatwin.plant.laws.breakdown import HUANG_2012
 from deatwin.plant.rigs.planar import BlockedPlanar, Planar
 
 

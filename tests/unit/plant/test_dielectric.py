@@ -16,9 +16,9 @@ from deatwin.plant.dielectric import (
     maxwell_strain,
     maxwell_stress,
 )
-from deatwin.plant.energies import gent
-from deatwin.plant.permittivity import stretched
-from deatwin.plant.stress import true_stress
+from deatwin.plant.laws.energies import gent
+from deatwin.plant.laws.permittivity import stretched
+from deatwin.plant.laws.stress import true_stress
 
 MU, LIMIT, PERMITTIVITY = 25e3, 107.0, 4.5
 MODULUS = 3 * MU

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from deatwin.plant.effects.base import Effect, Family, Place
+from deatwin.plant.laws.permittivity import stretched
 from deatwin.plant.parameters import Parameter
-from deatwin.plant.permittivity import stretched
 
 if TYPE_CHECKING:
     from deatwin.plant.equations import Builder

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from deatwin.plant.effects.base import Effect, Family, Place
-from deatwin.plant.energies import gent, neo_hookean
+from deatwin.plant.laws.energies import gent, neo_hookean
 from deatwin.plant.parameters import Parameter, Scale
 
 if TYPE_CHECKING:

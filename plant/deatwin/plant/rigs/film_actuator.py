@@ -10,18 +10,18 @@ from typing import Any, ClassVar
 import casadi as ca
 import numpy as np
 
-from deatwin.plant.breakdown import HUANG_2012
 from deatwin.plant.effects.base import Place
 from deatwin.plant.equations import Builder
 from deatwin.plant.errors import RigError
 from deatwin.plant.film import AnyFilm
+from deatwin.plant.laws.breakdown import HUANG_2012
+from deatwin.plant.laws.stress import nominal_stress
 from deatwin.plant.material import Material, material
 from deatwin.plant.parameters import Parameter, Scale
 from deatwin.plant.rigs.base import Rig, StartProcedure
 from deatwin.plant.rigs.drive import squared_voltage
 from deatwin.plant.rigs.kinematics import Kinematics
 from deatwin.plant.rigs.material_film import material_film
-from deatwin.plant.stress import nominal_stress
 
 __all__ = ["FilmActuator", "relaxed_stresses", "watch_breakdown", "watch_field"]
 

@@ -25,7 +25,7 @@ Warm = Annotated[
 
 def doctor(warm: Warm = False, jobs: Jobs = -1, as_json: Json = False, quiet: Quiet = False) -> None:
     """Say what is installed, whether a compiler was found, and what is slower without it."""
-    from deatwin.plant.compiled import cache_folder, compiler
+    from deatwin.plant.integrator.compiled import cache_folder, compiler
     from deatwin.scenarios.provenance import versions
 
     voice = Voice(as_json=as_json, quiet=quiet)
@@ -50,7 +50,7 @@ def doctor(warm: Warm = False, jobs: Jobs = -1, as_json: Json = False, quiet: Qu
 def _warm(voice: Voice, jobs: int) -> int:
     """Compile the plants that a diagnosis of a diaphragm asks for; how many there are."""
     from deatwin.ident.parallel import run_jobs
-    from deatwin.plant.compiled import compiler
+    from deatwin.plant.integrator.compiled import compiler
     from deatwin.scenarios.warming import compile_plant, usual_plants
 
     if compiler() is None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from deatwin.plant.units import UNITS
+from deatwin.plant.files.units import UNITS
 from deatwin.scenarios.folder import ResultFolder
 from deatwin.scenarios.provenance import versions
 from deatwin.scenarios.report.figures import drawings

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from deatwin.plant.units import UNITS
+from deatwin.plant.files.units import UNITS
 
 if TYPE_CHECKING:
     from deatwin.ident.mismatch import Diagnosis

@@ -20,9 +20,9 @@ from deatwin.plant import (
     Plant,
     Recording,
 )
-from deatwin.plant.compiled import compiler
 from deatwin.plant.effects.catalogue import effect_named
 from deatwin.plant.excitation import band_limited_noise, random_holds
+from deatwin.plant.integrator.compiled import compiler
 
 pytestmark = pytest.mark.skipif(
     compiler() is None, reason="many fits: without a C compiler they take ten times as long"

@@ -9,8 +9,8 @@ from deatwin.ident.greybox import Part, calibrate
 from deatwin.ident.mismatch.evidence import tracks
 from deatwin.ident.mismatch.locate import Track, locate_frequency, locate_region, locate_time
 from deatwin.plant import Diaphragm, Experiment, Plant, Recording
-from deatwin.plant.compiled import compiler
 from deatwin.plant.excitation import band_limited_noise
+from deatwin.plant.integrator.compiled import compiler
 
 pytestmark = pytest.mark.skipif(
     compiler() is None, reason="many fits: without a C compiler they take ten times as long"

@@ -1,0 +1,294 @@
+"""Text of a CSV file to named columns of numbers, whatever its encoding, delimiter and header lines."""
+
+import csv
+import hashlib
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from decimal import Context, Decimal
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.plant.errors import DataError, nearest
+from deatwin.plant.files.csvtext import decode, find_layout, is_number, names_and_units, split_cells
+from deatwin.plant.files.formats.description import SCHEMA, read_description
+from deatwin.plant.files.formats.table import Declared, Table
+from deatwin.plant.files.units import UNITS, Unit, split_unit
+
+__all__ = ["DESCRIPTION", "EXACT", "CsvTable", "decimal_relation", "power_of_ten", "read_bytes", "read_table", "reader"]
+
+DESCRIPTION = f"# {SCHEMA} "  # begins the line above the header that holds a description, if any
+EXACT = Context(prec=800)  # decimal digits: enough for the sum of any two floats
+_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CsvTable(Table):
+    """The header of a CSV file and its lines of samples, not yet converted.
+
+    Parameters
+    ----------
+    path, sha256, headers, names, units, declared
+        As in `Table`.
+    lines : list of str
+        The lines that hold samples.
+    rows : list of int
+        The number of each in the file, as an editor shows it; the first line is 1.
+    delimiter : str
+        Comma, semicolon, tab or bar.
+    """
+
+    lines: list[str]
+    rows: list[int]
+    delimiter: str
+
+    def row(self, sample: int) -> int:
+        """Return the row of a sample in the file, as an editor shows it."""
+        return self.rows[sample]
+
+    def si(self, columns: Sequence[int]) -> NDArray[np.float64]:
+        """Return columns as numbers in SI units, (len(columns), n).
+
+        Units are converted as decimal numbers, so that each value is the one nearest to what the text says: 0.1 mm
+        is read as the literal 0.1e-3.
+
+        Parameters
+        ----------
+        columns : sequence of int
+            Their numbers, counted from 0.
+
+        Raises
+        ------
+        DataError
+            If a cell of them is missing, empty, text, or not finite, a row has more cells than the header, or
+            the decimal sign is not certain; the text names row and column.
+        """
+        rows = self._cells()
+        try:
+            texts = [[row[column] for row in rows] for column in columns]
+        except IndexError:
+            raise self._bad_cell(columns) from None
+        texts = self._with_decimal_points(columns, texts)
+        try:
+            values = np.array(
+                [_si(cells, UNITS[self.units[column]]) for column, cells in zip(columns, texts, strict=True)]
+            )
+        except ValueError:
+            raise self._bad_cell(columns) from None
+        if not np.isfinite(values).all():
+            raise self._bad_cell(columns)
+        return values
+
+    def _cells(self) -> list[list[str]]:
+        """Return the cells of all rows; none has more than the header."""
+        if any('"' in line for line in self.lines):
+            rows = list(csv.reader(self.lines, delimiter=self.delimiter, skipinitialspace=True))
+        else:
+            rows = [line.split(self.delimiter) for line in self.lines]
+        if len(rows) != len(self.lines):
+            raise DataError(f"{self.path}: a quoted cell with a line break in it; write each sample on one line")
+        count = len(self.headers)
+        for sample, row in enumerate(rows):
+            if len(row) > count and any(cell.strip() for cell in row[count:]):
+                raise DataError(f"{self.where(sample)}: {len(row)} cells, but the header has {count}")
+        return rows
+
+    def _with_decimal_points(self, columns: Sequence[int], texts: list[list[str]]) -> list[list[str]]:
+        """Return the cells with decimal points, if it is certain that their commas are decimal commas."""
+        if not any("," in cell for cells in texts for cell in cells):
+            return texts
+        number, sure = None, False
+        for column, cells in zip(columns, texts, strict=True):
+            for sample, cell in enumerate(cells):
+                place = f'{self.where(sample)}, column "{self.headers[column]}": "{cell.strip()}"'
+                if "." in cell and is_number(cell.replace(",", "")):
+                    raise DataError(
+                        f"{place} has a decimal point, other numbers of the file have a comma; "
+                        "use one decimal sign and no marks between thousands"
+                    )
+                if "," in cell and number is None:
+                    number = place
+                sure = sure or ("," in cell and not _THOUSANDS.fullmatch(cell.strip()))
+        if not sure:
+            raise DataError(
+                f"{number} may mean thousands or a decimal comma, and no number of the file tells; "
+                "write it with a decimal point"
+            )
+        return [[cell.replace(",", ".") for cell in cells] for cells in texts]
+
+    def _bad_cell(self, columns: Sequence[int]) -> DataError:
+        """Return the error of the first cell that is not a finite number."""
+        for sample, line in enumerate(self.lines):
+            row = split_cells(line, self.delimiter)
+            for column in columns:
+                place = f'{self.where(sample)}, column "{self.headers[column]}"'
+                if column >= len(row) and column >= line.count(self.delimiter) + 1:
+                    return DataError(f"{place}: the row has {len(row)} cells, the header {len(self.headers)}")
+                cell = row[column] if column < len(row) else ""
+                if not cell:
+                    return DataError(f"{place}: the cell is empty; it must be a number")
+                if not is_number(cell.replace(",", ".")):
+                    return DataError(f'{place}: "{cell}" is not a number')
+                if not np.isfinite(float(cell.replace(",", "."))):
+                    return DataError(f"{place}: {cell} is not a finite number")
+        return DataError(f"{self.path}: the samples cannot be read as numbers")
+
+
+def read_table(path: str | Path) -> CsvTable:
+    """Read a CSV file.
+
+    The encoding may be UTF-8, UTF-16 with its mark at the start, GBK, or Latin-1; the delimiter comma,
+    semicolon, tab or bar (with the last three also a decimal comma); cells may be quoted. Blank lines are passed
+    over. Of several header lines the last holds the names, unless it holds nothing but units: then the one
+    above does.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+
+    Returns
+    -------
+    CsvTable
+
+    Raises
+    ------
+    DataError
+        If the file is missing, empty, not text, without header or samples, or its delimiter is not certain.
+    """
+    content, name = read_bytes(path), str(path)
+    filled = [(row, line) for row, line in enumerate(decode(content, name).splitlines(), 1) if line.strip()]
+    declared = Declared()
+    if filled and filled[0][1].startswith(DESCRIPTION):
+        declared = read_description(filled.pop(0)[1].removeprefix(DESCRIPTION), name)
+    if not filled:
+        raise DataError(
+            f"{name}: the file is empty; it must hold a header (time_s,command_V,displacement_mm) and samples"
+        )
+    rows, lines = [row for row, _ in filled], [line for _, line in filled]
+    layout = find_layout(lines, rows, name)
+    head = [split_cells(line, layout.delimiter) for line in lines[: layout.first]]
+    headers, units = names_and_units(head, name)
+    return CsvTable(
+        path=name,
+        sha256=hashlib.sha256(content).hexdigest(),
+        headers=tuple(headers),
+        names=tuple(split_unit(header)[0] for header in headers),
+        units=tuple(units),
+        declared=declared,
+        lines=lines[layout.first :],
+        rows=rows[layout.first :],
+        delimiter=layout.delimiter,
+    )
+
+
+def read_bytes(path: str | Path) -> bytes:
+    """Return the bytes of a file of the user.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+
+    Returns
+    -------
+    bytes
+
+    Raises
+    ------
+    DataError
+        If it is missing or cannot be read.
+    """
+    try:
+        return Path(path).read_bytes()
+    except FileNotFoundError:
+        folder = Path(path).parent
+        beside = [entry.name for entry in folder.iterdir()] if folder.is_dir() else []
+        raise DataError(f"{path}: no such file{nearest(Path(path).name, beside)}") from None
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read: {error.strerror}") from None
+
+
+def power_of_ten(unit: Unit) -> int | None:
+    """Return the exponent by which a unit's values differ from SI values, or None for another relation.
+
+    Parameters
+    ----------
+    unit : Unit
+
+    Returns
+    -------
+    int or None
+
+    Examples
+    --------
+    >>> power_of_ten(UNITS["mm"]), power_of_ten(UNITS["kV"]), power_of_ten(UNITS["min"]), power_of_ten(UNITS["C"])
+    (-3, 3, None, None)
+    """
+    exponent = round(np.log10(unit.numerator / unit.denominator))
+    exact = unit.numerator == unit.denominator * 10.0**exponent or unit.denominator == unit.numerator / 10.0**exponent
+    return exponent if exact and not unit.shift else None
+
+
+def _si(cells: list[str], unit: Unit) -> NDArray[np.float64]:
+    """Return the numbers of a column in SI units."""
+    if any("_" in cell for cell in cells):
+        raise ValueError("Python's own mark between thousands")
+    return np.array(list(map(reader(unit), cells)))
+
+
+def reader(unit: Unit) -> Callable[[str], float]:
+    """Return how to read a cell in a unit as an SI value, rounded once.
+
+    Parameters
+    ----------
+    unit : Unit
+
+    Returns
+    -------
+    callable
+        Takes a text that holds a number; raises ValueError for another one.
+    """
+    exponent = power_of_ten(unit)
+    if exponent is None:
+        return _converted(unit)
+    return _moved(exponent) if exponent else float
+
+
+def _converted(unit: Unit) -> Callable[[str], float]:
+    """Return how to read a cell of any unit; the decimal numbers are converted and only the result is rounded."""
+    shift, numerator, denominator = decimal_relation(unit)
+
+    def read(cell: str) -> float:
+        float(cell)  # its ValueError, not Decimal's own error
+        shifted = EXACT.add(Decimal(cell.strip()), shift)
+        return float(EXACT.divide(EXACT.multiply(shifted, numerator), denominator))
+
+    return read
+
+
+def decimal_relation(unit: Unit) -> tuple[Decimal, Decimal, Decimal]:
+    """Return shift, numerator and denominator of a unit as the decimal numbers that they were written as.
+
+    Parameters
+    ----------
+    unit : Unit
+
+    Returns
+    -------
+    tuple of Decimal
+    """
+    return Decimal(repr(unit.shift)), Decimal(repr(unit.numerator)), Decimal(repr(unit.denominator))
+
+
+def _moved(exponent: int) -> Callable[[str], float]:
+    """Return how to read a cell with its decimal point moved."""
+
+    def read(cell: str) -> float:
+        float(cell)  # else "1e" would pass
+        mantissa, _, power = cell.strip().lower().partition("e")
+        return float(f"{mantissa}e{int(power or 0) + exponent}")
+
+    return read

@@ -1,0 +1,93 @@
+"""A recording as the text of a CSV file, from which it can be read back to the last bit."""
+
+from decimal import Decimal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.plant.errors import DataError
+from deatwin.plant.files.clock import even_pieces
+from deatwin.plant.files.columns import COLUMNS, usual_unit
+from deatwin.plant.files.csvtable import DESCRIPTION, EXACT, decimal_relation, power_of_ten, reader
+from deatwin.plant.files.formats.description import describe, header_with_unit, rows_of, signals_of
+from deatwin.plant.files.units import UNITS, Unit, split_unit
+from deatwin.plant.recording import Recording
+
+__all__ = ["csv_text"]
+
+_PLAIN = ("command", "displacement")
+
+
+def csv_text(recording: Recording) -> str:
+    """Return a recording as CSV.
+
+    Parameters
+    ----------
+    recording : Recording
+
+    Returns
+    -------
+    str
+        The header ``time_s,command_V,displacement_mm`` and further ones, and a row a sample. Above it stands the
+        description of the recording, if the columns alone would not be read as the same recording.
+    """
+    timepts = _times(recording)
+    signals = signals_of(recording, _header, taken=[COLUMNS["time"]])
+    columns = [
+        list(map(repr, timepts.tolist())),
+        *(_texts(signal.header, row) for signal, row in zip(signals, rows_of(recording), strict=True)),
+    ]
+    lines = [",".join([COLUMNS["time"], *(signal.header for signal in signals)])]
+    lines += map(",".join, zip(*columns, strict=True))
+    if not _is_plain(recording, timepts):
+        lines.insert(0, DESCRIPTION + describe(recording, signals))
+    return "\n".join(lines) + "\n"
+
+
+def _times(recording: Recording) -> NDArray[np.float64]:
+    """Return the times, rounded to 1 ns where that leaves the first as it is."""
+    rounded = np.round(recording.timepts, 9)
+    fine = rounded[:1] == recording.start and recording.sample_time > 1e-6
+    return rounded if np.all(fine) else recording.timepts
+
+
+def _is_plain(recording: Recording, timepts: NDArray[np.float64]) -> bool:
+    """Return whether the columns say everything: usual signals, no provenance, a sample time that is found again."""
+    names = (*recording.input_names, *recording.output_names)
+    units = (*recording.input_units, *recording.output_units, *recording.extra_units.values())
+    usual = (*names, *recording.extras)
+    if names != _PLAIN or any(name not in COLUMNS for name in usual) or recording.provenance:
+        return False
+    if units != tuple(map(usual_unit, usual)) or len(set(usual)) < len(usual) or "time" in usual:
+        return False
+    try:
+        sample_time, _ = even_pieces(timepts, str, allow_gaps=False)
+    except DataError:
+        return False
+    return sample_time == recording.sample_time
+
+
+def _header(name: str, unit: str) -> str:
+    """Return the usual column of a signal, else its name and SI unit."""
+    usual = name in COLUMNS and unit == usual_unit(name)
+    return COLUMNS[name] if usual else header_with_unit(name, unit)
+
+
+def _texts(header: str, values: NDArray[np.float64]) -> list[str]:
+    """Return SI values as texts in the unit of the header, which are read back as the same values."""
+    unit = UNITS[split_unit(header)[1]]
+    texts = list(map(repr, unit.from_si(values).tolist()))
+    if power_of_ten(unit) == 0:
+        return texts
+    read = reader(unit)
+    return [
+        text if read(text) == value else _exact(value, unit)
+        for text, value in zip(texts, values.tolist(), strict=True)
+    ]
+
+
+def _exact(value: float, unit: Unit) -> str:
+    """Return an SI value in a unit with as many digits as it takes to read the same value."""
+    shift, numerator, denominator = decimal_relation(unit)
+    scaled = EXACT.divide(EXACT.multiply(Decimal(repr(value)), denominator), numerator)
+    return str(EXACT.normalize(EXACT.subtract(scaled, shift)))

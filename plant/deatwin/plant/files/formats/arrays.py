@@ -1,0 +1,194 @@
+"""Tables of the binary formats, whose columns are arrays, and whose units may stand in attributes."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.plant.errors import DataError
+from deatwin.plant.files.formats.table import Declared, Table, Timing
+from deatwin.plant.files.units import UNITS, find_unit, split_unit
+
+__all__ = ["ArrayTable", "array_table", "spelt_unit"]
+
+# How units are spelt out in attributes: UDUNITS names, and those that DAQmx writes.
+_SPELT_OUT = {
+    "second": "s",
+    "millisecond": "ms",
+    "microsecond": "us",
+    "minute": "min",
+    "hour": "h",
+    "volt": "V",
+    "meter": "m",
+    "metre": "m",
+    "millimeter": "mm",
+    "millimetre": "mm",
+    "amp": "A",
+    "ampere": "A",
+    "newton": "N",
+    "kelvin": "K",
+    "celsius": "C",
+    "pascal": "Pa",
+}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ArrayTable(Table):
+    """A table of a binary format, whose columns are arrays already.
+
+    Parameters
+    ----------
+    path, sha256, headers, names, units, declared
+        As in `Table`.
+    columns : tuple of (n,) array
+        The values, of any type; only those that are asked for must be numbers of one length.
+    timings : tuple of (Timing or None)
+        The clock that the file states for each column; empty where it states none.
+    """
+
+    columns: tuple[NDArray[np.generic], ...]
+    timings: tuple[Timing | None, ...] = ()
+
+    def row(self, sample: int) -> int:
+        """Return the number of a sample; the first is 1, as in MATLAB and LabVIEW."""
+        return sample + 1
+
+    def timing(self, columns: Sequence[int]) -> Timing | None:
+        """Return the clock that the file states for some columns, or None.
+
+        Raises
+        ------
+        DataError
+            If the columns have different ones.
+        """
+        if not self.timings:
+            return super().timing(columns)
+        first = self.timings[columns[0]]
+        for column in columns:
+            if self.timings[column] != first:
+                raise DataError(
+                    f'{self.path}: "{self.headers[columns[0]]}" and "{self.headers[column]}" have different '
+                    f"clocks ({_said(first)}; {_said(self.timings[column])}); the channels of a recording "
+                    "need the same"
+                )
+        return first or super().timing(columns)
+
+    def si(self, columns: Sequence[int]) -> NDArray[np.float64]:
+        """Return columns as numbers in SI units, (len(columns), n).
+
+        Raises
+        ------
+        DataError
+            If one of them is not numeric or empty, has another length, or holds a value that is not finite.
+        """
+        length = len(self.columns[columns[0]])
+        for column in columns:
+            values, place = self.columns[column], f'{self.path}, column "{self.headers[column]}"'
+            if values.dtype.kind not in "fiub":
+                raise DataError(f"{place}: it holds {values.dtype} values; real numbers are needed")
+            if not len(values):
+                raise DataError(f"{place}: it is empty")
+            if len(values) != length:
+                raise DataError(
+                    f'{place}: {len(values)} samples, but "{self.headers[columns[0]]}" has {length}; '
+                    "the columns of a recording need the same number"
+                )
+            if not (finite := np.isfinite(values.astype(np.float64))).all():
+                sample = int(np.argmin(finite))
+                raise DataError(
+                    f'{self.where(sample)}, column "{self.headers[column]}": {values[sample]} '
+                    "is not a finite number"
+                )
+        return np.array([self._si(column) for column in columns])
+
+    def _si(self, column: int) -> NDArray[np.float64]:
+        """Return a column in SI units; values that are so already stay as they are, -0.0 too."""
+        values, unit = self.columns[column].astype(np.float64), self.units[column]
+        return values if unit == UNITS[unit].si else UNITS[unit].to_si(values)
+
+
+def array_table(
+    path: str,
+    sha256: str,
+    columns: Mapping[str, NDArray[np.generic]],
+    units: Mapping[str, str],
+    *,
+    declared: Declared | None = None,
+    timings: Mapping[str, Timing | None] | None = None,
+) -> ArrayTable:
+    """Make a table of arrays and of what attributes say about them.
+
+    Parameters
+    ----------
+    path, sha256 : str
+        Of the file.
+    columns : mapping of str to (n,) array
+        Values by header.
+    units : mapping of str to str
+        What the file states as the unit of a header, in its own spelling; where nothing, or nothing known, the
+        header's last part counts.
+    declared : Declared, optional
+        What the file says beside the columns.
+    timings : mapping of str to (Timing or None), optional
+        The clock of each header.
+
+    Returns
+    -------
+    ArrayTable
+
+    Raises
+    ------
+    DataError
+        If there are no columns, or a stated unit contradicts the one in the header.
+    """
+    if not columns:
+        raise DataError(f"{path}: no vectors of numbers in it; a recording needs its signals as vectors")
+    names, found = [], []
+    for header in columns:
+        (name, suffix), stated = split_unit(header), spelt_unit(units.get(header, ""))
+        if suffix and stated and suffix != stated:
+            raise DataError(
+                f'{path}, column "{header}": its name says {suffix}, its unit attribute {stated}; correct one'
+            )
+        names.append(name)
+        found.append(stated or suffix)
+    return ArrayTable(
+        path=path,
+        sha256=sha256,
+        headers=tuple(columns),
+        names=tuple(names),
+        units=tuple(found),
+        declared=declared or Declared(),
+        columns=tuple(columns.values()),
+        timings=tuple(timings[header] for header in columns) if timings else (),
+    )
+
+
+def spelt_unit(text: str) -> str:
+    """Return the unit that an attribute names, be it a symbol or a word.
+
+    Parameters
+    ----------
+    text : str
+        For example ``"V"``, ``"Volts"``, ``"(mm)"``, ``"degree_Celsius"``.
+
+    Returns
+    -------
+    str
+        A key of `deatwin.plant.files.units.UNITS`, an empty text where none is known.
+
+    Examples
+    --------
+    >>> spelt_unit("Volts"), spelt_unit("mm"), spelt_unit("Deg C"), spelt_unit("furlong")
+    ('V', 'mm', 'C', '')
+    """
+    word = text.strip().lower()
+    word = re.sub(r"^deg(?:rees?)?[_ ](?=c)", "", word)
+    return find_unit(text) or _SPELT_OUT.get(word.removesuffix("s"), "") or {"c": "C"}.get(word, "")
+
+
+def _said(timing: Timing | None) -> str:
+    """Return a clock as text."""
+    return f"every {timing.sample_time:g} s from {timing.start:g} s" if timing else "no clock"

@@ -1,0 +1,208 @@
+"""The description of a recording that goes with its columns into every format, as one JSON text.
+
+It says what the columns cannot: which of them is input and output, the names and SI units inside, the sample
+time to the last bit, and the provenance.
+"""
+
+import json
+import re
+from collections.abc import Callable, Iterable, Mapping
+from itertools import chain, count
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.plant.errors import DataError
+from deatwin.plant.files.formats.table import Declared, Signal, Timing
+from deatwin.plant.files.units import UNITS, split_unit
+from deatwin.plant.recording import Recording
+
+__all__ = [
+    "KEY",
+    "SCHEMA",
+    "all_provenance",
+    "describe",
+    "header_with_unit",
+    "plain_header",
+    "read_description",
+    "rows_of",
+    "signals_of",
+]
+
+SCHEMA = "deatwin/recording/1"
+KEY = "deatwin"  # the variable, property or attribute that holds the description
+
+
+def signals_of(recording: Recording, header: Callable[[str, str], str], *, taken: Iterable[str]) -> list[Signal]:
+    """Return the signals of a recording, each with a header that no other one has.
+
+    Parameters
+    ----------
+    recording : Recording
+    header : callable
+        Takes name and SI unit of a signal, and returns its header in the format; an empty text where the format
+        cannot hold such a name. The signal is numbered then, and the description keeps its name.
+    taken : iterable of str
+        Headers that stand for something else.
+
+    Returns
+    -------
+    list of Signal
+        Inputs, outputs, extras, in the order of their rows.
+    """
+    plain = [
+        *(("input", *pair) for pair in zip(recording.input_names, recording.input_units, strict=True)),
+        *(("output", *pair) for pair in zip(recording.output_names, recording.output_units, strict=True)),
+        *(("extra", name, recording.extra_units[name]) for name in recording.extras),
+    ]
+    used, signals = set(taken), []
+    for number, (role, name, unit) in enumerate(plain, 1):
+        numbered = (f"signal_{number}{'x' * more}" for more in count())
+        fit = next(text for text in chain([header(name, unit)], numbered) if text and text not in used)
+        used.add(fit)
+        signals.append(Signal(role=role, name=name, unit=unit, header=fit))
+    return signals
+
+
+def rows_of(recording: Recording) -> list[NDArray[np.float64]]:
+    """Return the values of all signals in SI units, in the order of `signals_of`.
+
+    Parameters
+    ----------
+    recording : Recording
+
+    Returns
+    -------
+    list of (n,) array
+    """
+    return [*recording.inputs, *recording.outputs, *recording.extras.values()]
+
+
+def plain_header(name: str, unit: str) -> str:
+    """Return a signal's name as its header, or an empty text where it would be read as something else.
+
+    Parameters
+    ----------
+    name, unit : str
+        Of the signal; the unit is to stand in an attribute.
+
+    Returns
+    -------
+    str
+    """
+    fits = re.fullmatch(r"[^\W\d_]\w*", name) and not split_unit(name)[1]
+    return name if fits else ""
+
+
+def header_with_unit(name: str, unit: str) -> str:
+    """Return a signal's name and SI unit as its header, or an empty text where it would be read otherwise.
+
+    Parameters
+    ----------
+    name, unit : str
+        Of the signal.
+
+    Returns
+    -------
+    str
+    """
+    header = f"{name}_{unit}" if unit in UNITS and unit else name
+    back = split_unit(header)[1]
+    fits = re.fullmatch(r"[^\W\d_]\w*", name) and back == (unit if unit in UNITS else "")
+    return header if fits else ""
+
+
+def describe(recording: Recording, signals: Iterable[Signal]) -> str:
+    """Return the description of a recording.
+
+    Parameters
+    ----------
+    recording : Recording
+    signals : iterable of Signal
+        Its channels with their headers in the file.
+
+    Returns
+    -------
+    str
+        JSON on one line, ASCII only.
+    """
+    return json.dumps(
+        {
+            "schema": SCHEMA,
+            "sample_time": float(recording.sample_time),
+            "signals": [vars(signal) for signal in signals],
+            "provenance": {str(key): str(value) for key, value in recording.provenance.items()},
+        }
+    )
+
+
+def read_description(text: str, path: str, *, start: float = 0.0) -> Declared:
+    """Return what a description says.
+
+    Parameters
+    ----------
+    text : str
+        As `describe` made it.
+    path : str
+        The file, for error texts.
+    start : float, default 0.0
+        Time of the first sample, s, where the file has no column of times.
+
+    Returns
+    -------
+    Declared
+
+    Raises
+    ------
+    DataError
+        If it is not such a description.
+    """
+    try:
+        content = json.loads(text)
+        if content["schema"] != SCHEMA:
+            raise DataError(
+                f'{path}: its description has the schema "{content["schema"]}"; "{SCHEMA}" can be read'
+            )
+        return Declared(
+            timing=Timing(sample_time=float(content["sample_time"]), start=start),
+            signals=tuple(_signal(entry) for entry in content["signals"]),
+            provenance={str(key): str(value) for key, value in content["provenance"].items()},
+        )
+    except DataError:
+        raise
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise DataError(
+            f"{path}: its description ({KEY}) is damaged ({error}); "
+            "take it out, and the headers tell what the columns are"
+        ) from None
+
+
+def all_provenance(own: Mapping[str, str], stored: Mapping[str, str]) -> dict[str, str]:
+    """Return the provenance of a file's samples: its own entries, and behind them those stored in it.
+
+    Parameters
+    ----------
+    own : mapping of str to str
+        File, sha256 and rows.
+    stored : mapping of str to str
+        What the file holds of an earlier life of the samples; entries of the same name become ``origin.file``,
+        ``origin.origin.file`` and so on.
+
+    Returns
+    -------
+    dict of str to str
+    """
+    found = dict(own)
+    for key, value in stored.items():
+        while key in found:
+            key = f"origin.{key}"
+        found[key] = value
+    return found
+
+
+def _signal(entry: Mapping[str, Any]) -> Signal:
+    """Return a signal of the description."""
+    if entry["role"] not in ("input", "output", "extra"):
+        raise ValueError(f'role "{entry["role"]}"')
+    return Signal(**{key: str(entry[key]) for key in ("role", "name", "unit", "header")})

@@ -1,0 +1,182 @@
+"""MATLAB files: version 5 (and 4, 6, 7) by SciPy, version 7.3, which is HDF5, by h5py.
+
+Signals are numeric vectors, rows or columns, named as CSV columns are (``time_s``, ``command_V``, ...), by
+themselves or as the fields of structs. A struct ``units`` may name units: ``units.command = 'V'``. A scalar ``Ts``,
+``dt`` or ``sample_time`` (s), or ``fs`` or ``sample_rate`` (Hz), states the clock of a file without times. Texts go
+into the provenance. Formats: MathWorks, "MAT-File Level 5 File Format"; 7.3 has an HDF5 user block of 512 bytes.
+"""
+
+import hashlib
+import io
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from deatwin.plant.errors import DataError
+from deatwin.plant.files.csvtable import read_bytes
+from deatwin.plant.files.formats.arrays import ArrayTable, array_table
+from deatwin.plant.files.formats.description import (
+    KEY,
+    describe,
+    header_with_unit,
+    read_description,
+    rows_of,
+    signals_of,
+)
+from deatwin.plant.files.formats.optional import require
+from deatwin.plant.files.formats.table import Declared, Timing
+from deatwin.plant.recording import Recording
+
+__all__ = ["read_mat", "write_mat"]
+
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+_USER_BLOCK = 512  # bytes before the HDF5 signature of a file of version 7.3
+_SAMPLE_TIMES = ("ts", "dt", "sample_time", "ts_s", "dt_s", "sample_time_s")
+_SAMPLE_RATES = ("fs", "sample_rate", "fs_hz", "sample_rate_hz")
+_TIME = "time_s"
+
+
+def read_mat(path: str | Path) -> ArrayTable:
+    """Read a MATLAB file.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+
+    Returns
+    -------
+    ArrayTable
+
+    Raises
+    ------
+    DataError
+        If it is missing, damaged or no MATLAB file, holds no vectors, or h5py is needed and not installed.
+    """
+    content, name = read_bytes(path), str(path)
+    newer = _HDF5 in (content[: len(_HDF5)], content[_USER_BLOCK : _USER_BLOCK + len(_HDF5)])
+    try:
+        found = dict(_of_hdf5(content, name) if newer else _of_level_5(content))
+    except DataError:
+        raise
+    except Exception as error:  # what the libraries raise on damaged files has no common base
+        raise DataError(f"{name}: cannot be read as a MATLAB file: {error}") from None
+    return _table(name, hashlib.sha256(content).hexdigest(), found)
+
+
+def write_mat(path: str | Path, recording: Recording) -> None:
+    """Write a recording as a MATLAB file of version 5: column vectors in SI units, and its description.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    recording : Recording
+    """
+    from scipy.io import savemat
+
+    signals = signals_of(recording, _identifier, taken=[_TIME, KEY])
+    columns = dict(zip((signal.header for signal in signals), rows_of(recording), strict=True))
+    with open(path, "wb") as file:
+        savemat(
+            file,
+            {_TIME: recording.timepts, **columns, KEY: describe(recording, signals)},
+            oned_as="column",
+            long_field_names=True,
+            do_compression=True,
+        )
+
+
+def _table(path: str, sha256: str, found: Mapping[str, Any]) -> ArrayTable:
+    """Return the vectors of a file, given all that is in it by name."""
+    short = _short_names(found)
+    arrays = {short[name]: value for name, value in found.items() if isinstance(value, np.ndarray)}
+    columns = {name: value.ravel() for name, value in arrays.items() if value.size > 1 and value.size in value.shape}
+    texts = {short[name]: value for name, value in found.items() if isinstance(value, str)}
+    described = texts.pop(KEY, None)
+    if described is not None:
+        declared = read_description(described, path)
+        single = {signal.header for signal in declared.signals} | {_TIME}  # a recording may have one sample
+        columns |= {name: arrays[name].ravel() for name in single & set(arrays)}
+    else:
+        units = {name.removeprefix("units."): text for name, text in found.items() if name.startswith("units.")}
+        notes = {name: text for name, text in texts.items() if name not in units and text}
+        return array_table(
+            path, sha256, columns, {name: str(text) for name, text in units.items()},
+            declared=Declared(timing=_timing(arrays, path), provenance=notes),
+        )  # fmt: skip
+    return array_table(path, sha256, columns, {}, declared=declared)
+
+
+def _short_names(found: Mapping[str, Any]) -> dict[str, str]:
+    """Return the field names of structs without the structs, where that is one name only."""
+    last = {name: name.rpartition(".")[2] for name in found if not name.startswith("units.")}
+    ends = list(last.values())
+    return {name: last[name] if ends.count(last.get(name, "")) == 1 else name for name in found}
+
+
+def _timing(arrays: Mapping[str, np.ndarray], path: str) -> Timing | None:
+    """Return the clock that a scalar states, or None."""
+    scalars = {
+        name.lower(): float(value.ravel()[0])
+        for name, value in arrays.items()
+        if value.size == 1 and value.dtype.kind in "fiu"
+    }
+    stated = {name: scalars[name] for name in _SAMPLE_TIMES if name in scalars}
+    stated |= {name: 1.0 / scalars[name] for name in _SAMPLE_RATES if scalars.get(name, 0.0) > 0.0}
+    timings = {name: Timing(sample_time=value) for name, value in stated.items() if value > 0.0}
+    for name, timing in timings.items():
+        first, value = next(iter(timings.items()))
+        if not value.agrees(timing.sample_time):
+            raise DataError(
+                f"{path}: {first} states a sample time of {value.sample_time:g} s, {name} one of "
+                f"{timing.sample_time:g} s; correct one"
+            )
+    return next(iter(timings.values()), None)
+
+
+def _of_level_5(content: bytes) -> Iterator[tuple[str, Any]]:
+    """Yield names and values of a file of version 5; fields of structs as ``struct.field``."""
+    from scipy.io import loadmat
+
+    for name, value in loadmat(io.BytesIO(content)).items():
+        if not name.startswith("__"):
+            yield from _unpacked(name, value)
+
+
+def _unpacked(name: str, value: Any) -> Iterator[tuple[str, Any]]:
+    """Yield a variable, or the fields of a struct, with texts as texts."""
+    if not isinstance(value, np.ndarray):
+        return
+    if value.dtype.names and value.size == 1:
+        for field in value.dtype.names:
+            yield from _unpacked(f"{name}.{field}", value.ravel()[0][field])
+    elif value.dtype.kind == "U":
+        yield name, "\n".join(value.ravel().tolist())
+    elif value.dtype.kind in "fiubc":
+        yield name, value
+
+
+def _of_hdf5(content: bytes, path: str) -> Iterator[tuple[str, Any]]:
+    """Yield names and values of a file of version 7.3; fields of structs as ``struct.field``."""
+    h5py = require("h5py", f"{path}: a MATLAB file of version 7.3")
+    with h5py.File(io.BytesIO(content), "r") as file:
+        found: list[tuple[str, Any]] = []
+        file.visititems(lambda name, node: found.append((name, node)))
+        for name, node in found:
+            if name.startswith("#") or not isinstance(node, h5py.Dataset) or "MATLAB_empty" in node.attrs:
+                continue
+            kind = np.bytes_(node.attrs.get("MATLAB_class", b"")).decode()
+            if kind == "char":  # UTF-16 code units, as columns
+                yield name.replace("/", "."), node[()].T.astype("<u2").tobytes().decode("utf-16-le")
+            elif node.dtype.kind in "fiub" and kind not in ("cell", "function_handle"):
+                yield name.replace("/", "."), node[()]
+
+
+def _identifier(name: str, unit: str) -> str:
+    """Return a signal's name and unit as the name of a MATLAB variable, or an empty text."""
+    header = header_with_unit(name, unit)
+    return header if re.fullmatch(r"[A-Za-z]\w{0,62}", header, re.ASCII) else ""

@@ -1,0 +1,114 @@
+"""NetCDF files, by xarray: version 4 through h5netcdf, version 3 through SciPy.
+
+The variables along one dimension are the columns; the attribute ``units`` names the unit. A coordinate of times may
+count ``seconds since`` a date, as the CF conventions have it (https://cfconventions.org, section 4.4); the clock
+then starts at that date.
+"""
+
+import hashlib
+import io
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from deatwin.plant.errors import DataError
+from deatwin.plant.files.conversion import as_dataset
+from deatwin.plant.files.csvtable import read_bytes
+from deatwin.plant.files.formats.arrays import ArrayTable, array_table
+from deatwin.plant.files.formats.description import KEY, read_description
+from deatwin.plant.files.formats.optional import require
+from deatwin.plant.files.formats.table import Declared
+from deatwin.plant.recording import Recording
+
+__all__ = ["read_netcdf", "write_netcdf"]
+
+_ENGINES = {b"CDF": "scipy", b"\x89HD": "h5netcdf"}
+_SECONDS = {
+    "day": 86400.0,
+    "hour": 3600.0,
+    "minute": 60.0,
+    "second": 1.0,
+    "millisecond": 1e-3,
+    "microsecond": 1e-6,
+    "nanosecond": 1e-9,
+}
+
+
+def read_netcdf(path: str | Path) -> ArrayTable:
+    """Read a NetCDF file.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+
+    Returns
+    -------
+    ArrayTable
+
+    Raises
+    ------
+    DataError
+        If it is missing, damaged or no NetCDF file, holds no variables along one dimension, or xarray, h5netcdf
+        or h5py is not installed.
+    """
+    content, name = read_bytes(path), str(path)
+    if content[:3] not in _ENGINES:
+        raise DataError(f"{name}: not a NetCDF file")
+    xarray, engine = _xarray(f"{name}: a NetCDF file"), _ENGINES[content[:3]]
+    try:
+        with xarray.open_dataset(io.BytesIO(content), engine=engine, decode_times=False) as dataset:
+            found = {
+                str(key): (np.array(variable.values), str(variable.attrs.get("units", "")))
+                for key, variable in dataset.variables.items()
+                if variable.ndim == 1
+            }
+            attributes = {str(key): value for key, value in dataset.attrs.items() if isinstance(value, str)}
+    except Exception as error:  # what the engines raise on damaged files has no common base
+        raise DataError(f"{name}: cannot be read as a NetCDF file: {error}") from None
+    columns, units = {}, {}
+    for header, (values, unit) in found.items():
+        columns[header], units[header] = _in_seconds(values, unit)
+    described = attributes.pop(KEY, None)
+    return array_table(
+        name,
+        hashlib.sha256(content).hexdigest(),
+        columns,
+        units,
+        declared=read_description(described, name) if described else Declared(provenance=attributes),
+    )
+
+
+def write_netcdf(path: str | Path, recording: Recording) -> None:
+    """Write a recording as a NetCDF file of version 4, as `Recording.to_xarray` has it.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    recording : Recording
+
+    Raises
+    ------
+    DataError
+        If xarray, h5netcdf or h5py is not installed.
+    """
+    _xarray("a NetCDF file")
+    dataset = as_dataset(recording)
+    plain = {name: {"_FillValue": None} for name in dataset.variables}
+    dataset.to_netcdf(path, engine="h5netcdf", encoding=plain)
+
+
+def _xarray(purpose: str) -> Any:
+    """Import xarray and what it needs for files of version 4."""
+    return [require(package, purpose) for package in ("h5py", "h5netcdf", "xarray")][-1]
+
+
+def _in_seconds(values: np.ndarray, unit: str) -> tuple[np.ndarray, str]:
+    """Return times that count from a date in seconds; other values and units as they are."""
+    since = re.fullmatch(r"(\w+?)s? since .+", unit.strip())
+    if not since or since[1] not in _SECONDS:
+        return values, unit
+    return values * _SECONDS[since[1]], "s"

@@ -1,0 +1,255 @@
+"""What every file format is read into: named columns of numbers, and what the file says about them."""
+
+import re
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.plant.errors import DataError, nearest
+from deatwin.plant.files.units import UNITS
+
+__all__ = ["Declared", "Signal", "Table", "Timing"]
+
+_SAME_CLOCK = 1e-3  # relative difference of two sample times that are one
+
+
+@dataclass(frozen=True, kw_only=True)
+class Signal:
+    """One channel of a recording.
+
+    Parameters
+    ----------
+    role : str
+        ``input``, ``output`` or ``extra``.
+    name : str
+        Its name inside.
+    unit : str
+        Its SI unit; an empty text where it is not known.
+    header : str
+        Its column in the file.
+    """
+
+    role: str
+    name: str
+    unit: str
+    header: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Timing:
+    """An even clock that a file states instead of a column of times.
+
+    Parameters
+    ----------
+    sample_time : float
+        Time between two samples, s.
+    start : float
+        Time of the first sample, s.
+    """
+
+    sample_time: float
+    start: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.sample_time) and self.sample_time > 0.0 and np.isfinite(self.start)):
+            raise DataError(f"sample time {self.sample_time} s from {self.start} s: it must be positive and finite")
+
+    def agrees(self, sample_time: float) -> bool:
+        """Return whether another sample time means the same clock.
+
+        Parameters
+        ----------
+        sample_time : float
+            Time between two samples, s.
+
+        Returns
+        -------
+        bool
+        """
+        return abs(sample_time / self.sample_time - 1.0) < _SAME_CLOCK
+
+
+@dataclass(frozen=True, kw_only=True)
+class Declared:
+    """What a file says about its recording beside the columns.
+
+    Parameters
+    ----------
+    timing : Timing, optional
+        Its clock.
+    signals : tuple of Signal
+        Which column is what; empty where the headers have to tell.
+    provenance : mapping of str to str
+        Where the samples come from.
+    """
+
+    timing: Timing | None = None
+    signals: tuple[Signal, ...] = ()
+    provenance: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Table(ABC):
+    """Named columns of a file.
+
+    Parameters
+    ----------
+    path : str
+        The file, as error texts call it.
+    sha256 : str
+        Hash of its bytes.
+    headers : tuple of str
+        The column headers as the file has them.
+    names : tuple of str
+        The same without units.
+    units : tuple of str
+        The unit of each column, a key of `deatwin.plant.files.units.UNITS`; an empty text where there is none.
+    declared : Declared
+        What the file says beside the columns.
+    """
+
+    path: str
+    sha256: str
+    headers: tuple[str, ...]
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    declared: Declared = Declared()
+
+    @abstractmethod
+    def row(self, sample: int) -> int:
+        """Return where a sample stands in the file.
+
+        Parameters
+        ----------
+        sample : int
+            Its number, counted from 0.
+
+        Returns
+        -------
+        int
+            As the user of the file counts.
+        """
+
+    @abstractmethod
+    def si(self, columns: Sequence[int]) -> NDArray[np.float64]:
+        """Return columns as numbers in SI units.
+
+        Parameters
+        ----------
+        columns : sequence of int
+            Their numbers, counted from 0.
+
+        Returns
+        -------
+        (len(columns), n) array
+
+        Raises
+        ------
+        DataError
+            If a value of them is missing or not a finite number; the text names row and column.
+        """
+
+    def where(self, sample: int) -> str:
+        """Return file and row of a sample, for an error text.
+
+        Parameters
+        ----------
+        sample : int
+            Its number, counted from 0.
+
+        Returns
+        -------
+        str
+        """
+        return f"{self.path}, row {self.row(sample)}"
+
+    def timing(self, columns: Sequence[int]) -> Timing | None:
+        """Return the clock that the file states for some columns, or None.
+
+        Parameters
+        ----------
+        columns : sequence of int
+            Their numbers, counted from 0.
+
+        Returns
+        -------
+        Timing or None
+        """
+        return self.declared.timing
+
+    def column(self, wanted: str) -> int:
+        """Return the number of a column, counted from 0.
+
+        Parameters
+        ----------
+        wanted : str
+            The header, with or without its unit, or the place: ``"#2"`` is the second column.
+
+        Returns
+        -------
+        int
+
+        Raises
+        ------
+        DataError
+            If there is none, or more than one.
+        """
+        if re.fullmatch(r"#[1-9]\d*", wanted) and wanted not in self.headers:
+            if int(wanted[1:]) > len(self.headers):
+                raise DataError(f"{self.path}: no column {wanted}; the file has {len(self.headers)} columns")
+            return int(wanted[1:]) - 1
+        found = [k for k, header in enumerate(self.headers) if header == wanted]
+        found = found or [k for k, name in enumerate(self.names) if name == wanted]
+        if not found:
+            raise DataError(
+                f'{self.path}: no column "{wanted}"; the file has {self.listing()}'
+                f"{nearest(wanted, self.headers)}"
+            )
+        if len(found) > 1:
+            raise DataError(
+                f'{self.path}: the column "{wanted}" stands {len(found)} times; name one by its place, '
+                f"for example #{found[0] + 1}"
+            )
+        return found[0]
+
+    def columns_of(self, role: str) -> tuple[int, ...]:
+        """Return the columns that the file itself declares.
+
+        Parameters
+        ----------
+        role : str
+            ``input``, ``output`` or ``extra``.
+
+        Returns
+        -------
+        tuple of int
+            Counted from 0.
+        """
+        return tuple(self.column(signal.header) for signal in self.declared.signals if signal.role == role)
+
+    def signal(self, role: str, column: int) -> Signal:
+        """Return what a column is called inside, and its SI unit.
+
+        Parameters
+        ----------
+        role : str
+            What it is taken as, unless the file declares it.
+        column : int
+            Its number, counted from 0.
+
+        Returns
+        -------
+        Signal
+        """
+        header = self.headers[column]
+        for declared in self.declared.signals:
+            if declared.header == header:
+                return declared
+        return Signal(role=role, name=self.names[column], unit=UNITS[self.units[column]].si, header=header)
+
+    def listing(self) -> str:
+        """Return the headers as one text."""
+        return ", ".join(f'"{header}"' for header in self.headers)

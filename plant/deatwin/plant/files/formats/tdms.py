@@ -1,0 +1,130 @@
+"""TDMS files of LabVIEW, by nptdms.
+
+A channel is a column; where two groups have channels of one name, ``group/channel`` names them. The waveform
+properties ``wf_increment`` and ``wf_start_offset`` state the clock where no channel holds times; the unit stands
+in ``unit_string`` (or ``NI_UnitDescription``, as DAQmx writes). ``wf_start_time`` goes into the provenance.
+Source: NI, "TDMS File Format Internal Structure"; LabVIEW help, "Set Waveform Attribute" and waveform properties.
+"""
+
+import hashlib
+import io
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from deatwin.plant.errors import DataError
+from deatwin.plant.files.csvtable import read_bytes
+from deatwin.plant.files.formats.arrays import ArrayTable, array_table
+from deatwin.plant.files.formats.description import (
+    KEY,
+    describe,
+    plain_header,
+    read_description,
+    rows_of,
+    signals_of,
+)
+from deatwin.plant.files.formats.optional import require
+from deatwin.plant.files.formats.table import Declared, Timing
+from deatwin.plant.recording import Recording
+
+__all__ = ["STARTED", "read_tdms", "write_tdms"]
+
+STARTED = "wf_start_time"
+_GROUP = "recording"
+_UNITS = ("unit_string", "NI_UnitDescription")
+
+
+def read_tdms(path: str | Path) -> ArrayTable:
+    """Read a TDMS file.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+
+    Returns
+    -------
+    ArrayTable
+
+    Raises
+    ------
+    DataError
+        If it is missing, damaged or no TDMS file, holds no channels with samples, or nptdms is not installed.
+    """
+    content, name = read_bytes(path), str(path)
+    nptdms = require("nptdms", f"{name}: a TDMS file")
+    try:
+        file = nptdms.TdmsFile.read(io.BytesIO(content))
+        found = [channel for group in file.groups() for channel in group.channels() if len(channel)]
+        values = [_seconds(np.asarray(channel[:])) for channel in found]
+    except Exception as error:  # what the library raises on damaged files has no common base
+        raise DataError(f"{name}: cannot be read as a TDMS file: {error}") from None
+    common = Counter(channel.name for channel in found)
+    headers = [c.name if common[c.name] == 1 else f"{c.group_name}/{c.name}" for c in found]
+    return array_table(
+        name,
+        hashlib.sha256(content).hexdigest(),
+        dict(zip(headers, values, strict=True)),
+        {header: _unit(channel) for header, channel in zip(headers, found, strict=True)},
+        declared=_declared(file, found, name),
+        timings={header: _timing(channel) for header, channel in zip(headers, found, strict=True)},
+    )
+
+
+def write_tdms(path: str | Path, recording: Recording) -> None:
+    """Write a recording as a TDMS file: waveforms in SI units in one group, and the description of it.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    recording : Recording
+
+    Raises
+    ------
+    DataError
+        If nptdms is not installed.
+    """
+    nptdms = require("nptdms", "a TDMS file")
+    signals = signals_of(recording, plain_header, taken=[])
+    clock = {
+        "wf_increment": recording.sample_time,
+        "wf_start_offset": recording.start,
+        "wf_samples": recording.n_samples,
+    }
+    channels = [
+        nptdms.ChannelObject(_GROUP, signal.header, row, {"unit_string": signal.unit, **clock})
+        for signal, row in zip(signals, rows_of(recording), strict=True)
+    ]
+    root = nptdms.RootObject({KEY: describe(recording, signals)})
+    with nptdms.TdmsWriter(path) as writer:
+        writer.write_segment([root, nptdms.GroupObject(_GROUP), *channels])
+
+
+def _declared(file: Any, channels: list[Any], path: str) -> Declared:
+    """Return what the file says beside its channels."""
+    if KEY in file.properties:
+        start = channels[0].properties.get("wf_start_offset", 0.0) if channels else 0.0
+        return read_description(str(file.properties[KEY]), path, start=float(start))
+    notes = {key: value for key, value in file.properties.items() if isinstance(value, str) and value}
+    started = {str(c.properties[STARTED]) for c in channels if STARTED in c.properties}
+    return Declared(provenance=notes | ({STARTED: started.pop()} if len(started) == 1 else {}))
+
+
+def _timing(channel: Any) -> Timing | None:
+    """Return the clock of a waveform, or None; an increment of 0 is LabVIEW's default and says nothing."""
+    increment = float(channel.properties.get("wf_increment", 0.0))
+    start = float(channel.properties.get("wf_start_offset", 0.0))
+    return Timing(sample_time=increment, start=start) if increment > 0.0 else None
+
+
+def _unit(channel: Any) -> str:
+    """Return the unit that a channel's properties state."""
+    return next((str(channel.properties[key]) for key in _UNITS if channel.properties.get(key)), "")
+
+
+def _seconds(values: np.ndarray) -> np.ndarray:
+    """Return time stamps as seconds since the first of them, other values as they are."""
+    return (values - values[0]) / np.timedelta64(1, "s") if values.dtype.kind == "M" else values

@@ -1,0 +1,328 @@
+"""The front door for recordings: one file or several, any format, in and out."""
+
+import secrets
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from deatwin.plant.errors import DataError
+from deatwin.plant.files.assemble import on_one_clock, recordings_of
+from deatwin.plant.files.columns import data_columns
+from deatwin.plant.files.csvtable import read_table
+from deatwin.plant.files.csvwrite import csv_text
+from deatwin.plant.files.formats.mat import read_mat, write_mat
+from deatwin.plant.files.formats.netcdf import read_netcdf, write_netcdf
+from deatwin.plant.files.formats.table import Table
+from deatwin.plant.files.formats.tdms import read_tdms, write_tdms
+from deatwin.plant.recording import Experiment, Recording
+from deatwin.plant.rigs.rigfile import RigFile
+
+__all__ = [
+    "read_commands",
+    "read_csv",
+    "read_experiment",
+    "read_recording",
+    "read_recordings",
+    "write_csv",
+    "write_recording",
+    "write_text_atomic",
+]
+
+Way = TypeVar("Way")
+
+# A new format is a line in each: reader to a Table, writer of a Recording.
+_READERS: dict[str, Callable[[str | Path], Table]] = {
+    ".csv": read_table,
+    ".txt": read_table,
+    ".tsv": read_table,
+    ".mat": read_mat,
+    ".tdms": read_tdms,
+    ".nc": read_netcdf,
+}
+_WRITERS: dict[str, Callable[[Path, Recording], None]] = {
+    ".csv": lambda path, recording: _write_text(path, csv_text(recording)),
+    ".mat": write_mat,
+    ".tdms": write_tdms,
+    ".nc": write_netcdf,
+}
+
+
+def read_recordings(
+    path: str | Path,
+    *,
+    input_column: str | None = None,
+    output_column: str | None = None,
+    allow_gaps: bool = False,
+    dt: float | None = None,
+    rig: RigFile | None = None,
+) -> tuple[Recording, ...]:
+    """Read the recordings of a file, in the format that the end of its name says.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    input_column, output_column : str, optional
+        Header of the input and the output, or the place, ``"#2"`` for the second column; by default what the
+        file declares, else the columns ``command`` and ``displacement``. A unit may stand in the header, in a
+        line below it, or in an attribute; values without a known unit are taken as they are.
+    allow_gaps : bool, default False
+        Split the record at its gaps and keep the clock. Else a gap is an error.
+    dt : float, optional
+        Sample time, s, for a file without times. Where it has times, they must keep it.
+    rig : RigFile, optional
+        Refuse commands far outside of this rig's range.
+
+    Returns
+    -------
+    tuple of Recording
+        One, or with `allow_gaps` one between every two gaps.
+
+    Raises
+    ------
+    DataError
+        If the file is missing, empty, damaged or of an unknown format, lacks a column or the times, holds a
+        value that is not a number, times that do not increase, a gap or uneven sampling, or commands far
+        outside of the rig's range; or a package that the format needs is not installed.
+    """
+    return _recordings(_table(path), input_column, output_column, allow_gaps=allow_gaps, dt=dt, rig=rig)
+
+
+def read_csv(
+    path: str | Path,
+    *,
+    input_column: str | None = None,
+    output_column: str | None = None,
+    allow_gaps: bool = False,
+    dt: float | None = None,
+    rig: RigFile | None = None,
+) -> tuple[Recording, ...]:
+    """Read the recordings of a CSV file, whatever the end of its name.
+
+    Parameters
+    ----------
+    path, input_column, output_column, allow_gaps, dt, rig
+        As in `read_recordings`.
+
+    Returns
+    -------
+    tuple of Recording
+
+    Raises
+    ------
+    DataError
+        As `read_recordings`.
+    """
+    return _recordings(read_table(path), input_column, output_column, allow_gaps=allow_gaps, dt=dt, rig=rig)
+
+
+def read_commands(
+    path: str | Path,
+    *,
+    input_column: str | None = None,
+    dt: float | None = None,
+    rig: RigFile | None = None,
+) -> Recording:
+    """Read the commands of a file; an output is neither needed nor looked at.
+
+    Parameters
+    ----------
+    path, input_column, dt, rig
+        As in `read_recordings`.
+
+    Returns
+    -------
+    Recording
+        With no rows of outputs.
+
+    Raises
+    ------
+    DataError
+        As `read_recordings`.
+    """
+    table = _table(path)
+    chosen = {"input": data_columns(table, "input", input_column), "output": ()}
+    return recordings_of(table, chosen, allow_gaps=False, dt=dt, rig=rig)[0]
+
+
+def read_recording(
+    path: str | Path,
+    *,
+    input_column: str | None = None,
+    output_column: str | None = None,
+    dt: float | None = None,
+    rig: RigFile | None = None,
+) -> Recording:
+    """Read one recording without gaps.
+
+    Parameters
+    ----------
+    path, input_column, output_column, dt, rig
+        As in `read_recordings`.
+
+    Returns
+    -------
+    Recording
+
+    Raises
+    ------
+    DataError
+        As `read_recordings`.
+    """
+    return read_recordings(path, input_column=input_column, output_column=output_column, dt=dt, rig=rig)[0]
+
+
+def read_experiment(
+    paths: Iterable[str | Path],
+    *,
+    input_column: str | None = None,
+    output_column: str | None = None,
+    allow_gaps: bool = False,
+    dt: float | None = None,
+    rig: RigFile | None = None,
+) -> Experiment:
+    """Read the recordings of one experiment, which share one running clock.
+
+    Parameters
+    ----------
+    paths : iterable of (str or Path)
+        The files, in any order. TDMS waveforms that say when they started (``wf_start_time``) are laid on the
+        clock of the earliest.
+    input_column, output_column, allow_gaps, dt, rig
+        As in `read_recordings`, the same for all files.
+
+    Returns
+    -------
+    Experiment
+
+    Raises
+    ------
+    DataError
+        As `read_recordings` and `Experiment`.
+    """
+    recordings = [
+        recording
+        for path in paths
+        for recording in read_recordings(
+            path, input_column=input_column, output_column=output_column, allow_gaps=allow_gaps, dt=dt, rig=rig
+        )
+    ]
+    return Experiment(recordings=on_one_clock(recordings))
+
+
+def write_recording(path: str | Path, recording: Recording) -> None:
+    """Write a recording into a file that `read_recording` reads back to the last bit.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file; it appears whole or not at all. ``.csv``, ``.mat``, ``.tdms`` and ``.nc`` are known.
+    recording : Recording
+        In CSV the usual signals get their usual columns, others their name and SI unit; names, provenance or a
+        sample time that the columns cannot hold stand in a line ``# deatwin/recording/1`` above the header. The
+        other formats are in SI units and hold the same description.
+
+    Raises
+    ------
+    DataError
+        If the format is not known, a package that it needs is not installed, or the file cannot be written.
+    """
+    write = _by_ending(path, _WRITERS, "written")
+    with _replacing(path) as temporary:
+        write(temporary, recording)
+
+
+def write_csv(path: str | Path, columns: Mapping[str, ArrayLike]) -> None:
+    """Write columns into a CSV file; what is written reads back as the same numbers.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file; it appears whole or not at all.
+    columns : mapping of str to (n,) array_like
+        Headers, with the unit as their last part, and values in these units.
+
+    Raises
+    ------
+    DataError
+        If the columns differ in length, or a header is not fit for a CSV file.
+    """
+    values = {name: np.asarray(column, dtype=np.float64) for name, column in columns.items()}
+    shapes = {column.shape for column in values.values()}
+    if len(shapes) != 1 or len(shapes.pop()) != 1:
+        raise DataError(f"{path}: columns must be one-dimensional and of one length: {', '.join(values)}")
+    if unfit := [name for name in values if any(mark in name for mark in ',"\r\n')]:
+        raise DataError(f'{path}: the header "{unfit[0]}" holds a comma, a quote or a line break')
+    rows = zip(*(column.tolist() for column in values.values()), strict=True)
+    write_text_atomic(path, "\n".join([",".join(values), *(",".join(map(repr, row)) for row in rows)]) + "\n")
+
+
+def write_text_atomic(path: str | Path, text: str) -> None:
+    """Write a UTF-8 text file through a temporary file beside it, so that no reader sees half of it.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    text : str
+        What it shall hold.
+
+    Raises
+    ------
+    DataError
+        If it cannot be written.
+    """
+    with _replacing(path) as temporary:
+        _write_text(temporary, text)
+
+
+@contextmanager
+def _replacing(path: str | Path) -> Iterator[Path]:
+    """Give a temporary file beside a file, and let it take the file's place if all went well."""
+    target = Path(path)
+    temporary = target.with_name(f".{target.name}.{secrets.token_hex(4)}")
+    try:
+        yield temporary
+        temporary.replace(target)
+    except OSError as error:
+        raise DataError(f"{path}: cannot be written: {error.strerror or error}") from None
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _write_text(path: Path, text: str) -> None:
+    path.write_text(text, encoding="utf-8", newline="")
+
+
+def _by_ending(path: str | Path, ways: Mapping[str, Way], verb: str) -> Way:
+    """Return how a file's format is read or written."""
+    ending = Path(path).suffix.lower()
+    if ending not in ways:
+        raise DataError(f'{path}: files "{ending}" cannot be {verb}; known are {", ".join(ways)}')
+    return ways[ending]
+
+
+def _table(path: str | Path) -> Table:
+    """Return the table of a file in the format that its name says."""
+    return _by_ending(path, _READERS, "read")(path)
+
+
+def _recordings(
+    table: Table,
+    input_column: str | None,
+    output_column: str | None,
+    *,
+    allow_gaps: bool,
+    dt: float | None,
+    rig: RigFile | None,
+) -> tuple[Recording, ...]:
+    """Return the recordings of a table, whose columns the user may have named."""
+    chosen = {
+        "input": data_columns(table, "input", input_column),
+        "output": data_columns(table, "output", output_column),
+    }
+    return recordings_of(table, chosen, allow_gaps=allow_gaps, dt=dt, rig=rig)

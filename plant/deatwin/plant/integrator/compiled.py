@@ -1,0 +1,163 @@
+"""CasADi Functions compiled to machine code, once per user, where a C compiler is found."""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+import os
+import platform
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib.metadata import version
+from pathlib import Path
+from types import MappingProxyType
+
+import casadi as ca
+
+from deatwin.plant.integrator.lanes import replaced
+
+__all__ = ["cache_folder", "compile_functions", "compiler"]
+
+logger = logging.getLogger(__name__)
+FLAGS = (
+    "-O2", "-fPIC", "-shared",
+    # A square root needs no errno and traps nothing; quotients by the same number share its reciprocal (one
+    # rounding more). All other arithmetic is as written.
+    "-fno-math-errno", "-fno-trapping-math", "-freciprocal-math",
+    # Passes that find nothing in straight-line code and take a third of the time.
+    "-fno-tree-pre", "-fno-gcse", "-fno-tree-vrp", "-fno-schedule-insns2", "-fno-code-hoisting",
+)  # fmt: skip
+THIS_PROCESSOR = "-march=native"
+WIDE_VECTORS = "__AVX__"
+"""What a compiler defines where its vectors hold four numbers or more: with less, functions in lanes gain nothing."""
+SAID = "DEATWIN_SAID"
+"""Environment variable that holds what was said once, so that worker processes do not say it again."""
+
+
+def cache_folder() -> Path:
+    """Where compiled code is kept, made with mode 0700; ``DEATWIN_CACHE`` overrides it."""
+    folder = Path(os.environ.get("DEATWIN_CACHE") or _user_cache() / "deatwin")
+    if not folder.is_dir():
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        folder.chmod(0o700)  # whatever the umask
+    return folder
+
+
+def _user_cache() -> Path:
+    """Where the system keeps a user's caches."""
+    if platform.system() == "Windows":
+        return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
+    if platform.system() == "Darwin":
+        return Path.home() / "Library" / "Caches"
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+
+
+def compiler() -> str | None:
+    """Path of the C compiler, or None; ``DEATWIN_COMPILER`` names another, or none when it is empty."""
+    return _compiler(os.environ.get("DEATWIN_COMPILER"))
+
+
+@lru_cache(maxsize=4)
+def _compiler(wanted: str | None) -> str | None:
+    if wanted is not None:
+        return shutil.which(wanted) if wanted else None
+    if platform.system() == "Windows":  # a Unix linker line is used below
+        return None
+    return next((path for name in ("cc", "gcc", "clang") if (path := shutil.which(name))), None)
+
+
+def compile_functions(
+    functions: Mapping[str, ca.Function], in_lanes: Mapping[str, str] = MappingProxyType({})
+) -> dict[str, ca.Function]:
+    """The same functions, compiled if possible.
+
+    Parameters
+    ----------
+    functions : mapping of str to casadi.Function
+        Names are C identifiers.
+    in_lanes : mapping of str to str, optional
+        Other C code for functions within them, by name, where the processor has wide vectors.
+
+    Returns
+    -------
+    dict of str to casadi.Function
+        Compiled; or as given, evaluated by CasADi's virtual machine, where there is no compiler or it fails.
+    """
+    program = compiler()
+    if program is None:
+        _say_once("no C compiler found: simulations run about twenty times slower")
+        return dict(functions)
+    renamed = {name: _named(name, function) for name, function in functions.items()}
+    generator = ca.CodeGenerator("plant.c")
+    for function in renamed.values():
+        generator.add(function)
+    source = generator.dump()
+    try:
+        target = _target(program)
+        if target.wide_vectors:
+            for name, body in in_lanes.items():
+                source = replaced(source, name, body)
+        library = _library(source, target)
+        return {name: ca.external(name, str(library)) for name in functions}
+    except (OSError, RuntimeError, subprocess.SubprocessError) as error:
+        _say_once(f"{program} could not compile the plant ({error}): simulations run about twenty times slower")
+        return dict(functions)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Target:
+    """A compiler and the processor that it writes for."""
+
+    program: str
+    flags: tuple[str, ...]
+    wide_vectors: bool
+    key: str
+
+
+@lru_cache(maxsize=4)
+def _target(program: str) -> _Target:
+    """What a compiler can do here; a user's cache may be shared by unlike computers, so that all of it is the key."""
+    version_text = subprocess.run([program, "--version"], check=True, capture_output=True, text=True).stdout
+    asked = subprocess.run(
+        [program, THIS_PROCESSOR, "-dM", "-E", "-xc", os.devnull], check=False, capture_output=True, text=True
+    )
+    knows = asked.returncode == 0
+    macros = asked.stdout if knows else ""
+    flags = (*FLAGS, THIS_PROCESSOR) if knows else FLAGS
+    key = "\0".join((version_text, macros, *flags, platform.system(), platform.machine(), version("casadi")))
+    return _Target(program=program, flags=flags, wide_vectors=WIDE_VECTORS in macros, key=key)
+
+
+def _named(name: str, function: ca.Function) -> ca.Function:
+    arguments = function.mx_in()
+    return ca.Function(name, arguments, function.call(arguments))
+
+
+def _library(source: str, target: _Target) -> Path:
+    key = hashlib.sha256("\0".join((source, target.key)).encode()).hexdigest()[:32]
+    folder = cache_folder()
+    library = folder / f"{key}.so"
+    if library.exists():
+        return library
+    # Built beside and renamed, so that two processes that start together never load half a file.
+    with tempfile.TemporaryDirectory(dir=folder) as work:
+        code, built = Path(work) / "plant.c", Path(work) / "plant.so"
+        code.write_text(source)
+        subprocess.run(
+            [target.program, *target.flags, str(code), "-o", str(built), "-lm"],
+            check=True, capture_output=True, text=True,
+        )  # fmt: skip
+        built.replace(library)
+    return library
+
+
+def _say_once(text: str) -> None:
+    """Warn, once in this process and in those that it starts."""
+    said = os.environ.get(SAID, "")
+    if text not in said.splitlines():
+        os.environ[SAID] = f"{said}\n{text}".strip()
+        logger.warning(text)

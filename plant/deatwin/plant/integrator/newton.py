@@ -1,0 +1,293 @@
+"""Newton's method on the stages of an implicit step: simplified and transformed, and in full where that fails.
+
+The simplified method keeps the Jacobian *J* of the start of the step for all stages. With the eigenvectors of the
+inverse Butcher matrix :math:`A^{-1} = T\\Lambda T^{-1}` the system of all stages falls apart into one of the
+plant's own size for each eigenvalue,
+
+.. math:: (\\lambda M - hJ)\\,v_\\lambda = (T^{-1} G)_\\lambda, \\qquad
+          \\Delta w = \\sum_\\lambda T_\\lambda v_\\lambda
+
+of which one of each conjugate pair is solved.
+
+References
+----------
+Hairer & Wanner, Solving Ordinary Differential Equations II (1996), section IV.8,
+doi:10.1007/978-3-642-05221-7.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from deatwin.plant.integrator.elimination import Complex, factorised
+from deatwin.plant.integrator.stages import Stages
+
+__all__ = ["SETTLED", "solved_stages"]
+
+Symbol = Any  # casadi.SX or casadi.MX
+
+SETTLED = 1e-10
+"""Estimate of the error, against each unknown's scale, below which the equations count as solved."""
+CORRECTIONS = (2, 1, 1, 2, 4, 8)
+"""Simplified corrections after the tangent step: the first number for every sample, each further one only while
+the error is large. Smooth plants need two or three; one with friction more, where the motion turns."""
+UPDATES = (4, 10)
+"""Full Newton updates from the start of the step, likewise, where the simplified ones do not settle."""
+EULER_STEPS, EULER_UPDATES = 4, 6
+"""A sample that even these do not settle, such as one with a kink of friction, starts anew from implicit Euler
+steps, so many between two stages, with so many Newton updates each."""
+UNROLLED = 16
+"""Unknowns up to which a linear system is solved by straight-line code, larger ones by sparse QR."""
+NOTHING = 1e-300
+"""Keeps a ratio of two changes defined where a plant does not move at all."""
+
+
+def solved_stages(stages: Stages) -> ca.Function:
+    """Solve the equations of one step.
+
+    Parameters
+    ----------
+    stages : Stages
+        The DAE at the stages.
+
+    Returns
+    -------
+    casadi.Function
+        ``(x, z, d, u, t, h, p, c) -> (w of all stages, estimate of their error)``.
+    """
+    step = stages.symbols()
+    x, z, d, u, t, h, p, c = step
+    mass, here = stages.mass(p, c), ca.vertcat(x, z)
+    # All stages start from the same point: one value and one Jacobian serve the tangent step, and the factors
+    # serve every correction after it.
+    value, jacobian = stages.jacobian(here, d, u, t, p, c)
+    linear = _linear_systems(stages)
+    factors = linear.factor(jacobian, mass, h)
+    start, values = ca.repmat(here, stages.count, 1), ca.repmat(value, stages.count, 1)
+    tangent, size = linear.correct(factors, start, values, x, mass, h)
+
+    found, known = [tangent, size, size], [factors, *step]
+    correction = _correction(stages, linear, factors.numel())
+    for number, count in enumerate(CORRECTIONS):
+        found = _continued(f"corrections_{number}", correction, count, found, known)
+    update = _full_update(stages, factors.numel())
+    found = _continued("restarted", _restarted(update, _resting(stages)), 1, found, known)
+    for number, count in enumerate(UPDATES):
+        found = _continued(f"updates_{number}", update, count, found, known)
+    found = _continued("restarted_by_euler", _restarted(update, _euler(stages)), 1, found, known)
+    found = _continued("last_updates", update, UPDATES[-1], found, known)
+    return ca.Function("newton", step, [found[0], found[2]])
+
+
+def _continued(
+    name: str, function: ca.Function, count: int, found: Sequence[ca.MX], known: Sequence[ca.MX]
+) -> list[ca.MX]:
+    """Apply a function some times to ``(w, size of its last change, error)`` where the error is large."""
+    arguments = function.mx_in()
+    state, rest = arguments[: len(found)], arguments[len(found) :]
+    keep = ca.Function(f"keep_{name}", arguments, state)
+    for _ in range(count):
+        state = function.call([*state, *rest])
+    more = ca.Function(f"more_{name}", arguments, state)
+    # A result that is not a number must count as large.
+    return list(ca.Function.if_else(name, keep, more)(found[2] <= SETTLED, *found, *known))
+
+
+def _correction(stages: Stages, linear: _LinearSystems, n_factors: int) -> ca.Function:
+    """``(w, size, error, factors, step) -> (w, size, error)`` by the simplified method.
+
+    It converges linearly: two changes that follow each other show the rate, and what is left is that share of the
+    last one.
+    """
+    (w, size, error), factors, (x, z, *known) = _arguments(stages, n_factors)
+    (values,) = stages.everywhere(stages.values, w, known)
+    corrected, change = linear.correct(factors, w, ca.vec(values), x, stages.mass(*known[4:]), known[3])
+    left = change * ca.fmin(1.0, change / (size + NOTHING))
+    return ca.Function("correction", [w, size, error, factors, x, z, *known], [corrected, change, left])
+
+
+def _full_update(stages: Stages, n_factors: int) -> ca.Function:
+    """``(w, size, error, factors, step) -> (w, size, error)`` with the Jacobian of each stage; quadratic."""
+    (w, size, error), factors, (x, z, *known) = _arguments(stages, n_factors)
+    values, jacobians = stages.at(stages.jacobian, w, known)
+    mass, h = stages.mass(*known[4:]), known[3]
+    defect = stages.defect()(w, *values, x, mass, h)
+    step = ca.solve(stages.assembly()(*jacobians, mass, h), defect, "qr")
+    change = ca.norm_2(step / ca.repmat(ca.DM(stages.scale), stages.count, 1))
+    return ca.Function("newton_update", [w, size, error, factors, x, z, *known], [w - step, change, change**2])
+
+
+def _restarted(update: ca.Function, guess: ca.Function) -> ca.Function:
+    """The same update from another guess, ``step -> w``."""
+    arguments = update.mx_in()
+    return ca.Function(f"from_{guess.name()}", arguments, update.call([guess(*arguments[4:]), *arguments[1:]]))
+
+
+def _resting(stages: Stages) -> ca.Function:
+    """``(x, z, d, u, t, h, p, c) -> `` the start of the step as the guess of all stages."""
+    step = stages.symbols()
+    return ca.Function("resting", step, [ca.repmat(ca.vertcat(*step[:2]), stages.count, 1)])
+
+
+def _euler(stages: Stages) -> ca.Function:
+    """``(x, z, d, u, t, h, p, c) -> `` a guess of all stages by small implicit Euler steps."""
+    step = stages.symbols()
+    x, z, d, u, t, h, p, c = step
+    mass = stages.mass(p, c)
+    w, before, last = ca.MX.sym("w", stages.n), ca.MX.sym("before", stages.n_x), ca.MX.sym("t_last")
+    small, m = ca.MX.sym("h_small"), ca.MX.sym("m", stages.n_x)
+    value, jacobian = stages.jacobian(w, d, u, last, p, c)
+    defect, system = stages.one_step()(w, value, jacobian, before, m, small)
+    rest = [d, u, last, small, m, p, c]
+    update = ca.Function("euler_update", [w, before, *rest], [w - ca.solve(system, defect, "qr")])
+    # Functions of functions keep the generated code short.
+    at = w
+    for _ in range(EULER_UPDATES):
+        at = update(at, w[: stages.n_x], *rest)
+    one = ca.Function("euler_step", [w, *rest], [at])
+    at = w
+    for number in range(EULER_STEPS):
+        at = one(at, d, u, last + (number + 1) * small, small, m, p, c)
+    several = ca.Function("euler_steps", [w, *rest], [at])
+    at, found = ca.vertcat(x, z), []
+    for begin, end in pairwise([0.0, *stages.nodes]):
+        at = several(at, d, u, t + begin * h, (end - begin) / EULER_STEPS * h, mass, p, c)
+        found.append(at)
+    return ca.Function("euler", step, [ca.vertcat(*found)])
+
+
+def _arguments(stages: Stages, n_factors: int) -> tuple[list[ca.MX], ca.MX, list[ca.MX]]:
+    found = [ca.MX.sym("w", stages.n * stages.count), ca.MX.sym("size"), ca.MX.sym("error")]
+    return found, ca.MX.sym("factors", n_factors), stages.symbols()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _LinearSystems:
+    """The transformed systems of the simplified method.
+
+    `factor`: ``(J, M, h) -> factors``; `correct`: ``(factors, w, f at all stages, x, M, h) -> (w, size of the
+    change against the unknowns' scale)``.
+    """
+
+    factor: ca.Function
+    correct: ca.Function
+
+
+def _linear_systems(stages: Stages) -> _LinearSystems:
+    values, vectors = np.linalg.eig(stages.inverse)
+    inverse = np.linalg.inv(vectors)
+    # Of a pair one is solved, and stands for both.
+    kept = np.flatnonzero(values.imag >= 0)
+    weights = np.where(values[kept].imag > 0, 2.0, 1.0)
+    spectrum = (values[kept], vectors[:, kept] * weights, inverse[kept])
+    return _unrolled(stages, *spectrum) if stages.n <= UNROLLED else _sparse(stages, *spectrum)
+
+
+def _unrolled(stages: Stages, values: np.ndarray, vectors: np.ndarray, inverse: np.ndarray) -> _LinearSystems:
+    """Straight-line code."""
+    jacobian = ca.SX.sym("J", stages.jacobian.sparsity_out(1))
+    mass, h = ca.SX.sym("mass", stages.n_x), ca.SX.sym("h")
+    systems = [factorised(_shifted(stages, value, jacobian, mass, h)) for value in values]
+    numbers = [entry for system in systems for row in system.entries for entry in row]
+    parts: list[Symbol] = [part for number in numbers for part in (number.real, number.imaginary) if not part.is_zero()]
+    factor = ca.Function("factor", [jacobian, mass, h], [ca.vertcat(*parts)])
+
+    given: Symbol = ca.SX.sym("factors", len(parts))
+    named = iter(given.elements())
+    systems = [system.renamed(named) for system in systems]
+    w, f, x, right = _right_sides(stages, values, inverse, mass, h)
+    found = [
+        system.solve([Complex(a, b) for a, b in zip(re.elements(), im.elements(), strict=True)])
+        for system, (re, im) in zip(systems, right, strict=True)
+    ]
+    parts_of = [
+        (ca.vertcat(*(v.real for v in vector)), ca.vertcat(*(v.imaginary for v in vector))) for vector in found
+    ]
+    change = _transformed_back(vectors, parts_of)
+    correct = _corrected(stages, [given, ca.vec(w), ca.vec(f), x, mass, h], w, change)
+    return _LinearSystems(factor=factor, correct=correct)
+
+
+def _sparse(stages: Stages, values: np.ndarray, vectors: np.ndarray, inverse: np.ndarray) -> _LinearSystems:
+    """Sparse QR of real systems, of twice the size for a complex eigenvalue."""
+    pattern = stages.jacobian.sparsity_out(1)
+    jacobian = ca.SX.sym("J", pattern)
+    mass, h = ca.SX.sym("mass", stages.n_x), ca.SX.sym("h")
+    entries: list[Symbol] = jacobian.nonzeros()
+    keep = ca.Function("factor", [jacobian, mass, h], [ca.vertcat(*entries)])
+    w, f, x, right = _right_sides(stages, values, inverse, mass, h)
+    coupling = ca.diag(ca.vertcat(mass, ca.SX(stages.n_z, 1)))
+    plain = _weight(stages, h) @ jacobian
+    systems = []
+    for value, (re, im) in zip(values, right, strict=True):
+        block = value.real * coupling - plain
+        turned = value.imag * coupling
+        if value.imag:
+            systems.append((ca.blockcat([[block, -turned], [turned, block]]), ca.vertcat(re, im)))
+        else:
+            systems.append((block, re))
+    prepare = ca.Function("prepare", [jacobian, ca.vec(w), ca.vec(f), x, mass, h], [e for s in systems for e in s])
+    given = ca.MX.sym("factors", pattern.nnz())
+    sizes = (stages.n * stages.count, stages.n * stages.count, stages.n_x, stages.n_x, 1)
+    arguments = [ca.MX.sym(n, k) for n, k in zip(("w", "f", "x", "mass", "h"), sizes, strict=True)]
+    ready = prepare(ca.MX(pattern, given), *arguments)
+    parts = []
+    for matrix, side in zip(ready[::2], ready[1::2], strict=True):
+        solution = ca.solve(matrix, side, "qr")
+        parts.append((solution[: stages.n], solution[stages.n :] if side.numel() > stages.n else ca.MX(stages.n, 1)))
+    change = _transformed_back(vectors, parts)
+    w_columns = ca.reshape(arguments[0], stages.n, stages.count)
+    return _LinearSystems(factor=keep, correct=_corrected(stages, [given, *arguments], w_columns, change))
+
+
+def _weight(stages: Stages, h: ca.SX) -> ca.SX:
+    return ca.diag(ca.vertcat(ca.repmat(h, stages.n_x), ca.SX.ones(stages.n_z)))
+
+
+def _shifted(
+    stages: Stages, value: complex, jacobian: ca.SX, mass: ca.SX, h: ca.SX
+) -> list[list[Complex]]:
+    """``lambda M - h J`` as numbers; h is 1 where there is no mass row."""
+    rest = -_weight(stages, h) @ jacobian
+    rows = [[Complex(rest[i, j]) for j in range(stages.n)] for i in range(stages.n)]
+    for i in range(stages.n_x):
+        rows[i][i] = Complex(rest[i, i] + float(value.real) * mass[i], float(value.imag) * mass[i])
+    return rows
+
+
+def _right_sides(
+    stages: Stages, values: np.ndarray, inverse: np.ndarray, mass: ca.SX, h: ca.SX
+) -> tuple[ca.SX, ca.SX, ca.SX, list[tuple[ca.SX, ca.SX]]]:
+    """Unknowns, values of the equations and start as symbols, and the residual in each eigenvector's direction."""
+    w, f = ca.SX.sym("w", stages.n, stages.count), ca.SX.sym("f", stages.n, stages.count)
+    x = ca.SX.sym("x", stages.n_x)
+    moved, weight = w[: stages.n_x, :] - ca.repmat(x, 1, stages.count), _weight(stages, h)
+    sides = []
+    for value, row in zip(values, inverse, strict=True):
+        # T^-1 A^-1 = Lambda T^-1
+        parts = []
+        for memory, drive in (((value * row).real, row.real), ((value * row).imag, row.imag)):
+            inertia = ca.vertcat(mass * (moved @ ca.SX(memory)), ca.SX.zeros(stages.n_z, 1))
+            parts.append(inertia - weight @ (f @ ca.SX(drive)))
+        sides.append((parts[0], parts[1]))
+    return w, f, x, sides
+
+
+def _transformed_back(vectors: np.ndarray, parts: Sequence[tuple[Symbol, Symbol]]) -> Symbol:
+    """Real part of the sum over eigenvectors, shape (n, s)."""
+    columns = []
+    for row in vectors:
+        terms = [float(v.real) * re - float(v.imag) * im for v, (re, im) in zip(row, parts, strict=True)]
+        columns.append(sum(terms[1:], terms[0]))
+    return ca.horzcat(*columns)
+
+
+def _corrected(stages: Stages, arguments: list[Symbol], w: Symbol, change: Symbol) -> ca.Function:
+    size = ca.norm_2(ca.vec(change / ca.repmat(ca.DM(stages.scale), 1, stages.count)))
+    return ca.Function("correct", arguments, [ca.vec(w - change), size])

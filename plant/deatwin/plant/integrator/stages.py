@@ -1,0 +1,283 @@
+"""A differential-algebraic equation at the stages of one implicit step, and its derivatives there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from deatwin.plant.equations import Equations
+from deatwin.plant.integrator.lanes import in_lanes
+
+__all__ = ["Stages"]
+
+REVERSE = {"helper_options": {"ad_weight": 0.6}}
+"""Of the two ways to a Jacobian, the reverse one unless it needs half as many sweeps again: forces are gradients."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Stages:
+    """Residual and derivatives of a DAE at the stages of a collocation step.
+
+    Parameters
+    ----------
+    n_x, n_z, n_d, n_u, n_p, n_c : int
+        Numbers of states, coordinates, held quantities, inputs, free parameters and constants.
+    scale : ndarray, shape (n_x + n_z,)
+        Typical size of each unknown.
+    nodes : ndarray, shape (s,)
+        Of the stages, in (0, 1].
+    inverse : ndarray, shape (s, s)
+        Inverse of the Butcher matrix.
+    residual : casadi.Function
+        ``(w, d, u, t, p, c) -> (f; g)`` with w = (x; z).
+    jacobian : casadi.Function
+        ``(w, d, u, t, p, c) -> ((f; g), derivative by w)``.
+    derivatives : casadi.Function
+        ``(w, d, u, t, p, c) -> `` derivatives by d and p.
+    mass : casadi.Function
+        ``(p, c) -> diag M``.
+    mass_slope : casadi.Function
+        ``(p, c) -> `` its derivative by p.
+    output_derivatives : casadi.Function
+        ``(x, z, d, u, t, p, c) -> `` derivatives of the reading by w, d and p.
+    """
+
+    n_x: int
+    n_z: int
+    n_d: int
+    n_u: int
+    n_p: int
+    n_c: int
+    scale: np.ndarray
+    nodes: np.ndarray
+    inverse: np.ndarray
+    residual: ca.Function
+    jacobian: ca.Function
+    derivatives: ca.Function
+    mass: ca.Function
+    mass_slope: ca.Function
+    output_derivatives: ca.Function
+
+    @classmethod
+    def of(cls, equations: Equations, nodes: np.ndarray, matrix: np.ndarray) -> Stages:
+        """Differentiate a DAE.
+
+        Parameters
+        ----------
+        equations : Equations
+            The DAE.
+        nodes : ndarray, shape (s,)
+            Of the scheme.
+        matrix : ndarray, shape (s, s)
+            Its Butcher matrix.
+
+        Returns
+        -------
+        Stages
+        """
+        w = ca.SX.sym("w", equations.scale.size)
+        n_x, n_d = len(equations.states), len(equations.held)
+        n_u = equations.held_inputs(0.0).size
+        d, u, t = ca.SX.sym("d", n_d), ca.SX.sym("u", n_u), ca.SX.sym("t")
+        p, c = ca.SX.sym("p", len(equations.parameters.free)), ca.SX.sym("c", equations.constants.size)
+        arguments = [w, d, u, t, p, c]
+        split = [w[:n_x, :], w[n_x:, :], d, u, t, p, c]
+        # What different forces have in common is found before it is differentiated.
+        f = ca.cse(equations.dynamics(*split))
+        y = equations.output(*split)
+        mass = equations.mass(p, c)
+        f_w = ca.jacobian(f, w, REVERSE)
+        return cls(
+            n_x=n_x, n_z=w.numel() - n_x, n_d=n_d, n_u=n_u, n_p=p.numel(), n_c=c.numel(),
+            scale=equations.scale,
+            nodes=nodes,
+            inverse=np.linalg.inv(matrix),
+            residual=ca.Function("stage_residual", arguments, [f]),
+            jacobian=ca.Function("stage_jacobian", arguments, ca.cse([f, f_w])),
+            derivatives=ca.Function(
+                "stage_derivatives", arguments,
+                ca.cse([ca.jacobian(f, d, REVERSE), ca.jacobian(f, p, REVERSE)]),
+            ),
+            mass=ca.Function("stage_mass", [p, c], [mass]),
+            mass_slope=ca.Function("stage_mass_slope", [p, c], [ca.jacobian(mass, p)]),
+            output_derivatives=ca.Function(
+                "output_derivatives", split, [ca.jacobian(y, w), ca.jacobian(y, d), ca.jacobian(y, p)]
+            ),
+        )  # fmt: skip
+
+    @property
+    def count(self) -> int:
+        """Number of stages."""
+        return self.nodes.size
+
+    @property
+    def n(self) -> int:
+        """Unknowns of one stage."""
+        return self.n_x + self.n_z
+
+    def symbols(self) -> list[ca.MX]:
+        """``x, z, d, u, t, h, p, c`` of a step."""
+        sizes = {"x": self.n_x, "z": self.n_z, "d": self.n_d, "u": self.n_u, "t": 1, "h": 1, "p": self.n_p,
+                 "c": self.n_c}  # fmt: skip
+        return [ca.MX.sym(name, size) for name, size in sizes.items()]
+
+    def at(self, function: ca.Function, w: ca.MX, known: Sequence[ca.MX]) -> list[tuple[ca.MX, ...]]:
+        """Evaluate a function of one stage at all of them.
+
+        Parameters
+        ----------
+        function : casadi.Function
+            With the arguments of `residual`.
+        w : casadi.MX, shape (n s,)
+            Unknowns of all stages, one after the other.
+        known : sequence of casadi.MX
+            ``d, u, t, h, p, c``.
+
+        Returns
+        -------
+        list of tuple of casadi.MX
+            For each result of `function` its values at the stages.
+        """
+        d, u, t, h, p, c = known
+        pieces = ca.vertsplit(w, self.n) if self.n else [w] * self.count
+        calls = [
+            function.call([piece, d, u, t + node * h, p, c]) for piece, node in zip(pieces, self.nodes, strict=True)
+        ]
+        return list(zip(*calls, strict=True))
+
+    @cached_property
+    def values(self) -> ca.Function:
+        """``(w, d, u, t, p, c) -> `` `residual` at all stages, from one column of w and one of t for each."""
+        return self._everywhere("stage_values", self.residual)
+
+    @cached_property
+    def slopes(self) -> ca.Function:
+        """``(w, d, u, t, p, c) -> `` entries of the `derivatives` at all stages, a column for each."""
+        return self._everywhere("stage_slopes", self.derivatives)
+
+    def _everywhere(self, name: str, function: ca.Function) -> ca.Function:
+        w, t = ca.MX.sym("w", self.n, self.count), ca.MX.sym("t", 1, self.count)
+        _, _, d, u, _, _, p, c = self.symbols()
+        columns = zip(ca.horzsplit(w), ca.horzsplit(t), strict=True)
+        found = [function.call([w_i, d, u, t_i, p, c]) for w_i, t_i in columns]
+        return ca.Function(name, [w, d, u, t, p, c], [
+            ca.horzcat(*(ca.reshape(r.nz[:], r.nnz(), 1) for r in results)) for results in zip(*found, strict=True)
+        ])  # fmt: skip
+
+    def everywhere(self, function: ca.Function, w: ca.MX, known: Sequence[ca.MX]) -> list[ca.MX]:
+        """Call `values` or `slopes`.
+
+        Parameters
+        ----------
+        function : casadi.Function
+            One of them.
+        w : casadi.MX, shape (n s,)
+            Unknowns of all stages, one after the other.
+        known : sequence of casadi.MX
+            ``d, u, t, h, p, c``.
+
+        Returns
+        -------
+        list of casadi.MX
+            One column for each stage.
+        """
+        d, u, t, h, p, c = known
+        columns, times = ca.reshape(w, self.n, self.count), t + ca.DM(self.nodes).T * h
+        return list(function.call([columns, d, u, times, p, c]))
+
+    @property
+    def in_lanes(self) -> dict[str, str]:
+        """C code for `values` and `slopes` on vectors, by the name of the function, where there is some."""
+        pairs = ((self.values, self.residual), (self.slopes, self.derivatives))
+        bodies = {whole.name(): in_lanes(part, self.count, varying=(0, 3)) for whole, part in pairs}
+        return {name: body for name, body in bodies.items() if body is not None}
+
+    def assembly(self) -> ca.Function:
+        """``(J_1 .. J_s, M, h) -> `` derivative of all stages' residuals by all stages' unknowns.
+
+        Written on scalars (SX): the sparse products of MX would cost more than the plant itself.
+        """
+        jacobians = [ca.SX.sym(f"J{i}", self.jacobian.sparsity_out(1)) for i in range(self.count)]
+        mass, h = ca.SX.sym("mass", self.n_x), ca.SX.sym("h")
+        coupling = ca.diag(ca.vertcat(mass, ca.SX(self.n_z, 1)))
+        weight = ca.diag(ca.vertcat(ca.repmat(h, self.n_x), ca.SX.ones(self.n_z)))
+        rows = []
+        for i in range(self.count):
+            row = [self.inverse[i, j] * coupling for j in range(self.count)]
+            row[i] = row[i] - weight @ jacobians[i]
+            rows.append(ca.horzcat(*row))
+        return ca.Function("assembly", [*jacobians, mass, h], [ca.vertcat(*rows)])
+
+    def defect(self) -> ca.Function:
+        """``(w, f_1 .. f_s, x, M, h) -> `` residual of the collocation equations."""
+        w, x = ca.SX.sym("w", self.n, self.count), ca.SX.sym("x", self.n_x)
+        values = [ca.SX.sym(f"f{i}", self.n) for i in range(self.count)]
+        mass, h = ca.SX.sym("mass", self.n_x), ca.SX.sym("h")
+        moved = (w[: self.n_x, :] - ca.repmat(x, 1, self.count)) @ ca.SX(self.inverse.T)
+        rows = [
+            ca.vertcat(mass * moved[:, i] - h * values[i][: self.n_x, :], -values[i][self.n_x :, :])
+            for i in range(self.count)
+        ]
+        return ca.Function("defect", [ca.vec(w), *values, x, mass, h], [ca.vertcat(*rows)])
+
+    def one_step(self) -> ca.Function:
+        """``(w, f, J, x, M, h) -> (residual, its Jacobian)`` of one implicit Euler step."""
+        w, value, x = ca.SX.sym("w", self.n), ca.SX.sym("f", self.n), ca.SX.sym("x", self.n_x)
+        jacobian = ca.SX.sym("J", self.jacobian.sparsity_out(1))
+        mass, h = ca.SX.sym("mass", self.n_x), ca.SX.sym("h")
+        residual = ca.vertcat(mass * (w[: self.n_x, :] - x) - h * value[: self.n_x, :], -value[self.n_x :, :])
+        weight = ca.diag(ca.vertcat(ca.repmat(h, self.n_x), ca.SX.ones(self.n_z)))
+        system = ca.diag(ca.vertcat(mass, ca.SX(self.n_z, 1))) - weight @ jacobian
+        return ca.Function("one_step", [w, value, jacobian, x, mass, h], [residual, system])
+
+    def tangent(self) -> ca.Function:
+        """``(w, entries of F_d, of F_p, x, dx, dd, M, dM/dp, h) -> `` right side of the tangent system."""
+        w, x = ca.SX.sym("w", self.n, self.count), ca.SX.sym("x", self.n_x)
+        dx, dd = ca.SX.sym("dx", self.n_x, self.n_p), ca.SX.sym("dd", self.n_d, self.n_p)
+        patterns = [self.derivatives.sparsity_out(i) for i in (0, 1)]
+        entries = [ca.SX.sym("F", pattern.nnz(), self.count) for pattern in patterns]
+        f_d, f_p = (
+            [ca.SX(pattern, column) for column in ca.horzsplit(values)]
+            for pattern, values in zip(patterns, entries, strict=True)
+        )
+        mass, h = ca.SX.sym("mass", self.n_x), ca.SX.sym("h")
+        slope = ca.SX.sym("slope", self.mass_slope.sparsity_out(0))
+        rows = []
+        for i in range(self.count):
+            drive = f_d[i] @ dd + f_p[i]
+            moved = (w[: self.n_x, :] - ca.repmat(x, 1, self.count)) @ self.inverse[i]
+            memory = self.inverse[i].sum() * ca.diag(mass) @ dx - ca.diag(moved) @ slope
+            rows += [h * drive[: self.n_x, :] + memory, drive[self.n_x :, :]]
+        inputs = [ca.vec(w), *entries, x, dx, dd, mass, slope, h]
+        return ca.Function("tangent", inputs, [ca.densify(ca.vertcat(*rows))])
+
+    def differentiate(self, w: ca.MX, x: ca.MX, known: Sequence[ca.MX], dx: ca.MX, dd: ca.MX) -> ca.MX:
+        """Derivative of the last stage by the parameters, from the implicit function theorem.
+
+        Parameters
+        ----------
+        w : casadi.MX, shape (n s,)
+            Unknowns of all stages, solved.
+        x : casadi.MX, shape (n_x,)
+            States at the start of the step.
+        known : sequence of casadi.MX
+            ``d, u, t, h, p, c``.
+        dx, dd : casadi.MX, shapes (n_x, n_p) and (n_d, n_p)
+            Derivatives of x and d.
+
+        Returns
+        -------
+        casadi.MX, shape (n, n_p)
+        """
+        h, p, c = known[3:]
+        mass, slope = self.mass(p, c), self.mass_slope(p, c)
+        # Two functions, of which Newton's method has the first in use already: half the code to compile.
+        _, f_w = self.at(self.jacobian, w, known)
+        entries = self.everywhere(self.slopes, w, known)
+        system = self.assembly()(*f_w, mass, h)
+        right = self.tangent()(w, *entries, x, dx, dd, mass, slope, h)
+        return ca.solve(system, right, "qr")[-self.n :, :]

@@ -1,0 +1,1 @@
+"""Constitutive laws: energies and stresses of films, permittivity, breakdown."""

@@ -1,0 +1,125 @@
+r"""Stresses and tangents of a film, differentiated from its energy.
+
+An *energy* here is any function of the two in-plane stretches and further parameters: a hyperelastic one of
+`deatwin.plant.laws.energies`, the co-energy of the field, or their sum.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any
+
+import casadi as ca
+
+__all__ = ["nominal_stress", "shear_modulus", "tangent", "true_stress"]
+
+Symbol = Any
+
+
+@lru_cache(maxsize=64)
+def _differentiated(energy: Callable[..., Symbol], n_parameters: int) -> ca.Function:
+    stretches, parameters = ca.SX.sym("stretches", 2), ca.SX.sym("parameters", n_parameters)
+    value = energy(*ca.vertsplit(stretches), *ca.vertsplit(parameters))
+    hessian, gradient = ca.hessian(value, stretches)
+    inputs = [*ca.vertsplit(stretches), *ca.vertsplit(parameters)]
+    return ca.Function(
+        "differentiated", inputs, [gradient[0], gradient[1], hessian[0, 0], hessian[0, 1], hessian[1, 1]]
+    )
+
+
+def nominal_stress(
+    energy: Callable[..., Symbol], stretch_1: Symbol, stretch_2: Symbol, *parameters: Symbol
+) -> tuple[Symbol, Symbol]:
+    r"""Nominal in-plane stresses :math:`P_i = \partial W/\partial\lambda_i`, force per reference area.
+
+    Parameters
+    ----------
+    energy : callable
+        ``energy(stretch_1, stretch_2, *parameters)`` in J/m³. A function that is kept, as those of a module are,
+        is differentiated once.
+    stretch_1, stretch_2 : symbol or float
+        Principal in-plane stretches.
+    *parameters : symbol or float
+        Further arguments of `energy`.
+
+    Returns
+    -------
+    tuple of symbol
+        Along 1 and 2, Pa; CasADi numbers where all arguments are floats.
+
+    Examples
+    --------
+    >>> from deatwin.plant.laws.energies import neo_hookean
+    >>> first, second = nominal_stress(neo_hookean, 2.0, 2.0, 1.0)
+    >>> float(first) == 2 - 2**-5
+    True
+    """
+    first, second, *_ = _differentiated(energy, len(parameters))(stretch_1, stretch_2, *parameters)
+    return first, second
+
+
+def true_stress(
+    energy: Callable[..., Symbol], stretch_1: Symbol, stretch_2: Symbol, *parameters: Symbol
+) -> tuple[Symbol, Symbol]:
+    r"""True (Cauchy) stresses :math:`\sigma_i = \lambda_i\,\partial W/\partial\lambda_i`, none across the film.
+
+    Parameters
+    ----------
+    energy : callable
+        As for `nominal_stress`.
+    stretch_1, stretch_2 : symbol or float
+        Principal in-plane stretches.
+    *parameters : symbol or float
+        Further arguments of `energy`.
+
+    Returns
+    -------
+    tuple of symbol
+        Along 1 and 2, force per present area, Pa.
+    """
+    first, second = nominal_stress(energy, stretch_1, stretch_2, *parameters)
+    return stretch_1 * first, stretch_2 * second
+
+
+def tangent(
+    energy: Callable[..., Symbol], stretch_1: Symbol, stretch_2: Symbol, *parameters: Symbol
+) -> tuple[Symbol, Symbol, Symbol]:
+    r"""Second derivatives :math:`\partial^2 W/\partial\lambda_i\partial\lambda_j`: the film's tangent stiffness.
+
+    A film under dead loads and voltage is stable where their matrix is positive definite.
+
+    Parameters
+    ----------
+    energy : callable
+        As for `nominal_stress`.
+    stretch_1, stretch_2 : symbol or float
+        Principal in-plane stretches.
+    *parameters : symbol or float
+        Further arguments of `energy`.
+
+    Returns
+    -------
+    tuple of symbol
+        For ij = 11, 12 and 22, Pa.
+    """
+    _, _, *second = _differentiated(energy, len(parameters))(stretch_1, stretch_2, *parameters)
+    return second[0], second[1], second[2]
+
+
+def shear_modulus(energy: Callable[..., Symbol], *parameters: Symbol) -> Symbol:
+    r"""Shear modulus at small strain, :math:`\mu_0 = \tfrac14\,\partial^2 W/\partial\lambda_1^2` at rest.
+
+    Parameters
+    ----------
+    energy : callable
+        As for `nominal_stress`.
+    *parameters : symbol or float
+        Further arguments of `energy`.
+
+    Returns
+    -------
+    symbol
+        Pa.
+    """
+    return tangent(energy, 1.0, 1.0, *parameters)[0] / 4

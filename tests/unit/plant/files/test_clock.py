@@ -1,0 +1,52 @@
+"""The clock of records whose times are rounded or have gaps, and pieces of it."""
+
+import numpy as np
+import pytest
+
+from deatwin.plant.errors import DataError
+from deatwin.plant.files.clock import even_pieces
+
+
+@pytest.mark.parametrize("start", [0.0, 1.0 / 600.0, 7.0 + 1.0 / 600.0])
+def test_rounded_times_begin_where_all_of_them_say(start: float) -> None:
+    """300 Hz with 3 decimals: the rounding errors are 0 and ±1/3 ms in turn, so their middle is 0.
+
+    The first time alone is up to 1/3 ms = 10 % of a sample off; a start within 0.25 % is kept as it is.
+    """
+    times = np.round(start + np.arange(3000) / 300.0, 3)
+    _, (piece,) = even_pieces(times, str, allow_gaps=False)
+    assert piece.clock[0] == pytest.approx(start, abs=0.0025 / 300.0)
+
+
+def test_exact_times_keep_their_start() -> None:
+    times = 240.1 + 0.02 * np.arange(500)
+    _, (piece,) = even_pieces(times, str, allow_gaps=False)
+    assert piece.clock[0] == times[0]
+
+
+def test_pieces_stay_on_the_clock_of_the_file_where_times_are_rounded() -> None:
+    """The row after the gap is alone, so that only the clock before it tells how much its time was rounded."""
+    exact = np.arange(3000) / 48.7
+    after = 2900 + int(np.argmax(np.abs(np.round(exact, 3) - exact)[2900:]))
+    times = np.round(np.append(exact[:2500], exact[after]), 3)
+    sample_time, pieces = even_pieces(times, str, allow_gaps=True)
+    assert abs(times[-1] - exact[after]) > 0.02 * sample_time
+    offset = (pieces[1].clock[0] - pieces[0].clock[0]) / sample_time
+    assert offset == pytest.approx(after, abs=1e-6)
+
+
+def test_gap_of_half_a_sample_more_is_not_rounded_away() -> None:
+    times = 0.02 * np.arange(100)
+    times[50:] += 0.05
+    _, pieces = even_pieces(times, str, allow_gaps=True)
+    assert pieces[1].clock[0] == pytest.approx(1.05)
+
+
+def test_stated_sample_time() -> None:
+    times = np.arange(300) / 3.0
+    assert even_pieces(times, str, allow_gaps=False)[0] != 1 / 3  # 9 digits are found without it
+    assert even_pieces(times, str, allow_gaps=False, stated=1 / 3)[0] == 1 / 3
+    with pytest.raises(DataError, match=r"do not keep the stated sample time of 0\.3 s"):
+        even_pieces(times, str, allow_gaps=False, stated=0.3)
+    sample_time, (piece,) = even_pieces(np.array([5.0]), str, allow_gaps=False, stated=0.5)
+    assert (sample_time, piece.clock.tolist()) == (0.5, [5.0])

@@ -1,0 +1,366 @@
+"""Recordings from CSV files and back: formats that occur, and one clear error for each fault."""
+
+import hashlib
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from deatwin.plant.errors import DataError
+from deatwin.plant.files import (
+    read_commands,
+    read_csv,
+    read_experiment,
+    read_recording,
+    write_csv,
+    write_recording,
+    write_text_atomic,
+)
+from deatwin.plant.recording import Recording
+from deatwin.plant.rigs.rigfile import RigFile
+
+HEADER = "time_s,command_V,displacement_mm"
+RIG = RigFile.from_dict(
+    {
+        "film": {
+            "material": "VHB 4905",
+            "thickness_mm": 0.5,
+            "prestretch": 3.5,
+            "frame_diameter_mm": 80.0,
+            "electrode_diameter_mm": 35.0,
+        },
+        "load": {"mass_g": 3.0, "contact_diameter_mm": 6.0},
+        "drive": {"gain": 800.0, "start_ramp_s": 2.0, "start_hold_s": 3.0},
+        "sensor": {"sample_rate_Hz": 50.0, "noise_um": 2.0, "zero": "displacement at zero volts"},
+    }
+)
+
+
+def rows(n: int = 50, start: float = 0.0, step: float = 0.02) -> list[str]:
+    """Lines of samples: the command is 1 V and up, the displacement 0.1 mm and up."""
+    return [f"{start + k * step:.3f},{1.0 + 0.01 * k:.2f},{0.1 + 0.001 * k:.3f}" for k in range(n)]
+
+
+def lines_at(times: np.ndarray) -> list[str]:
+    return [HEADER, *(f"{time!r},{k % 7},{k % 5}" for k, time in enumerate(times.tolist()))]
+
+
+@pytest.fixture
+def write(tmp_path: Path):
+    def write_file(
+        lines: list[str], *, encoding: str = "utf-8", end: str = "\n", name: str = "rec.csv"
+    ) -> Path:
+        path = tmp_path / name
+        path.write_bytes((end.join(lines) + end).encode(encoding))
+        return path
+
+    return write_file
+
+
+class TestFormats:
+    def test_canonical(self, write) -> None:
+        path = write([HEADER, *rows(start=240.0)])
+        recording = read_recording(path)
+        assert recording.n_samples == 50
+        assert (recording.start, recording.sample_time) == (240.0, 0.02)
+        assert (recording.inputs[0, 1], recording.outputs[0, 1]) == (1.01, 0.101e-3)
+        assert (recording.input_names, recording.output_units) == (("command",), ("m",))
+        assert recording.provenance["file"] == str(path)
+        assert recording.provenance["sha256"] == hashlib.sha256(path.read_bytes()).hexdigest()
+        assert recording.provenance["rows"] == "2-51"
+
+    @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "gbk"])
+    def test_chinese_header_with_units_below_quotes_and_blank_lines(self, write, encoding: str) -> None:
+        quoted = [",".join(f'"{cell}"' for cell in row.split(",")) for row in rows()]
+        lines = ["", "时间,位移,力", "(s),(mm),(N)", *quoted, ""]
+        recording = read_recording(
+            write(lines, encoding=encoding, end="\r\n"), input_column="位移", output_column="力"
+        )
+        assert (recording.input_names, recording.input_units) == (("位移",), ("m",))
+        assert (recording.output_names, recording.output_units) == (("力",), ("N",))
+        assert (recording.n_samples, recording.inputs[0, 0], recording.outputs[0, 0]) == (50, 1e-3, 0.1)
+        assert recording.provenance["rows"] == "4-53"
+
+    def test_latin_1(self, write) -> None:
+        path = write(
+            ["Zeit [s],Spannung [V],Weg [µm],Überdruck", *(f"{row},1" for row in rows())], encoding="latin-1"
+        )
+        recording = read_recording(path, input_column="Spannung", output_column="Weg [µm]")
+        assert recording.output_names == ("Weg",)
+        assert recording.outputs[0, 0] == pytest.approx(0.1e-6)
+
+    @pytest.mark.parametrize("delimiter", [";", "\t"])
+    @pytest.mark.parametrize("decimal", [".", ","])
+    def test_other_delimiters_and_decimal_comma(self, write, delimiter: str, decimal: str) -> None:
+        body = [row.replace(",", delimiter).replace(".", decimal) for row in rows()]
+        recording = read_recording(write([HEADER.replace(",", delimiter), *body]))
+        assert (recording.inputs[0, 49], recording.sample_time) == (1.49, 0.02)
+
+    def test_title_lines_above_the_header(self, write) -> None:
+        assert read_recording(write(["Rig A", "measured by hand", HEADER, *rows()])).n_samples == 50
+
+    def test_columns_by_place(self, write) -> None:
+        recording = read_recording(write(["time_s,a,b", *rows()]), input_column="#3", output_column="#2")
+        assert (recording.input_names, recording.input_units) == (("b",), ("",))
+        assert (recording.inputs[0, 0], recording.outputs[0, 0]) == (0.1, 1.0)
+
+    def test_other_units_in_the_usual_names(self, write) -> None:
+        body = [f"{k},{1000 + k},{100 + k}" for k in range(0, 100, 5)]
+        recording = read_recording(write(["time_ms,command_mV,displacement_um", *body]))
+        assert recording.sample_time == 0.005
+        assert (recording.inputs[0, 0], recording.outputs[0, 1]) == (1.0, 105e-6)
+
+    def test_time_without_unit_is_in_seconds(self, write) -> None:
+        assert read_recording(write([HEADER.replace("time_s", "Time"), *rows()])).sample_time == 0.02
+
+    def test_extra_channels_in_si_and_other_columns_passed_over(self, write) -> None:
+        header = HEADER + ",current_uA,temperature_C,remark"
+        recording = read_recording(write([header, *(f"{row},2.5,21.0,fine" for row in rows())]))
+        assert set(recording.extras) == {"current", "temperature"}
+        assert recording.extras["current"][0] == 2.5e-6
+        assert recording.extras["temperature"][0] == pytest.approx(294.15)
+
+    def test_trailing_delimiter(self, write) -> None:
+        assert read_recording(write([HEADER + ",", *(row + "," for row in rows())])).n_samples == 50
+
+    def test_commands_alone(self, write) -> None:
+        commands = read_commands(write(["time_s,command_V", *(row.rpartition(",")[0] for row in rows())]))
+        assert (commands.n_samples, commands.outputs.shape) == (50, (0, 50))
+        ignored = read_commands(write([HEADER, *(row.rpartition(",")[0] + ",?" for row in rows())]))
+        np.testing.assert_array_equal(ignored.inputs, commands.inputs)
+
+    def test_experiment_in_any_order(self, write) -> None:
+        late = write([HEADER, *rows(start=1.0)], name="late.csv")
+        early = write([HEADER, *rows()], name="early.csv")
+        experiment = read_experiment([late, early])
+        assert [recording.start for recording in experiment.recordings] == [0.0, 1.0]
+
+
+class TestClock:
+    @pytest.mark.parametrize(
+        ("rate", "decimals"), [(50.0, 2), (60.0, 4), (300.0, 3), (3.0, 1), (1.0, 0), (48.7, 3)]
+    )
+    def test_rounded_print_of_even_times(self, write, rate: float, decimals: int) -> None:
+        times = np.round(np.arange(3000) / rate, decimals)
+        recording = read_recording(write(lines_at(times)))
+        assert recording.sample_time == pytest.approx(1.0 / rate, rel=1e-4)
+        assert recording.n_samples == 3000
+        assert "resampled" not in recording.provenance
+
+    def test_extra_samples_of_a_test_machine_are_interpolated(self, write) -> None:
+        times = np.concatenate([0.02 * np.arange(500), 9.981 + 0.02 * np.arange(500)])
+        lines = [HEADER, *(f"{time:.3f},{2 * time:.3f},{time:.3f}" for time in times)]
+        recording = read_recording(write(lines))
+        assert "resampled" in recording.provenance
+        assert recording.sample_time == 0.02
+        np.testing.assert_allclose(recording.inputs[0], 2.0 * recording.timepts, atol=1e-9)
+        assert recording.timepts[-1] <= times[-1] < recording.end
+
+    def test_small_jitter_is_tolerated_and_large_is_not(self, write) -> None:
+        rng = np.random.default_rng(1)
+        even = 0.02 * np.arange(1000)
+        small, large = (even + share * 0.02 * rng.uniform(-1.0, 1.0, 1000) for share in (0.02, 0.2))
+        assert read_recording(write(lines_at(small))).sample_time == pytest.approx(0.02, rel=1e-3)
+        with pytest.raises(DataError, match=r"uneven sampling"):
+            read_recording(write(lines_at(large)))
+
+    def test_wandering_clock_is_uneven(self, write) -> None:
+        times = np.cumsum(0.02 * (1.0 + 0.01 * np.sin(np.arange(2000) / 300.0)))
+        with pytest.raises(DataError, match=r"uneven sampling: .* off the even clock of 0.0199905 s"):
+            read_recording(write(lines_at(times)))
+
+    def test_two_rates_are_uneven(self, write) -> None:
+        times = np.concatenate([0.02 * np.arange(300), 6.0 + 0.04 * np.arange(200)])
+        with pytest.raises(DataError, match=r"row 303: uneven sampling: time 6.04 s is 0.04 s after"):
+            read_recording(write(lines_at(times)))
+
+    @pytest.mark.parametrize("late", [0.008, 0.01, -0.01])
+    def test_one_late_sample_is_uneven(self, write, late: float) -> None:
+        times = np.round(0.02 * np.arange(300), 3)
+        times[100] += late
+        with pytest.raises(DataError, match=r"row 10[23]: uneven sampling"):
+            read_recording(write(lines_at(times)))
+
+    def test_gap_is_named(self, write) -> None:
+        with pytest.raises(DataError) as caught:
+            read_recording(write([HEADER, *rows(50), *rows(50, start=3.0)]))
+        assert "row 52: a gap from 0.98 s to 3 s, missing samples of 0.02 s: 100" in str(caught.value)
+        assert "--allow-gaps" in str(caught.value)
+
+    @pytest.mark.parametrize("decimals", [0, 2, 3])
+    def test_single_missing_row_is_a_gap(self, write, decimals: int) -> None:
+        step = {0: 1.0, 2: 0.02, 3: 0.001}[decimals]
+        times = np.delete(np.round(step * np.arange(5000), decimals), 2500)
+        with pytest.raises(DataError, match=r"row 2502: a gap .* missing samples of .* s: 1;"):
+            read_recording(write(lines_at(times)))
+
+    def test_allowed_gaps_split_and_keep_the_clock(self, write) -> None:
+        path = write([HEADER, *rows(50), *rows(20, start=3.0), *rows(30, start=9.0)])
+        pieces = read_csv(path, allow_gaps=True)
+        assert [(piece.start, piece.n_samples) for piece in pieces] == [(0.0, 50), (3.0, 20), (9.0, 30)]
+        assert {piece.sample_time for piece in pieces} == {0.02}
+        assert pieces[1].provenance["rows"] == "52-71"
+        assert read_experiment([path], allow_gaps=True).n_samples == 100
+
+    def test_gap_in_one_of_several_recordings(self, write) -> None:
+        whole = write([HEADER, *rows(50)], name="whole.csv")
+        broken = write([HEADER, *rows(30, start=5.0), *rows(20, start=6.0)], name="broken.csv")
+        with pytest.raises(DataError, match=r"broken.csv, row 32: a gap from 5.58 s to 6 s"):
+            read_experiment([broken, whole])
+        experiment = read_experiment([broken, whole], allow_gaps=True)
+        assert [r.start for r in experiment.recordings] == [0.0, 5.0, 6.0]
+        assert [r.n_samples for r in experiment.recordings] == [50, 30, 20]
+        assert [r.provenance["file"] for r in experiment.recordings] == [str(whole), str(broken), str(broken)]
+
+    @pytest.mark.parametrize("time", ["0.180", "0.100"])
+    def test_times_must_increase(self, write, time: str) -> None:
+        lines = [HEADER, *rows()]
+        lines[11] = f"{time},1.0,0.1"
+        with pytest.raises(
+            DataError, match=rf"row 12: times do not increase: {float(time):g} s follows 0.18 s"
+        ):
+            read_recording(write(lines))
+
+    def test_one_row(self, write) -> None:
+        with pytest.raises(DataError, match=r"row 2: one sample only"):
+            read_recording(write([HEADER, *rows(1)]))
+
+
+class TestFaults:
+    @pytest.mark.parametrize(
+        ("lines", "message"),
+        [
+            ([], r"rec.csv: the file is empty"),
+            (["", "  "], r"rec.csv: the file is empty"),
+            ([HEADER], r"rec.csv: a header but no samples"),
+            (rows(), r"rec.csv, row 1: no header; the first line must name the columns"),
+            (
+                [HEADER.replace("command", "comand"), *rows()],
+                r'no column "command_V"; .*mean "comand_V"\?.*--input-',
+            ),
+            (
+                [HEADER.replace("displacement", "d"), *rows()],
+                r'no column "displacement_mm"; .*--output-column',
+            ),
+            ([HEADER.replace("time_s", "tme_s_"), *rows()], r'no column "time_s"; .*mean "tme_s_"\?'),
+            (
+                [HEADER.replace("command_V", "command"), *rows()],
+                r'"command" has the unit \(none\).*"command_V"',
+            ),
+            (
+                [HEADER.replace("_mm", "_N"), *rows()],
+                r'"displacement_N" has the unit N; it must be one like mm',
+            ),
+            (["time_s,command_V,command_V", *rows()], r'column "command" stands 2 times; .*#2'),
+            (
+                [HEADER + ",tempreature_C", *(row + ",20" for row in rows())],
+                r'unknown column "tempreature_C"; did you mean "temperature_C"\?',
+            ),
+        ],
+    )
+    def test_header(self, write, lines: list[str], message: str) -> None:
+        with pytest.raises(DataError, match=message):
+            read_recording(write(lines))
+
+    @pytest.mark.parametrize(
+        ("bad", "message"),
+        [
+            ("0.180,oops,0.1", r'row 11, column "command_V": "oops" is not a number'),
+            ("0.180,1.0,nan", r'row 11, column "displacement_mm": nan is not a finite number'),
+            ("0.180,1.0,-inf", r'row 11, column "displacement_mm": -inf is not a finite number'),
+            ("0.180,,0.1", r'row 11, column "command_V": the cell is empty'),
+            ("0.180,1.0", r'row 11, column "displacement_mm": the row has 2 cells, the header 3'),
+        ],
+    )
+    def test_cell(self, write, bad: str, message: str) -> None:
+        lines = [HEADER, *rows()]
+        lines[10] = bad
+        with pytest.raises(DataError, match=message):
+            read_recording(write(lines))
+
+    def test_text_in_the_first_row_is_a_cell_not_a_header(self, write) -> None:
+        with pytest.raises(DataError, match=r'row 2, column "command_V": "off" is not a number'):
+            read_recording(write([HEADER, "0.000,off,0.1", *rows()[1:]]))
+
+    def test_missing_file_offers_the_near_one(self, write) -> None:
+        path = write([HEADER, *rows()], name="noise.csv")
+        with pytest.raises(DataError, match=r'nois.csv: no such file; did you mean "noise.csv"\?'):
+            read_recording(path.with_name("nois.csv"))
+
+    def test_folder_and_binary(self, tmp_path: Path) -> None:
+        (tmp_path / "rec.csv").write_bytes(b"PK\x03\x04\x00\x00")
+        with pytest.raises(DataError, match=r"not a text file; save the table as CSV"):
+            read_recording(tmp_path / "rec.csv")
+        (tmp_path / "folder.csv").mkdir()
+        with pytest.raises(DataError, match=r"folder.csv: cannot be read"):
+            read_recording(tmp_path / "folder.csv")
+
+    def test_unknown_format(self, tmp_path: Path) -> None:
+        with pytest.raises(DataError, match=r'files ".docx" cannot be read; known are .csv'):
+            read_recording(tmp_path / "rec.docx")
+
+    def test_column_that_is_asked_for(self, write) -> None:
+        path = write([HEADER, *rows()])
+        with pytest.raises(DataError, match=r'no column "comand_V"; .*did you mean "command_V"\?'):
+            read_recording(path, input_column="comand_V")
+        with pytest.raises(DataError, match=r"no column #4; the file has 3 columns"):
+            read_recording(path, output_column="#4")
+
+    def test_film_volts_in_the_command_column(self, write) -> None:
+        body = [f"{0.02 * k:.2f},{2400 + k},0.1" for k in range(50)]
+        with pytest.raises(DataError, match=r"rec.csv: command 2449 V.*look like film volts"):
+            read_recording(write([HEADER, *body]), rig=RIG)
+
+
+class TestWriting:
+    def test_recording_comes_back(self, tmp_path: Path) -> None:
+        rng = np.random.default_rng(2)
+        recording = Recording.from_arrays(
+            rng.normal(2.4, 0.6, 200),
+            rng.normal(2e-4, 1e-4, 200),
+            0.02,
+            start=240.0,
+            extras={"temperature": np.full(200, 294.15), "current": rng.normal(0.0, 1e-6, 200)},
+        )
+        path = tmp_path / "out.csv"
+        write_recording(path, recording)
+        assert path.read_text().splitlines()[0] == HEADER + ",temperature_C,current_uA"
+        again = read_recording(path)
+        assert (again.start, again.sample_time, again.input_units) == (240.0, 0.02, ("V",))
+        np.testing.assert_array_equal(again.inputs, recording.inputs)
+        np.testing.assert_allclose(again.outputs, recording.outputs, rtol=1e-15)
+        np.testing.assert_allclose(again.extras["temperature"], 294.15, rtol=1e-15)
+        np.testing.assert_allclose(again.extras["current"], recording.extras["current"], rtol=1e-14)
+
+    def test_lengths_and_headers_are_checked(self, tmp_path: Path) -> None:
+        with pytest.raises(DataError, match="of one length: a, b"):
+            write_csv(tmp_path / "out.csv", {"a": [1.0], "b": [1.0, 2.0]})
+        with pytest.raises(DataError, match="holds a comma"):
+            write_csv(tmp_path / "out.csv", {"a,b": [1.0]})
+
+    def test_text_replaces_and_leaves_nothing_beside_it(self, tmp_path: Path) -> None:
+        path = tmp_path / "note.txt"
+        write_text_atomic(path, "old")
+        write_text_atomic(path, "µ\n")
+        assert path.read_bytes() == "µ\n".encode()
+        assert os.listdir(tmp_path) == ["note.txt"]
+
+    def test_folder_that_is_not_there(self, tmp_path: Path) -> None:
+        with pytest.raises(DataError, match=r"note.txt: cannot be written: No such file"):
+            write_text_atomic(tmp_path / "none" / "note.txt", "text")
+
+
+DATA = Path(os.environ.get("DEATWIN_DATA", Path(__file__).parents[5] / "shared" / "data")) / "vhb4910"
+
+
+@pytest.mark.skipif(not DATA.is_dir(), reason="the public recordings vhb4910 are not here (see DEATWIN_DATA)")
+def test_measured_coupons() -> None:
+    """GBK headers, quoted cells, several header lines, extra samples where the machine turns round."""
+    files = sorted(DATA.glob("*/*.csv"))
+    assert len(files) == 12
+    for file in files:
+        recording = read_recording(file, input_column="位移", output_column="力")
+        assert recording.sample_time in (0.02, 0.05)
+        assert recording.output_units == ("N",)
+        assert 0.039 < np.ptp(recording.inputs) < 0.41

@@ -1,0 +1,166 @@
+"""MATLAB files of versions 5 and 7.3 into recordings."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import loadmat, savemat
+
+from deatwin.plant.errors import DataError
+from deatwin.plant.files import read_experiment, read_recording, write_recording
+from deatwin.plant.recording import Recording
+
+N = 50
+TIME = 0.02 * np.arange(N)
+COMMAND = 2.0 + np.sin(TIME)
+SIGNALS = {"time_s": TIME, "command_V": COMMAND, "displacement_mm": 0.1 * COMMAND}
+
+
+def hdf5_mat(path: Path, variables: dict) -> Path:
+    """A file as MATLAB writes it with -v7.3: user block, classes as attributes, texts as UTF-16 code units."""
+    h5py = pytest.importorskip("h5py")
+
+    def put(group, values: dict) -> None:
+        for name, value in values.items():
+            if isinstance(value, dict):
+                put(group.create_group(name), value)
+            elif isinstance(value, str):
+                units = np.frombuffer(value.encode("utf-16-le"), dtype="<u2").reshape(-1, 1)
+                group.create_dataset(name, data=units).attrs["MATLAB_class"] = np.bytes_("char")
+            else:
+                data = np.asarray(value, dtype=float)
+                data = data.reshape(1, -1) if data.ndim < 2 else data.T  # a column vector; HDF5 has axes reversed
+                group.create_dataset(name, data=data).attrs["MATLAB_class"] = np.bytes_("double")
+
+    with h5py.File(path, "w", userblock_size=512) as file:
+        put(file, variables)
+    content = bytearray(path.read_bytes())
+    content[:24] = b"MATLAB 7.3 MAT-file, by "
+    path.write_bytes(content)
+    return path
+
+
+def level_5(path: Path, variables: dict) -> Path:
+    savemat(path, variables, oned_as="row")
+    return path
+
+
+@pytest.fixture(params=[level_5, hdf5_mat], ids=["v5", "v7.3"])
+def save(request, tmp_path: Path):
+    return lambda variables: request.param(tmp_path / "rec.mat", variables)
+
+
+def check(recording: Recording) -> None:
+    assert (recording.sample_time, recording.start, recording.n_samples) == (0.02, 0.0, N)
+    assert (recording.input_units, recording.output_units) == (("V",), ("m",))
+    np.testing.assert_array_equal(recording.inputs[0], COMMAND)
+    np.testing.assert_allclose(recording.outputs[0], 1e-4 * COMMAND, rtol=1e-15)
+
+
+class TestBoth:
+    def test_vectors(self, save) -> None:
+        recording = read_recording(save({**SIGNALS, "temperature_C": np.full(N, 21.0), "kp": 3.0}))
+        check(recording)
+        assert recording.extras["temperature"][0] == pytest.approx(294.15)
+        assert recording.provenance["rows"] == f"1-{N}"
+
+    @pytest.mark.parametrize("shape", [(1, N), (N, 1)])
+    def test_rows_and_columns(self, save, shape: tuple[int, int]) -> None:
+        check(read_recording(save({name: values.reshape(shape) for name, values in SIGNALS.items()})))
+
+    def test_struct(self, save) -> None:
+        check(read_recording(save({"rig": SIGNALS, "title": "second day µ"})))
+        recording = read_recording(save({"rig": SIGNALS, "title": "second day µ"}))
+        assert recording.provenance["title"] == "second day µ"
+
+    def test_two_structs_need_their_names(self, save) -> None:
+        path = save({"one": SIGNALS, "two": SIGNALS})
+        with pytest.raises(DataError, match=r'no column "command_V"; the file has .*"one.command_V"'):
+            read_recording(path)
+        recording = read_recording(path, input_column="two.command_V", output_column="two.displacement_mm")
+        np.testing.assert_array_equal(recording.inputs[0], COMMAND)
+
+    def test_units_by_a_struct(self, save) -> None:
+        bare = {name.rpartition("_")[0]: values for name, values in SIGNALS.items()}
+        check(read_recording(save({**bare, "units": {"time": "s", "command": "V", "displacement": "mm"}})))
+
+    def test_unit_that_the_name_contradicts(self, save) -> None:
+        with pytest.raises(DataError, match=r'"command_V": its name says V, its unit attribute mV'):
+            read_recording(save({**SIGNALS, "units": {"command_V": "mV"}}))
+
+    @pytest.mark.parametrize(("name", "value"), [("Ts", 0.02), ("dt", 0.02), ("fs", 50.0)])
+    def test_clock_by_a_scalar(self, save, name: str, value: float) -> None:
+        signals = {name: values for name, values in SIGNALS.items() if name != "time_s"}
+        check(read_recording(save({**signals, name: value})))
+        check(read_recording(save({**SIGNALS, name: value})))
+        with pytest.raises(DataError, match=r"its sample time is 0.02 s, but dt is 0.01 s"):
+            read_recording(save({**signals, name: value}), dt=0.01)
+
+    def test_scalars_that_contradict(self, save) -> None:
+        with pytest.raises(DataError, match=r"ts states a sample time of 0.02 s, fs one of 0.01 s"):
+            read_recording(save({**SIGNALS, "Ts": 0.02, "fs": 100.0}))
+
+    def test_no_times(self, save) -> None:
+        signals = {name: values for name, values in SIGNALS.items() if name != "time_s"}
+        check(read_recording(save(signals), dt=0.02))
+        with pytest.raises(DataError, match=r'no column "time_s".*--dt'):
+            read_recording(save(signals))
+
+    def test_faults(self, save) -> None:
+        spoiled = COMMAND.copy()
+        spoiled[6] = np.nan
+        with pytest.raises(DataError, match=r'rec.mat, row 7, column "command_V": nan is not a finite number'):
+            read_recording(save({**SIGNALS, "command_V": spoiled}))
+        with pytest.raises(DataError, match=r'column "displacement_mm": 49 samples, but "command_V" has 50'):
+            read_recording(save({**SIGNALS, "displacement_mm": COMMAND[1:]}))
+        with pytest.raises(DataError, match=r"no vectors of numbers"):
+            read_recording(save({"name": "empty"}))
+
+    def test_gap(self, save) -> None:
+        late = {name: np.delete(values, [20, 21]) for name, values in SIGNALS.items()}
+        with pytest.raises(DataError, match=r"rec.mat, row 21: a gap from 0.38 s to 0.44 s"):
+            read_recording(save(late))
+        assert [r.start for r in read_experiment([save(late)], allow_gaps=True).recordings] == [0.0, 0.44]
+
+
+def test_integers_and_complex_values(tmp_path: Path) -> None:
+    counts = np.arange(N, dtype=np.int16)
+    path = level_5(tmp_path / "rec.mat", {**SIGNALS, "command_V": counts})
+    np.testing.assert_array_equal(read_recording(path).inputs[0], counts)
+    path = level_5(tmp_path / "rec.mat", {**SIGNALS, "command_V": COMMAND * 1j})
+    with pytest.raises(DataError, match=r'"command_V": it holds complex128 values; real numbers are needed'):
+        read_recording(path)
+
+
+@pytest.mark.parametrize("content", [b"", b"no matlab", b"MATLAB 5.0 MAT-file" + bytes(300)])
+def test_damaged(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "rec.mat"
+    path.write_bytes(content)
+    with pytest.raises(DataError, match=r"rec.mat: (cannot be read as a MATLAB file|no vectors)"):
+        read_recording(path)
+
+
+def test_written_for_matlab(tmp_path: Path) -> None:
+    """Column vectors under valid names in SI units, whatever the signals are called."""
+    recording = Recording.from_arrays(
+        [1.0, 2.0], [3.0, 4.0], 0.5, start=7.0, input_names=["位移 1"], extras={"temperature": [294.0, 295.0]}
+    )
+    write_recording(tmp_path / "rec.mat", recording)
+    found = loadmat(tmp_path / "rec.mat")
+    assert {name for name in found if not name.startswith("__")} == {
+        "deatwin", "displacement_m", "signal_1", "temperature_K", "time_s",
+    }  # fmt: skip
+    np.testing.assert_array_equal(found["time_s"], [[7.0], [7.5]])
+    assert read_recording(tmp_path / "rec.mat").input_names == ("位移 1",)
+
+
+EMPS = Path(os.environ.get("DEATWIN_DATA", Path(__file__).parents[5] / "shared" / "data")) / "emps"
+
+
+@pytest.mark.skipif(not EMPS.is_dir(), reason="the public recordings emps are not here (see DEATWIN_DATA)")
+def test_measured_positioning_system() -> None:
+    """Written by MATLAB itself; 24841 samples at 1 kHz, as its README says."""
+    recording = read_recording(EMPS / "DATA_EMPS.mat", input_column="vir", output_column="qm")
+    assert recording.n_samples == 24841
+    assert recording.sample_time == pytest.approx(1e-3, rel=1e-6)

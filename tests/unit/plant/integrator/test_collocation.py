@@ -1,0 +1,89 @@
+"""Radau IIA: coefficients, order, and states without mass."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from deatwin.plant import Plant
+from deatwin.plant.integrator import collocation, newton
+from deatwin.plant.integrator.collocation import radau, step_functions
+from deatwin.plant.rest import rest_state
+
+
+@pytest.mark.parametrize("stages", range(1, 7))
+def test_the_coefficients_integrate_polynomials_exactly(stages):
+    nodes, matrix = radau(stages)
+    assert nodes[-1] == 1.0
+    assert np.all(np.diff(nodes) > 0)
+    for power in range(stages):  # each stage, up to degree s - 1 (conditions C(s))
+        np.testing.assert_allclose(matrix @ nodes**power, nodes ** (power + 1) / (power + 1), atol=1e-13)
+    for power in range(2 * stages - 1):  # the whole step, up to degree 2s - 2 (conditions B(2s - 1))
+        assert matrix[-1] @ nodes**power == pytest.approx(1 / (power + 1), abs=1e-13)
+
+
+def test_two_stages_are_the_tabled_ones():
+    # Hairer & Wanner II, table IV.5.5
+    nodes, matrix = radau(2)
+    np.testing.assert_allclose(nodes, [1 / 3, 1], atol=1e-15)
+    np.testing.assert_allclose(matrix, [[5 / 12, -1 / 12], [3 / 4, 1 / 4]], atol=1e-15)
+
+
+def position_after(plant, steps, duration=0.2, force=4.0):
+    equations, step = plant.equations, step_functions(plant.equations).plain
+    x = np.array([0.0, 0.0])
+    for _ in range(steps):
+        x, *_ = step(x, [], [], force, 0.0, duration / steps, plant.free_values, equations.constants)
+    return float(x[0])
+
+
+@pytest.mark.parametrize("stages", [1, 2, 3])
+def test_the_order_is_twice_the_stages_less_one(stages, oscillator, monkeypatch):
+    monkeypatch.setattr(collocation, "STAGES", stages)
+    plant = Plant(rig=oscillator())
+    system = np.array([[0, 1, 0], [-400.0, -2.0, 4.0], [0, 0, 0]])  # x' = v, v' = -400x - 2v + force
+    exact = (expm(system * 0.2) @ [0, 0, 1])[0]
+    coarse = {1: 1024, 2: 128, 3: 32}[stages]  # near the limit of small steps, and far from rounding
+    errors = [abs(position_after(plant, steps) - exact) for steps in (coarse, 2 * coarse)]
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(2 * stages - 1, abs=0.1)
+
+
+def test_the_shipped_order_resolves_a_ringing_ball_mode_at_50_samples_a_second(oscillator):
+    # 16 Hz ball mode, 3 g, k = 30 N/m: two radians a sample. Error constant of five stages: 2 rad ** 10 times
+    # 4e-10 is 4e-7 a step; over ten steps of a motion of 1 mm this stays below 0.01 µm.
+    plant = Plant(rig=oscillator(), values={"mass": 3e-3, "damping": 0.05, "stiffness": 30.0})
+    system = np.array([[0, 1, 0], [-30 / 3e-3, -0.05 / 3e-3, 0.03 / 3e-3], [0, 0, 0]])
+    exact = (expm(system * 0.2) @ [0, 0, 1])[0]
+    assert position_after(plant, 10, force=0.03) == pytest.approx(exact, abs=1e-8)
+
+
+def test_a_state_without_mass_is_an_algebraic_one(oscillator):
+    # m = 0: c x' = F - k x, a first-order lag, though the equations keep both states
+    plant = Plant(rig=oscillator(), values={"mass": 0.0})
+    exact = 4.0 / 400 * (1 - np.exp(-400 / 2.0 * 0.02))
+    assert position_after(plant, 20, duration=0.02) == pytest.approx(exact, rel=1e-9)
+
+
+def test_large_and_small_plants_take_steps_of_the_same_scheme(base, monkeypatch):
+    # Straight-line elimination against sparse QR: both solve the same systems, to some rounding.
+    equations = base.equations
+    rest = rest_state(equations, 2.0, base.free_values)
+    start = (rest.x, rest.z, rest.d, 3.0, 0.0, 0.02, base.free_values, equations.constants)
+    small = step_functions(equations).plain(*start)
+    monkeypatch.setattr(newton, "UNROLLED", 0)
+    large = step_functions(equations).plain(*start)
+    for a, b in zip(small[:3], large[:3], strict=True):
+        np.testing.assert_allclose(np.asarray(a), np.asarray(b), rtol=1e-12)
+
+
+def test_a_step_that_the_simplified_method_leaves_is_still_solved(base, monkeypatch):
+    # Without corrections every step falls back on the full method; both settle to SETTLED.
+    equations = base.equations
+    rest = rest_state(equations, 2.0, base.free_values)
+    start = (rest.x, rest.z, rest.d, 3.0, 0.0, 0.02, base.free_values, equations.constants)
+    usual = step_functions(equations).plain(*start)
+    monkeypatch.setattr(newton, "CORRECTIONS", ())
+    full = step_functions(equations).plain(*start)
+    assert float(full[-1]) <= newton.SETTLED
+    differences = np.asarray(ca.vertcat(*full[:2]) - ca.vertcat(*usual[:2])).ravel() / equations.scale
+    assert np.abs(differences).max() < 2 * newton.SETTLED

@@ -1,0 +1,105 @@
+"""Compiled code and the virtual machine."""
+
+import logging
+import os
+import stat
+import subprocess
+import sys
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from deatwin.plant.excitation import band_limited_noise
+from deatwin.plant.integrator import compiled
+from deatwin.plant.simulate import Simulator
+
+
+@pytest.fixture
+def compiler_named(monkeypatch):
+    """``compiler_named(name)`` lets the library see that compiler alone."""
+
+    def name(program):
+        monkeypatch.setenv("DEATWIN_COMPILER", program)
+        monkeypatch.delenv(compiled.SAID, raising=False)
+
+    yield name
+    monkeypatch.undo()
+
+
+def square(name="square"):
+    x = ca.MX.sym("x")
+    return ca.Function(name, [x], [x**2])
+
+
+def test_the_compiled_plant_and_the_virtual_machine_agree(full, compiler_named):
+    if compiled.compiler() is None:
+        pytest.skip("there is no C compiler here")
+    inputs = band_limited_noise(np.random.default_rng(5), 6.0, 0.02)
+    settings = dict(start=0.0, sample_time=0.02, rest_command=0.0, values=full.free_values)
+    fast = full.simulator
+    compiler_named("")
+    slow = Simulator(full.equations)
+    np.testing.assert_allclose(
+        fast.run(inputs, **settings).outputs, slow.run(inputs, **settings).outputs, rtol=0, atol=1e-9
+    )
+    both = [s.run_with_sensitivities(inputs, **settings).sensitivities for s in (fast, slow)]
+    np.testing.assert_allclose(both[0], both[1], rtol=1e-6, atol=1e-9 * np.abs(both[0]).max())
+
+
+def test_the_cache_is_the_users_own(tmp_path, monkeypatch):
+    monkeypatch.setenv("DEATWIN_CACHE", str(tmp_path / "cache"))
+    assert compiled.cache_folder() == tmp_path / "cache"
+    assert stat.S_IMODE((tmp_path / "cache").stat().st_mode) == 0o700
+
+
+def test_code_is_compiled_once(tmp_path, monkeypatch):
+    if compiled.compiler() is None:
+        pytest.skip("there is no C compiler here")
+    monkeypatch.setenv("DEATWIN_CACHE", str(tmp_path))
+    assert float(compiled.compile_functions({"square": square()})["square"](3.0)) == 9.0
+    (library,) = tmp_path.iterdir()
+    written = library.stat().st_mtime_ns
+    compiled.compile_functions({"square": square()})
+    assert [f.stat().st_mtime_ns for f in tmp_path.iterdir()] == [written]
+
+
+@pytest.mark.parametrize("program", ["", "false"])
+def test_without_a_working_compiler_the_virtual_machine_serves(
+    program, compiler_named, tmp_path, monkeypatch, caplog
+):
+    monkeypatch.setenv("DEATWIN_CACHE", str(tmp_path))
+    compiler_named(program)
+    with caplog.at_level(logging.WARNING):
+        functions = compiled.compile_functions({"square": square()})
+    assert float(functions["square"](3.0)) == 9.0
+    assert "slower" in caplog.text
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_workers_do_not_repeat_what_was_said(compiler_named, monkeypatch):
+    compiler_named("")
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(sys.path))
+    code = "from deatwin.plant.integrator.compiled import compile_functions as c; c({}); c({})"
+
+    def said():
+        return subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stderr
+
+    assert said().count("slower") == 1
+    compiled.compile_functions({})
+    assert said() == ""
+
+
+def test_the_flags_change_no_reading(full, monkeypatch):
+    # Contracted products and shared reciprocals round differently, about 1e-16 an operation.
+    if compiled.compiler() is None:
+        pytest.skip("there is no C compiler here")
+    inputs = band_limited_noise(np.random.default_rng(6), 6.0, 0.02)
+    settings = dict(start=0.0, sample_time=0.02, rest_command=0.0, values=full.free_values)
+    ours = full.simulator.run(inputs, **settings).outputs
+    monkeypatch.setattr(compiled, "FLAGS", ("-O0", "-ffp-contract=off", "-fPIC", "-shared"))
+    monkeypatch.setattr(compiled, "WIDE_VECTORS", "never")
+    compiled._target.cache_clear()
+    plain = Simulator(full.equations).run(inputs, **settings).outputs
+    compiled._target.cache_clear()
+    np.testing.assert_allclose(ours, plain, rtol=0, atol=1e-12 * np.abs(plain).max())
