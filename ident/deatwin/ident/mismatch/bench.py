@@ -26,7 +26,9 @@ class Bench:
     jobs : int
         Worker processes.
     stated_error : float
-        Model error that the user's rig states, SI; the nominal plant's rig has that for the motion seen.
+        Model error that the user's rig states, SI.
+    expected_error : float
+        What that is for the motion seen, SI.
     """
 
     nominal: Plant
@@ -36,6 +38,7 @@ class Bench:
     everything: tuple[Part, ...]
     jobs: int
     stated_error: float
+    expected_error: float
 
     def as_stated(self, plant: Plant) -> Plant:
         """A plant with the model error that the user's rig states, for files.

@@ -13,6 +13,7 @@ from deatwin.ident.mismatch.base import Base
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.diagnosis import Cause, Diagnosis, Interval, Verdict
 from deatwin.ident.mismatch.evidence import CandidateSummary, Evidence, readings, tracks
+from deatwin.ident.mismatch.floor import with_model_error
 from deatwin.ident.mismatch.gate import Gate
 from deatwin.ident.mismatch.locate import locate_frequency, locate_region, locate_time
 from deatwin.ident.mismatch.name import Candidate, Naming
@@ -131,7 +132,8 @@ def conclude(findings: Findings) -> Diagnosis:
 
 def _form(findings: Findings) -> list[str]:
     """What the recordings say of the rig where they speak against its file, or where the file is silent."""
-    stated, found = findings.bench.nominal.rig.to_dict(), findings.final.plant.rig.to_dict()
+    nominal, final = findings.bench.nominal, findings.final.plant
+    stated, found = nominal.rig.to_dict(), with_model_error(final, nominal.rig.model_error).rig.to_dict()
     return [
         f"the recordings fit a rig with {name} = {found[name]!r} better than with {value!r}"
         for name, value in stated.items()

@@ -14,7 +14,7 @@ from deatwin.ident.mismatch.conclude import Findings, conclude
 from deatwin.ident.mismatch.detect import detect
 from deatwin.ident.mismatch.diagnosis import Diagnosis, Verdict
 from deatwin.ident.mismatch.evidence import readings, tracks
-from deatwin.ident.mismatch.floor import with_model_error
+from deatwin.ident.mismatch.floor import floor_of, with_model_error
 from deatwin.ident.mismatch.gate import Gate, Soundness, confirm, gate, split
 from deatwin.ident.mismatch.locate import locate_time
 from deatwin.ident.mismatch.name import Candidate, Naming, free_run_residuals, try_pairs, try_singles
@@ -83,7 +83,9 @@ def diagnose(
         bench = _bench(plant, checked, bench.effects, jobs, onset)
         base = calibrate_base(bench)
     tell(0.2, "comparing with finer equations")
-    bench, base = with_model_error(bench, base)
+    error = floor_of(base.chosen.calibration.plant, bench)
+    bench = replace(bench, nominal=with_model_error(bench.nominal, error))
+    base = replace(base, chosen=base.chosen.with_floor(error), rivals=tuple(r.with_floor(error) for r in base.rivals))
 
     checked = confirm(checked, readings(base.chosen.calibration.plant, several))
     naming = Naming(candidates=(base.chosen,), best=None, rivals=(), probabilities={}, noise=base.noise)
@@ -116,8 +118,9 @@ def _bench(
     plant: Plant, checked: Gate, effects: Sequence[Effect], jobs: int, onset: float | None = None
 ) -> Bench:
     fitted, unseen, everything = split(checked, onset)
+    rig = plant.rig.for_motion(_motion(checked))
     return Bench(
-        nominal=plant.with_rig(plant.rig.for_motion(_motion(checked))), stated_error=plant.rig.model_error,
+        nominal=plant.with_rig(rig), stated_error=plant.rig.model_error, expected_error=rig.model_error,
         effects=tuple(e for e in effects if plant.accepts(e)), fitted=fitted, unseen=unseen,
         everything=everything, jobs=jobs,
     )  # fmt: skip

@@ -12,6 +12,7 @@ import numpy as np
 from deatwin.ident.greybox.fit import Calibration, Part
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.detect import Detection, detect, noise_floor
+from deatwin.ident.mismatch.floor import floor_of, with_model_error
 from deatwin.ident.mismatch.losses import block_losses, evidence
 from deatwin.ident.mismatch.screen import Footprint, Lead, footprints, leads
 from deatwin.ident.mismatch.search import at_its_time, search
@@ -69,6 +70,21 @@ class Candidate:
     def unseen_test(self) -> Detection:
         """The same of the unseen part."""
         return detect(self.unseen, self.noise, self.calibration.plant.rig.model_error)
+
+    def with_floor(self, model_error: float) -> Candidate:
+        """The same candidate, judged by another model error.
+
+        Parameters
+        ----------
+        model_error : float
+            Rms, SI.
+
+        Returns
+        -------
+        Candidate
+        """
+        plant = with_model_error(self.calibration.plant, model_error)
+        return replace(self, calibration=replace(self.calibration, plant=plant))
 
     @property
     def mismatch(self) -> bool:
@@ -238,6 +254,11 @@ def try_singles(
     singles = _try(tasks, bench.jobs, finished)
     noise = _quietest(bench, singles, noise)
     singles = [replace(c, noise=noise) for c in singles]
+    if singles:
+        # The base plant was bent to imitate what is missing; the best explanation knows the plant's own error better.
+        best = max(singles, key=lambda c: c.evidence)
+        error = max(nominal.rig.model_error, floor_of(best.calibration.plant, bench))
+        singles = [c.with_floor(error) for c in singles]
     tried = {name for single in singles for name in single.effects}
     seen = {footprint.effect.name for footprint in known}
     untried = {e.name for e in promising} - tried
