@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from deatwin.plant import Diaphragm, Effect, Experiment, Plant, Recording, effects
-from deatwin.plant.equations import Builder
+from deatwin.plant.builder import Builder
 
 SAMPLE = 0.02
 

@@ -20,7 +20,7 @@ from deatwin.plant import (
     Rig,
     StartProcedure,
 )
-from deatwin.plant.equations import Builder
+from deatwin.plant.builder import Builder
 
 # A user's own rig is what stands in this class.
 

@@ -1,6 +1,7 @@
 """Physics to recordings: rigs, materials, effects, and the recordings that they make."""
 
 from deatwin.plant.actuation import ActuationCurve, actuation_curve
+from deatwin.plant.builder import Builder
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.chain import MeasuringChain
 from deatwin.plant.effects import (
@@ -68,6 +69,7 @@ __all__ = [
     "AmplifierSlew",
     "BlockedPlanar",
     "BowTie",
+    "Builder",
     "CalibratedPlant",
     "ChargeInjection",
     "CoulombFriction",

@@ -15,7 +15,7 @@ from deatwin.plant.errors import RigError
 from deatwin.plant.material import maxwell_branch
 
 if TYPE_CHECKING:
-    from deatwin.plant.equations import Builder
+    from deatwin.plant.builder import Builder
 
 __all__ = [
     "AnyFilm", "Film", "FilmPoint", "PointwiseFilm", "film_points", "point_capacitances", "relaxation_stiffness",

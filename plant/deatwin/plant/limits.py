@@ -20,7 +20,7 @@ from deatwin.plant.laws.breakdown import HUANG_2012
 from deatwin.plant.simulate import RunStatus
 
 if TYPE_CHECKING:
-    from deatwin.plant.equations import Builder
+    from deatwin.plant.builder import Builder
     from deatwin.plant.film import AnyFilm, FilmPoint
     from deatwin.plant.timeline import Timeline
 

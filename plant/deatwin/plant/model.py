@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
+from deatwin.plant.builder import Builder
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.effects.catalogue import effect_named
-from deatwin.plant.equations import Builder, Equations
+from deatwin.plant.equations import Equations
 from deatwin.plant.errors import RigError
 from deatwin.plant.integrator.compiled import compiler
 from deatwin.plant.parameters import ParameterSet

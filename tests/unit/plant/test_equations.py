@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from deatwin.plant import Coupon, Creep, Diaphragm, Hysteresis, ParameterSet, Plant, RigError
-from deatwin.plant.equations import Builder
+from deatwin.plant.builder import Builder
 
 
 def builder(*parameters):

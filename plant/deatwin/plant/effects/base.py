@@ -12,7 +12,7 @@ import numpy as np
 from deatwin.plant.parameters import Parameter
 
 if TYPE_CHECKING:
-    from deatwin.plant.equations import Builder
+    from deatwin.plant.builder import Builder
 
 __all__ = ["Effect", "Family", "Place"]
 

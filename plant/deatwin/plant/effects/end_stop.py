@@ -12,7 +12,7 @@ from deatwin.plant.effects.smooth import soft_excess
 from deatwin.plant.parameters import Parameter, Scale
 
 if TYPE_CHECKING:
-    from deatwin.plant.equations import Builder
+    from deatwin.plant.builder import Builder
 
 __all__ = ["EndStop"]
 

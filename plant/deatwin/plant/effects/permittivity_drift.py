@@ -10,7 +10,7 @@ from deatwin.plant.laws.permittivity import relaxing
 from deatwin.plant.parameters import Parameter, Scale
 
 if TYPE_CHECKING:
-    from deatwin.plant.equations import Builder
+    from deatwin.plant.builder import Builder
 
 __all__ = ["PermittivityDrift"]
 

@@ -10,7 +10,7 @@ from deatwin.plant.laws.permittivity import stretched
 from deatwin.plant.parameters import Parameter
 
 if TYPE_CHECKING:
-    from deatwin.plant.equations import Builder
+    from deatwin.plant.builder import Builder
     from deatwin.plant.film import AnyFilm, FilmPoint
 
 __all__ = ["PermittivityStretch"]

@@ -11,7 +11,7 @@ from deatwin.plant.effects.base import Effect, Family, Place
 from deatwin.plant.parameters import Parameter, Scale
 
 if TYPE_CHECKING:
-    from deatwin.plant.equations import Builder
+    from deatwin.plant.builder import Builder
     from deatwin.plant.film import AnyFilm
 
 __all__ = ["PrestretchRelaxation"]

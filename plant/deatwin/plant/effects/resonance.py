@@ -12,7 +12,7 @@ from deatwin.plant.effects.lines import spectral_peaks
 from deatwin.plant.parameters import Parameter, Scale
 
 if TYPE_CHECKING:
-    from deatwin.plant.equations import Builder
+    from deatwin.plant.builder import Builder
 
 __all__ = ["Resonance"]
 

@@ -13,7 +13,7 @@ from deatwin.plant.effects.smooth import smooth_step
 from deatwin.plant.parameters import Parameter
 
 if TYPE_CHECKING:
-    from deatwin.plant.equations import Builder
+    from deatwin.plant.builder import Builder
 
 __all__ = ["SensorJump"]
 

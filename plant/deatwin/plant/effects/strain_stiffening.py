@@ -10,7 +10,7 @@ from deatwin.plant.laws.energies import gent, neo_hookean
 from deatwin.plant.parameters import Parameter, Scale
 
 if TYPE_CHECKING:
-    from deatwin.plant.equations import Builder
+    from deatwin.plant.builder import Builder
     from deatwin.plant.film import AnyFilm
 
 __all__ = ["StrainStiffening"]

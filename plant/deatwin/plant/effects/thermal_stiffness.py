@@ -13,7 +13,7 @@ from deatwin.plant.effects.lines import slow_cycles
 from deatwin.plant.parameters import Parameter, Scale
 
 if TYPE_CHECKING:
-    from deatwin.plant.equations import Builder
+    from deatwin.plant.builder import Builder
     from deatwin.plant.film import AnyFilm
 
 __all__ = ["ThermalStiffness"]

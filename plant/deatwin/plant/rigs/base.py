@@ -8,8 +8,8 @@ from dataclasses import asdict, dataclass, replace
 from enum import Enum
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
+from deatwin.plant.builder import Builder
 from deatwin.plant.chain import MeasuringChain
-from deatwin.plant.equations import Builder
 from deatwin.plant.parameters import Parameter
 
 if TYPE_CHECKING:

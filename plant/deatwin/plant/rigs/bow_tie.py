@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import casadi as ca
 import numpy as np
 
-from deatwin.plant.equations import Builder
+from deatwin.plant.builder import Builder
 from deatwin.plant.errors import RigError
 from deatwin.plant.film import AnyFilm, FilmPoint, PointwiseFilm
 from deatwin.plant.rigs.film_actuator import FilmActuator, relaxed_stresses

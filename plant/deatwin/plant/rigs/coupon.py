@@ -8,8 +8,8 @@ from typing import Any, ClassVar
 
 import casadi as ca
 
+from deatwin.plant.builder import Builder
 from deatwin.plant.effects.base import Place
-from deatwin.plant.equations import Builder
 from deatwin.plant.film import Film, FilmPoint, relaxation_stiffness
 from deatwin.plant.material import Material, material
 from deatwin.plant.parameters import Parameter

@@ -13,8 +13,8 @@ from typing import Any, ClassVar, Self
 import casadi as ca
 import numpy as np
 
+from deatwin.plant.builder import Builder
 from deatwin.plant.effects.base import Place
-from deatwin.plant.equations import Builder
 from deatwin.plant.errors import RigError, nearest
 from deatwin.plant.limits import watch_limits
 from deatwin.plant.material import Material, material

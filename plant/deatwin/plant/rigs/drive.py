@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from deatwin.plant.builder import Builder
 from deatwin.plant.effects.base import Place
-from deatwin.plant.equations import Builder
 from deatwin.plant.film import AnyFilm
 
 __all__ = ["squared_voltage"]

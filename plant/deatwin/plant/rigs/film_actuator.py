@@ -10,8 +10,8 @@ from typing import Any, ClassVar
 import casadi as ca
 import numpy as np
 
+from deatwin.plant.builder import Builder
 from deatwin.plant.effects.base import Place
-from deatwin.plant.equations import Builder
 from deatwin.plant.errors import RigError
 from deatwin.plant.film import AnyFilm
 from deatwin.plant.laws.breakdown import HUANG_2012

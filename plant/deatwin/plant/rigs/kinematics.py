@@ -10,7 +10,7 @@ from deatwin.plant.effects.base import Place
 from deatwin.plant.film import AnyFilm, FilmPoint
 
 if TYPE_CHECKING:
-    from deatwin.plant.equations import Builder
+    from deatwin.plant.builder import Builder
 
 __all__ = ["Kinematics", "electrode_share"]
 

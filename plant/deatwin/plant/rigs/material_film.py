@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from deatwin.plant.equations import Builder
+from deatwin.plant.builder import Builder
 from deatwin.plant.film import AnyFilm, film_points, point_capacitances
 from deatwin.plant.material import Material
 from deatwin.plant.rigs.kinematics import Kinematics

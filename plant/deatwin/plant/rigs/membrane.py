@@ -25,7 +25,7 @@ from deatwin.plant.film import FilmPoint, PointwiseFilm
 from deatwin.plant.rigs.kinematics import Kinematics, electrode_share
 
 if TYPE_CHECKING:
-    from deatwin.plant.equations import Builder
+    from deatwin.plant.builder import Builder
     from deatwin.plant.rigs.diaphragm import Diaphragm
 
 __all__ = ["membrane"]

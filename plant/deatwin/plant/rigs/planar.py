@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar
 
+from deatwin.plant.builder import Builder
 from deatwin.plant.effects.base import Place
-from deatwin.plant.equations import Builder
 from deatwin.plant.errors import RigError
 from deatwin.plant.film import AnyFilm, FilmPoint, PointwiseFilm
 from deatwin.plant.limits import watch_limits

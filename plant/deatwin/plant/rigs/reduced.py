@@ -35,7 +35,7 @@ from deatwin.plant.film import Film, FilmPoint, relaxation_stiffness
 from deatwin.plant.rigs.kinematics import Kinematics, electrode_share
 
 if TYPE_CHECKING:
-    from deatwin.plant.equations import Builder
+    from deatwin.plant.builder import Builder
     from deatwin.plant.rigs.diaphragm import Diaphragm
 
 __all__ = ["reduced"]

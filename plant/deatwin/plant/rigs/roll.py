@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from deatwin.plant.equations import Builder
+from deatwin.plant.builder import Builder
 from deatwin.plant.film import AnyFilm, FilmPoint, PointwiseFilm
 from deatwin.plant.limits import watch_limits
 from deatwin.plant.rigs.film_actuator import FilmActuator, relaxed_stresses

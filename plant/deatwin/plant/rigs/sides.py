@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Mapping
 from types import MappingProxyType
 from typing import Any
 
-from deatwin.plant.equations import Builder
+from deatwin.plant.builder import Builder
 from deatwin.plant.errors import RigError, nearest
 from deatwin.plant.film import AnyFilm
 from deatwin.plant.limits import watch_limits

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 import casadi as ca
 
-from deatwin.plant.equations import Builder
+from deatwin.plant.builder import Builder
 from deatwin.plant.film import AnyFilm, FilmPoint, PointwiseFilm
 from deatwin.plant.rigs.film_actuator import FilmActuator, watch_breakdown
 from deatwin.plant.rigs.kinematics import Kinematics, electrode_share

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from deatwin.plant import Effect, Experiment, Parameter, Plant, Recording, Rig, StartProcedure
+from deatwin.plant.builder import Builder
 from deatwin.plant.effects.base import Place
-from deatwin.plant.equations import Builder
 from deatwin.plant.film import Film, FilmPoint
 
 

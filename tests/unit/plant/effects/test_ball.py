@@ -9,13 +9,13 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from deatwin.plant import Diaphragm, Experiment, Hysteresis, Parameter, Plant, Recording, Rig, StartProcedure
+from deatwin.plant.builder import Builder
 from deatwin.plant.effects.base import Place
 from deatwin.plant.effects.coulomb_friction import CoulombFriction
 from deatwin.plant.effects.cubic_stiffness import CubicStiffness
 from deatwin.plant.effects.end_stop import EndStop
 from deatwin.plant.effects.quadratic_damping import QuadraticDamping
 from deatwin.plant.effects.resonance import Resonance
-from deatwin.plant.equations import Builder
 from deatwin.plant.excitation import band_limited_noise
 
 MASS, STIFFNESS, SAMPLE = 3e-3, 30.0, 0.02  # the ball on its film: 16 Hz

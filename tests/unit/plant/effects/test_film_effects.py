@@ -8,6 +8,7 @@ import pytest
 from scipy.special import erf
 
 from deatwin.plant import Coupon, Diaphragm, Experiment, Plant, Recording
+from deatwin.plant.builder import Builder
 from deatwin.plant.dielectric import VACUUM_PERMITTIVITY
 from deatwin.plant.effects.mullins import Mullins
 from deatwin.plant.effects.permittivity_drift import PermittivityDrift
@@ -15,7 +16,6 @@ from deatwin.plant.effects.permittivity_stretch import PermittivityStretch
 from deatwin.plant.effects.prestretch_relaxation import PrestretchRelaxation
 from deatwin.plant.effects.strain_stiffening import StrainStiffening
 from deatwin.plant.effects.thermal_stiffness import ThermalStiffness
-from deatwin.plant.equations import Builder
 from deatwin.plant.film import Film, FilmPoint
 from deatwin.plant.parameters import ParameterSet
 

@@ -1,0 +1,387 @@
+"""What rigs and effects write their equations into."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from deatwin.plant.effects.base import Effect, Place
+from deatwin.plant.equations import Equations
+from deatwin.plant.errors import RigError, nearest
+from deatwin.plant.parameters import ParameterSet
+
+__all__ = ["Builder"]
+
+Symbol = Any  # casadi.SX
+
+
+class Builder:
+    """What a rig and its effects write their equations into.
+
+    Parameters
+    ----------
+    parameters : ParameterSet
+        Of rig and effects.
+    effects : sequence of Effect
+        At one signal they act in the order of their `order`, then of their names.
+    """
+
+    def __init__(self, parameters: ParameterSet, effects: Sequence[Effect]) -> None:
+        self._parameters = parameters
+        self._effects = tuple(sorted(effects, key=lambda e: (e.order, e.name)))
+        self._symbols = {name: ca.SX.sym(name) for name in parameters}
+        self._states: dict[str, tuple[Symbol, float, Symbol | None]] = {}
+        self._rates: dict[str, tuple[Symbol, Symbol]] = {}
+        self._coordinates: dict[str, tuple[Symbol, float]] = {}
+        self._balances: list[Symbol] = []
+        self._guesses: dict[str, Symbol] = {}
+        self._held: dict[str, tuple[Symbol, Symbol]] = {}
+        self._constants: list[tuple[Symbol, np.ndarray]] = []
+        self._watched: dict[str, Symbol] = {}
+        self._shared: dict[str, Any] = {}
+        self._offered: set[tuple[Place, str]] = set()
+        self._past: list[Symbol] = []
+        self._channels: dict[str, tuple[Symbol, float]] = {}
+        self.command = ca.SX.sym("command")
+        self.time = ca.SX.sym("time")
+
+    def own(self, name: str) -> Symbol:
+        """The bare symbol of a parameter.
+
+        Parameters
+        ----------
+        name : str
+            Name in the plant's parameter set.
+
+        Returns
+        -------
+        casadi.SX
+        """
+        self._parameters[name]
+        return self._symbols[name]
+
+    def parameter(self, name: str) -> Symbol:
+        """A parameter as the effects at the place *parameter* leave it.
+
+        Parameters
+        ----------
+        name : str
+            Name in the plant's parameter set.
+
+        Returns
+        -------
+        casadi.SX
+        """
+        return self.place(Place.PARAMETER, name, self.own(name))
+
+    def constant(self, name: str, value: np.ndarray | float) -> Symbol:
+        """A number of the rig that no fit moves.
+
+        Parameters
+        ----------
+        name : str
+            Name of the symbol.
+        value : ndarray, shape (n,), or float
+            Its SI value.
+
+        Returns
+        -------
+        casadi.SX, shape (n, 1)
+        """
+        numbers = np.atleast_1d(np.asarray(value, dtype=float))
+        symbol = ca.SX.sym(name, numbers.size)
+        self._constants.append((symbol, numbers))
+        return symbol
+
+    def past_commands(self, count: int) -> list[Symbol]:
+        """The command of this sample and of some before it.
+
+        Parameters
+        ----------
+        count : int
+            How many samples to look back.
+
+        Returns
+        -------
+        list of casadi.SX, length 1 + count
+            This sample's first; before the first sample the command was the one at rest.
+        """
+        while len(self._past) < count:
+            self._past.append(ca.SX.sym(f"command_{len(self._past) + 1}_ago"))
+        return [self.command, *self._past[:count]]
+
+    def channel(self, name: str, default: float) -> Symbol:
+        """A further measured input, such as the temperature.
+
+        Parameters
+        ----------
+        name : str
+            As the recordings call it.
+        default : float
+            Its value where nobody measured it, SI.
+
+        Returns
+        -------
+        casadi.SX
+        """
+        if name not in self._channels:
+            self._channels[name] = (ca.SX.sym(name), default)
+        return self._channels[name][0]
+
+    def state(self, name: str, *, scale: float, start: Symbol | None = None) -> Symbol:
+        """A differential state.
+
+        Parameters
+        ----------
+        name : str
+            Unique name.
+        scale : float
+            Typical size, SI.
+        start : symbol, optional
+            Value at rest; without it the state rests where its rate is zero.
+
+        Returns
+        -------
+        casadi.SX
+        """
+        symbol = ca.SX.sym(name)
+        self._states[name] = (symbol, scale, start)
+        return symbol
+
+    def rate(self, state: Symbol, value: Symbol, *, mass: Symbol = 1.0) -> None:
+        """Set ``mass * d(state)/dt = value``.
+
+        Parameters
+        ----------
+        state : casadi.SX
+            What `state` returned.
+        value, mass : symbol or float
+            Both sides; `mass` depends on parameters only.
+        """
+        self._rates[state.name()] = (value, mass)
+
+    def coordinate(self, name: str, *, scale: float) -> Symbol:
+        """An algebraic coordinate; give one `balance` for each.
+
+        Parameters
+        ----------
+        name : str
+            Unique name.
+        scale : float
+            Typical size, SI.
+
+        Returns
+        -------
+        casadi.SX
+        """
+        symbol = ca.SX.sym(name)
+        self._coordinates[name] = (symbol, scale)
+        return symbol
+
+    def balance(self, value: Symbol) -> None:
+        """Demand ``0 = value``.
+
+        Parameters
+        ----------
+        value : symbol
+            Left side of an algebraic equation.
+        """
+        self._balances.append(value)
+
+    def guess(self, unknown: Symbol, value: Symbol) -> None:
+        """Where to look for the rest state.
+
+        Parameters
+        ----------
+        unknown : casadi.SX
+            A state or coordinate.
+        value : symbol or float
+            In terms of parameters and constants.
+        """
+        self._guesses[unknown.name()] = value
+
+    def at_rest(self, name: str, value: Symbol) -> Symbol:
+        """The value that an expression has at rest, held for the whole experiment.
+
+        Parameters
+        ----------
+        name : str
+            Unique name.
+        value : symbol
+            In terms of states, coordinates and parameters.
+
+        Returns
+        -------
+        casadi.SX
+        """
+        symbol = ca.SX.sym(name)
+        self._held[name] = (symbol, value)
+        return symbol
+
+    def place(self, place: Place, name: str, signal: Any) -> Any:
+        """Offer a signal to the effects that act on it.
+
+        Parameters
+        ----------
+        place : Place
+            Where in the plant the signal lives.
+        name : str
+            Name of the signal.
+        signal : symbol or object
+            As the rig has it.
+
+        Returns
+        -------
+        same kind as `signal`
+            As the effects leave it.
+        """
+        self._offered.add((place, name))
+        for effect in self._effects:
+            if (effect.place, effect.signal) == (place, name):
+                signal = effect.rewrite(signal, self)
+        return signal
+
+    def watch(self, name: str, value: Symbol) -> Symbol:
+        """Give a signal a name under which results report it.
+
+        Parameters
+        ----------
+        name : str
+            With its unit, if not SI.
+        value : symbol
+            The signal.
+
+        Returns
+        -------
+        symbol
+            `value`.
+        """
+        self._watched[name] = value
+        return value
+
+    def share(self, name: str, value: Any) -> Any:
+        """Let effects have something that results do not report.
+
+        Parameters
+        ----------
+        name : str
+            For `signal`.
+        value : symbol or object
+            For example the film.
+
+        Returns
+        -------
+        same kind as `value`
+            `value`.
+        """
+        self._shared[name] = value
+        return value
+
+    def signal(self, name: str) -> Any:
+        """A watched or shared signal, for effects that need more than the one they rewrite.
+
+        Parameters
+        ----------
+        name : str
+            As given to `watch` or `share`.
+
+        Returns
+        -------
+        symbol or object
+
+        Raises
+        ------
+        RigError
+            If the rig does not have it (yet).
+        """
+        known = {**self._watched, **self._shared}
+        try:
+            return known[name]
+        except KeyError:
+            raise RigError(f"this rig has no signal {name!r}{nearest(name, known)}") from None
+
+    def finish(self, output: Symbol) -> Equations:
+        """Close the system.
+
+        Parameters
+        ----------
+        output : symbol
+            The reading.
+
+        Returns
+        -------
+        Equations
+
+        Raises
+        ------
+        RigError
+            If an effect acts on a signal that the rig does not have, or equations are missing.
+        """
+        self._check()
+        x = _column(*(s for s, _, _ in self._states.values()))
+        z = _column(*(s for s, _ in self._coordinates.values()))
+        d = _column(*(s for s, _ in self._held.values()))
+        p = _column(*(self._symbols[n] for n in self._parameters.free))
+        known = [n for n in self._parameters if n not in self._parameters.free]
+        c = _column(*(self._symbols[n] for n in known), *(s for s, _ in self._constants))
+        f = _column(*(self._rates[n][0] for n in self._states))
+        g = _column(*self._balances)
+        mass = _column(*(self._rates[n][1] for n in self._states))
+        u = _column(self.command, *self._past, *(s for s, _ in self._channels.values()))
+        arguments = [x, z, d, u, self.time, p, c]
+        unknowns = {**{n: s[0] for n, s in self._states.items()},
+                    **{n: s[0] for n, s in self._coordinates.items()}}  # fmt: skip
+        guess = _column(*(self._guesses.get(n, 0.0) for n in unknowns))
+        return Equations(
+            states=tuple(self._states),
+            coordinates=tuple(self._coordinates),
+            held=tuple(self._held),
+            signals=tuple(self._watched),
+            scale=np.array([s[1] for s in (*self._states.values(), *self._coordinates.values())]),
+            constants=np.concatenate([self._parameters.array(known), *(v for _, v in self._constants)]),
+            parameters=self._parameters,
+            dynamics=ca.Function("dynamics", arguments, [ca.vertcat(f, g)]),
+            mass=ca.Function("mass", [p, c], [mass]),
+            output=ca.Function("output", arguments, [output]),
+            watched=ca.Function("watched", arguments, [_column(*self._watched.values())]),
+            rest=ca.Function("rest", [x, z, u, p, c], [self._rest_residual(f, g, d)]),
+            guess=ca.Function("guess", [p, c], [guess]),
+            hold=ca.Function("hold", [x, z, p, c], [self._held_at_start()]),
+            history=len(self._past),
+            channels={name: default for name, (_, default) in self._channels.items()},
+        )
+
+    def _rest_residual(self, f: Symbol, g: Symbol, held: Symbol) -> Symbol:
+        rows = [
+            f[row] if start is None else symbol - start
+            for row, (symbol, _, start) in enumerate(self._states.values())
+        ]
+        residual = _column(*rows, g)
+        return ca.substitute(ca.substitute(residual, held, self._held_at_start()), self.time, 0.0)
+
+    def _held_at_start(self) -> Symbol:
+        return ca.substitute(_column(*(v for _, v in self._held.values())), self.time, 0.0)
+
+    def _check(self) -> None:
+        for effect in self._effects:
+            if (effect.place, effect.signal) not in self._offered:
+                names = [n for place, n in self._offered if place is effect.place]
+                raise RigError(
+                    f"effect {effect.name} acts on {effect.place.value} signal {effect.signal!r}, which this "
+                    f"rig does not have{nearest(effect.signal, names)}"
+                )
+        if missing := set(self._states) - set(self._rates):
+            raise RigError(f"no rate is given for state {', '.join(sorted(missing))}")
+        if len(self._balances) != len(self._coordinates):
+            raise RigError(
+                f"{len(self._coordinates)} algebraic coordinates need as many balances, "
+                f"{len(self._balances)} are given"
+            )
+
+
+def _column(*parts: Symbol) -> Symbol:
+    """The parts below each other; a column without rows where there are none."""
+    return ca.vertcat(ca.SX(0, 1), *parts)
