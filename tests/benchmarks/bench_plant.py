@@ -23,7 +23,7 @@ import numpy as np
 from peers import Peer, hand_written_peer, scipy_peer, sundials_peer
 
 from deatwin.ident.parallel import run_jobs
-from deatwin.plant import ElectrodeRC, Plant
+from deatwin.plant import CoulombFriction, Plant, SensorLag
 from deatwin.plant.excitation import band_limited_noise
 from deatwin.plant.simulate import Simulator
 from deatwin.plant.thesis import thesis_plant
@@ -222,7 +222,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     print("\nbase:")
     against_hand_written(base)
     sensitivities("base", base)
-    sensitivities("base with a lag of the electrode", base.with_effects(ElectrodeRC()))
+    sensitivities("base with a dry friction", base.with_effects(CoulombFriction()))
+    sensitivities("base with a lag of the sensor", base.with_effects(SensorLag()))
     sensitivities("thesis", thesis)
     without_compiler(base)
     sweep(base)
