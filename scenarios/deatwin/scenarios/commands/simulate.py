@@ -69,7 +69,12 @@ def simulate(
         },
     )
     voice.say(f"{out}: {wanted.n_samples} samples of {name} with a 95 % predictive band")
-    voice.result({"out": str(out), "samples": wanted.n_samples, "effects": list(model.plant.effect_names)})
+    events = [str(event) for event in model.plant.simulate(experiment).events]
+    for event in events:
+        voice.say(f"not to be believed from here on: {event}")
+    voice.result(
+        {"out": str(out), "samples": wanted.n_samples, "effects": list(model.plant.effect_names), "events": events}
+    )
 
 
 def _with_effects(model: CalibratedPlant, names: list[str]) -> CalibratedPlant:
