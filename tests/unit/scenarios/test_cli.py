@@ -103,7 +103,8 @@ def test_simulate_goes_through_the_history(on_bench: Path, capsys: pytest.Captur
         assert table.dtype.names == ("time_s", "displacement_mm", "low_mm", "high_mm")
         np.testing.assert_allclose(table["time_s"], np.arange(200) * 0.02 + 6)
         # a nominal plant: the band is that of noise and model error
-        np.testing.assert_allclose(table["high_mm"] - table["low_mm"], 2 * 1.959964 * np.hypot(2e-3, 1e3 * Diaphragm.model_error), rtol=1e-3)
+        deviation = np.hypot(2e-3, 1e3 * Diaphragm.model_error)
+        np.testing.assert_allclose(table["high_mm"] - table["low_mm"], 2 * 1.959964 * deviation, rtol=1e-3)
     difference = np.abs(tables[0]["displacement_mm"] - tables[1]["displacement_mm"])
     assert difference[0] > 1e-3  # the start procedure ends at the first command; the history does not
     assert difference[-1] < 0.1 * difference.max()
