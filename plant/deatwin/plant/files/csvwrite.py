@@ -76,12 +76,13 @@ def _header(name: str, unit: str) -> str:
 def _texts(header: str, values: NDArray[np.float64]) -> list[str]:
     """Return SI values as texts in the unit of the header, which are read back as the same values."""
     unit = UNITS[split_unit(header)[1]]
-    texts = list(map(repr, unit.from_si(values).tolist()))
+    with np.errstate(over="ignore"):  # near the largest number the unit's own value is infinite
+        texts = list(map(repr, unit.from_si(values).tolist()))
     if power_of_ten(unit) == 0:
         return texts
     read = reader(unit)
     return [
-        text if read(text) == value else _exact(value, unit)
+        text if text not in ("inf", "-inf") and read(text) == value else _exact(value, unit)
         for text, value in zip(texts, values.tolist(), strict=True)
     ]
 
