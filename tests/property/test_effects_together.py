@@ -159,6 +159,7 @@ def test_effects_at_one_signal_act_in_one_order(pair):
     written = []
     for order in (pair, pair[::-1]):
         build = Builder(plant.parameters, order)
+        build.share("sample_time", SAMPLE)
         written.append(build.finish(plant.rig.write(build)))
     first, second = written
     assert (first.states, first.coordinates) == (second.states, second.coordinates)

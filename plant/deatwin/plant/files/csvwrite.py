@@ -9,6 +9,7 @@ from deatwin.plant.errors import DataError
 from deatwin.plant.files.clock import even_pieces
 from deatwin.plant.files.columns import COLUMNS, usual_unit
 from deatwin.plant.files.csvtable import DESCRIPTION, EXACT, decimal_relation, power_of_ten, reader
+from deatwin.plant.files.csvtext import is_number
 from deatwin.plant.files.formats.description import describe, header_with_unit, rows_of, signals_of
 from deatwin.plant.files.units import UNITS, Unit, split_unit
 from deatwin.plant.recording import Recording
@@ -68,9 +69,10 @@ def _is_plain(recording: Recording, timepts: NDArray[np.float64]) -> bool:
 
 
 def _header(name: str, unit: str) -> str:
-    """Return the usual column of a signal, else its name and SI unit."""
+    """Return the usual column of a signal, else its name and SI unit, or nothing where that reads as a number."""
     usual = name in COLUMNS and unit == usual_unit(name)
-    return COLUMNS[name] if usual else header_with_unit(name, unit)
+    header = COLUMNS[name] if usual else header_with_unit(name, unit)
+    return "" if is_number(header) else header
 
 
 def _texts(header: str, values: NDArray[np.float64]) -> list[str]:
