@@ -21,7 +21,8 @@ lengths = st.shared(st.integers(2, 40), key="samples")
 # Texts without lone surrogates, which no encoding holds; null characters end texts in MATLAB and TDMS files.
 texts = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"), max_size=8)
 signal_names = st.one_of(
-    st.sampled_from(["command", "displacement", "temperature", "time", "x_mm", "1", "INF", "V", "signal_1", "deatwin"]), texts
+    st.sampled_from(["command", "displacement", "temperature", "time", "x_mm", "1", "INF", "V", "signal_1", "deatwin"]),
+    texts,
 )
 signal_units = st.sampled_from(["", *sorted({unit.si for unit in UNITS.values()} - {""}), "m/s", "%"])
 packages = {".csv": [], ".mat": [], ".tdms": ["nptdms"], ".nc": ["xarray", "h5netcdf", "h5py"]}
