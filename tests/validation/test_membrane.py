@@ -152,16 +152,18 @@ def test_a7_a8_only_ratios_count_and_not_the_sign():
     np.testing.assert_array_equal(turned.z, rest_state(plant.equations, 2.6, plant.free_values, guess=guess).z)
 
 
-def test_a11_the_softest_published_film_has_no_equilibrium_at_2_8_kilovolt():
+def test_a11_the_softest_published_film_has_lost_its_tension_before_2_6_kilovolt():
     soft = {"shear_modulus": 15.36e3, "stretch_limit": 107.0}
     plant = fine(soft, ball="bonded", contact_radius=1.5e-3)
-    states = equilibria(plant, [2.4, 2.6, 2.8])
+    states = equilibria(plant, [2.4, 2.6])
     assert len(states) == 2
     equations = plant.equations
     watched = equations.watched(
         states[1].x, states[1].z, states[1].d, equations.held_inputs(2.6), 0.0, plant.free_values, equations.constants
     )
     signals = dict(zip(equations.signals, np.asarray(watched).ravel(), strict=True))
+    # The other program's Newton method finds none at 2.8 kV; a film that may bear compression still has one there,
+    # so what a simulation must say is that the tension was lost.
     # Near the ball the film has lost its tension there; the largest field is 163 MV/m by the other program, which
     # takes it at the middles of its elements and ours at Gauss points.
     assert signals["tension"] < 0.0

@@ -280,13 +280,15 @@ class Builder:
         self._shared[name] = value
         return value
 
-    def signal(self, name: str) -> Any:
+    def signal(self, name: str, otherwise: Any = None) -> Any:
         """A watched or shared signal, for effects that need more than the one they rewrite.
 
         Parameters
         ----------
         name : str
             As given to `watch` or `share`.
+        otherwise : symbol or object, optional
+            What to take where the rig does not have it.
 
         Returns
         -------
@@ -295,12 +297,14 @@ class Builder:
         Raises
         ------
         RigError
-            If the rig does not have it (yet).
+            If the rig does not have it (yet), and nothing is to be taken otherwise.
         """
         known = {**self._watched, **self._shared}
         try:
             return known[name]
         except KeyError:
+            if otherwise is not None:
+                return otherwise
             raise RigError(f"this rig has no signal {name!r}{nearest(name, known)}") from None
 
     def finish(self, output: Symbol) -> Equations:

@@ -147,6 +147,7 @@ def _event(
         status=what,
         time=timeline.start + sample * timeline.sample_time,
         command=float(timeline.commands[sample]),
-        film_voltage=float(signals["film_voltage"][seen]) if seen >= 0 and "film_voltage" in signals else np.nan,
-        place=f"{zone}, {1e3 * signals[f'{name}_radius'][seen]:.1f} mm from the axis" if known else "",
+        # Of a sample that was not solved no voltage is known.
+        film_voltage=float(signals["film_voltage"][seen]) if seen == sample and "film_voltage" in signals else np.nan,
+        place=f"{zone}, {1e3 * signals[f'{name}_radius'][seen]:.1f} mm from the middle" if known else "",
     )

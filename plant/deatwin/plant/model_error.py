@@ -264,8 +264,14 @@ def _file(plant: Plant, experiment: Experiment) -> Path:
     """The file of an answer: all that it depends on is in its name."""
     rig = {name: value for name, value in plant.rig.to_dict().items() if name not in ("noise", "model_error")}
     content = plant.to_dict() | {"kind": plant.rig.kind, "rig": rig, "deatwin": version("deatwin"), "schema": SCHEMA}
-    records = [(r.start, r.sample_time, np.ascontiguousarray(r.inputs).tobytes().hex()) for r in experiment.recordings]
-    name = hashlib.sha256(json.dumps([content, records], sort_keys=True, default=str).encode()).hexdigest()[:32]
+    timeline = plant.timeline(experiment)
+    seen = {name: timeline.channels[name] for name in plant.equations.channels if name in timeline.channels}
+    digest = hashlib.sha256(json.dumps(content, sort_keys=True, default=str).encode())
+    digest.update(plant.equations.dynamics.serialize().encode())
+    for numbers in (timeline.commands, *timeline.readings, *seen.values()):
+        digest.update(np.ascontiguousarray(numbers).tobytes())
+    digest.update(repr((timeline.start, timeline.sample_time, sorted(seen))).encode())
+    name = digest.hexdigest()[:32]
     folder = cache_folder() / "model_error"
     folder.mkdir(mode=0o700, exist_ok=True)
     return folder / f"{name}.json"

@@ -14,6 +14,11 @@ __all__ = ["RestState", "has_equilibrium", "rest_state"]
 
 UPDATES = 60
 CONTINUATION = 20
+HALVINGS = 5
+"""How often a step of the continuation is halved where no equilibrium is found."""
+REACH, GROWTH = 0.1, 1.3
+"""Longest first step of Newton's method against the unknowns' scale, which keeps it inside the material's range of
+stretches, and how it grows."""
 SETTLED = 1e-11
 
 
@@ -64,7 +69,7 @@ def rest_state(
     functions = _functions(equations)
     constants, inputs = equations.constants, equations.held_inputs(command)
     w = np.asarray(equations.guess(values, constants)).ravel() if guess is None else guess
-    found = False
+    found, reach, last = False, REACH, np.inf
     for _ in range(UPDATES):
         residual, jacobian = (np.asarray(v) for v in functions[0](w, inputs, values, constants))
         if not (np.isfinite(residual).all() and np.isfinite(jacobian).all()):
@@ -75,8 +80,9 @@ def rest_state(
         rows[rows == 0.0] = 1.0
         step = equations.scale * np.linalg.lstsq(scaled / rows[:, None], residual.ravel() / rows, rcond=None)[0]
         size = np.max(np.abs(step) / equations.scale, initial=0.0)
-        # A step of a tenth of the unknowns' scale keeps Newton inside the material's range of stretches.
-        w = w - step * min(1.0, 0.1 / size if size > 0 else 1.0)
+        # While what is left to go shrinks, the way is straight, and a far unknown may be reached in longer steps.
+        reach, last = (GROWTH * reach if size < last else REACH), size
+        w = w - step * min(1.0, reach / size if size > 0 else 1.0)
         if size < SETTLED:
             found = True
             break
@@ -109,11 +115,15 @@ def has_equilibrium(
     -------
     bool
     """
-    state = rest
-    for share in np.linspace(0.0, 1.0, CONTINUATION + 1)[1:]:
-        at = rest_command + share * (command - rest_command)
-        state = rest_state(equations, at, values, guess=np.concatenate([state.x, state.z]))
-        if not state.found:
+    state, share, step = rest, 0.0, 1.0 / CONTINUATION
+    while share < 1.0 - 1e-12:
+        at = rest_command + min(share + step, 1.0) * (command - rest_command)
+        further = rest_state(equations, at, values, guess=np.concatenate([state.x, state.z]))
+        if further.found:
+            state, share = further, share + step
+        elif step * CONTINUATION * 2**HALVINGS > 1.5:
+            step /= 2
+        else:
             return False
     return True
 

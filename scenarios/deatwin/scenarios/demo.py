@@ -108,8 +108,12 @@ def run(
 
 
 def _doubled(effect: Effect) -> Effect:
-    """An effect strong enough to be seen by eye in a recording of little more than a minute."""
-    doubled: Effect = replace(effect, **{effect.strength: 2 * getattr(effect, effect.strength)})
+    """An effect strong enough to be seen by eye in a recording of little more than a minute, in the middle of it."""
+    strength = next(p for p in effect.describe() if p.name == effect.strength)
+    values = {effect.strength: float(np.clip(2 * strength.value, strength.lower, strength.upper))}
+    if effect.event:
+        values[effect.event] = (NOISE_SECONDS + HOLDS_SECONDS) / 2
+    doubled: Effect = replace(effect, **values)
     return doubled
 
 

@@ -88,7 +88,7 @@ def test_pull_in_ends_a_run_and_says_where(experiment):
     assert simulation.status is RunStatus.PULL_IN
     assert simulation.events[-1].status is RunStatus.PULL_IN
     assert simulation.events[-1].time == pytest.approx(simulation.failed_at)
-    with pytest.raises(SimulationError, match=r"mm from the axis.*pull-in"):
+    with pytest.raises(SimulationError, match=r"mm from the middle.*pull-in"):
         simulation.require()
 
 

@@ -23,7 +23,8 @@ class DielectricAbsorption(Effect):
     One state p (V), the voltage to which the slow dipoles have adapted. The permittivity is the relaxed one; at once
     there is (1 - a) of it. One p stands for the whole film and the dipoles stretch with it: a choice, where a
     polarisation of each volume that stays when the film is stretched would be another. Typical for VHB: a = 0.01 to
-    0.05, 1 to 1000 s. Signature: memory of the voltage and not of the motion, so it is there in a blocked film and
+    0.05, 1 to 1000 s. It acts on the stress; the charge that the electrodes take is left that of the relaxed
+    permittivity. Signature: memory of the voltage and not of the motion, so it is there in a blocked film and
     scales with V times its own past; the motion grows after a step as in `creep`, but nothing is left at 0 V (E D is
     zero at once), and after a reversal of polarity the force starts at :math:`(1 - 2a)` of the ideal one and
     recovers. Off at a = 0.

@@ -26,10 +26,11 @@ class ElectrodeRC(Effect):
     .. math:: \tau\dot\chi = V_a - V, \qquad V = \chi/c, \qquad c = 1 + s\,\Bigl(\frac{C(q)}{C_0} - 1\Bigr), \qquad
               s = \frac{C_0}{C_0 + C_p}
 
-    One state :math:`\chi` (V), the charge over :math:`C_0 + C_p`. Fresh carbon grease gives 0.1 ms or less; dried
-    grease or a bad contact (10 to 100 MΩ, 1 to 3 nF) 10 to 300 ms. Signature: acts before the square, so harmonics
-    roll off; phase grows with frequency, and as C(q) grows threefold up to 3 kV, with the voltage too. A `delay`
-    does neither. Off at :math:`\tau = 0`, where :math:`V = V_a`.
+    One state :math:`\chi` (V), the charge over :math:`C_0 + C_p`. Where the electrode loses a share of its area
+    (`electrode_loss`), that share of :math:`C_0` and of C(q) goes, and its charge with it. Fresh carbon grease gives
+    0.1 ms or less; dried grease or a bad contact (10 to 100 MΩ, 1 to 3 nF) 10 to 300 ms. Signature: acts before the
+    square, so harmonics roll off; phase grows with frequency, and as C(q) grows threefold up to 3 kV, with the
+    voltage too. A `delay` does neither. Off at :math:`\tau = 0`, where :math:`V = V_a`.
 
     Parameters
     ----------
@@ -65,9 +66,11 @@ class ElectrodeRC(Effect):
         )
 
     def rewrite(self, signal: Any, build: Builder) -> Any:
-        capacitance = build.signal("capacitance")
-        growth = capacitance / build.at_rest("rest_capacitance", capacitance) - 1
+        left, share = build.signal("electrode_share", otherwise=1.0), self.own("film_share", build)
+        whole = build.signal("capacitance") / left
+        growth = whole / build.at_rest("rest_capacitance", whole) - 1
+        size = 1 - share * (1 - left)
         charge = build.state("film_charge", scale=1e3)
-        voltage = charge / (1 + self.own("film_share", build) * growth)
-        build.rate(charge, signal - voltage, mass=self.own("time", build))
+        voltage = charge / (1 + share * left / size * growth)
+        build.rate(charge, (signal - voltage) / size, mass=self.own("time", build))
         return voltage

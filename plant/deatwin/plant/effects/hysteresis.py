@@ -23,8 +23,8 @@ class Hysteresis(Effect):
     .. math:: F = -F_h\,\zeta, \qquad x_h\,\dot\zeta = v - |v|\,\zeta
 
     (:math:`A = 1, \beta = 1, \gamma = 0`). One state :math:`\zeta` (1), between -1 and 1 as long as the ball moves
-    faster than a few µm/s: the magnitude is smoothed, :math:`|v| \approx \sqrt{v^2 + v_0^2} - v_0` with
-    :math:`v_0` = 1 µm/s, so that the force has a derivative, and a slower ball is held by up to :math:`2v_0/v`
+    faster than some 10 nm/s: the magnitude is smoothed, :math:`|v| \approx \sqrt{v^2 + v_0^2} - v_0` with
+    :math:`v_0` = 10 nm/s, so that the force has a derivative, and a slower ball is held by up to :math:`2v_0/v`
     times the force. Typical: force 1 to 5 % of the ball's weight, distance 10 to 100 µm. Signature: the width of
     the loop stays as the frequency falls to zero, where that of `creep` shrinks; motions much smaller than the
     distance have no loop, where `coulomb_friction` holds the ball still. Off at :math:`F_h = 0`.

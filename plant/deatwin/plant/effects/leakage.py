@@ -70,6 +70,6 @@ class Leakage(Effect):
         for point in (p for p in build.signal("film").points if p.active):
             area_stretch = point.stretches[0] * point.stretches[1]
             density = conduction_density(voltage / thickness * area_stretch, field_scale=scale)
-            current += density * point.volume / thickness * area_stretch
+            current += density * point.coverage * point.volume / thickness * area_stretch
         build.balance(signal - voltage - self.own("resistance", build) * current)
         return voltage

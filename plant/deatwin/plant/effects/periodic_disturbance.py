@@ -53,7 +53,7 @@ class PeriodicDisturbance(Effect):
     signal: ClassVar[str] = "reading"
     strength: ClassVar[str] = "amplitude"
     order: ClassVar[int] = -1
-    """It moves the ball's picture before the sensor does anything to it."""
+    """It is there before the sensor's lag and its limit; the curvature is that of the motion alone."""
     wording: ClassVar[str] = "A tone of {frequency} and {amplitude} is added to the reading, at a phase of {phase}"
 
     def describe(self) -> tuple[Parameter, ...]:

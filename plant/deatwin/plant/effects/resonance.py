@@ -25,11 +25,11 @@ class Resonance(Effect):
               \omega = 2\pi f
 
     F acts on the ball. Two states: :math:`x_2` (m), counted from where the mass hangs at rest, and its velocity
-    (m/s); its weight is part of the `mass` that the film carries. Typical: a mode of film, frame or holder, with 1
-    to 20 % of the ball's mass and a damping ratio of 0.01 to 0.1. Signature: a narrow peak with a dip beside it
-    that stays where it is when the voltage moves the ball's own frequency down from 16 Hz, and that needs
-    excitation, unlike a `periodic_disturbance`; far below f only the mass is seen. Modes above half the sampling
-    rate are not seen at their frequency: with 50 samples a second f ends at 24 Hz. Off at :math:`m_2 = 0`.
+    (m/s). It adds inertia and no weight: its own is borne by what it is a mode of. Typical: a mode of film, frame
+    or holder, with 1 to 20 % of the ball's mass and a damping ratio of 0.01 to 0.1. Signature: a narrow peak with a
+    dip beside it that stays where it is when the voltage moves the ball's own frequency down from 16 Hz, and that
+    needs excitation, unlike a `periodic_disturbance`; far below f only the mass is seen. Modes above half the
+    sampling rate are not seen at their frequency: with 50 samples a second f ends at 24 Hz. Off at :math:`m_2 = 0`.
 
     Parameters
     ----------

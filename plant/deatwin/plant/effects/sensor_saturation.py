@@ -48,7 +48,7 @@ class SensorSaturation(Effect):
     strength: ClassVar[str] = "share"
     order: ClassVar[int] = 30
     """Last: the output of the sensor clips."""
-    wording: ClassVar[str] = "The sensor reads {share} less of what lies beyond {limit}"
+    wording: ClassVar[str] = "The sensor clips beyond {limit}, where a share of {share} of the excess is lost"
     width: ClassVar[float] = 1e-6
     """Rounding of the corner, m."""
 

@@ -30,7 +30,7 @@ class ThermalStiffness(Effect):
     :math:`T_0` = 293.15 K, and period and phase do nothing. Where it does not (the channel is then 0 K, which no
     thermometer shows), the room is taken to swing by 1 K about its mean, as a thermostat lets it, so
     :math:`k_T` is then the relative change that the swing makes; it counts from clock 0, for which the rig's
-    modulus holds. Typical: a few percent for each kelvin, 10 minutes to a day. The elastic part of VHB alone was
+    modulus holds. Typical: a few percent for each kelvin, minutes to a day. The elastic part of VHB alone was
     seen to stiffen with the temperature (entropy asks for +0.34 % for each kelvin), the tape as a whole to
     soften. Signature: sag and gain swing together, in a 1 : 2.4 ratio at 1.9 kV, also at 0 V, in a rhythm that
     the drive does not have; a `permittivity_drift` goes one way and leaves the sag alone. Off at :math:`k_T = 0`.

@@ -49,4 +49,4 @@ def electrode_share(build: Builder) -> Symbol:
     casadi.SX or float
         The number 1.0 where no effect takes any away.
     """
-    return build.place(Place.FILM, "electrode_share", 1.0)
+    return build.share("electrode_share", build.place(Place.FILM, "electrode_share", 1.0))

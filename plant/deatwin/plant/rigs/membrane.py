@@ -62,11 +62,20 @@ def membrane(rig: Diaphragm, deflection: Symbol, build: Builder) -> Kinematics:
     share = electrode_share(build)
     width = build.constant("rim_width", float(np.log(edges[1] / edges[0])) / (8 * rig.elements))
 
-    def covered(radius: Symbol) -> Symbol:
+    area = build.constant("electrode_areas", rings[0].area.ravel())
+    radii = build.constant("electrode_radii", rings[0].radius.ravel() / edges[1])
+    inside = build.constant("contact_share", (edges[0] / edges[1]) ** 2 * np.pi * edges[1] ** 2)
+
+    def passed(radius: Symbol) -> Symbol:
         """An edge that moves passes over each element smoothly; one that stays where it was covers all."""
-        if isinstance(share, float):
-            return share
         return smooth_step((ca.sqrt(share) - radius) / width) / smooth_step((1 - radius) / width)
+
+    # The points together have the area that is left, whatever the elements.
+    left = share * (ca.sum1(area) + inside) - inside
+    scale = 1.0 if isinstance(share, float) else left / ca.dot(area, passed(radii))
+
+    def covered(radius: Symbol) -> Symbol:
+        return share if isinstance(share, float) else scale * passed(radius)
 
     points = [
         FilmPoint(
