@@ -5,8 +5,10 @@ The source does ``V_k (Q_k - Q_{k-1})`` in a sample. Rest at 0 V is where the pl
 .. math:: \sum_k V_k\,\Delta Q_k \ge \tfrac12 C V^2
 
 at every time, for whatever command, if each part is passive: what it stores it can give back, no more. The film's
-charge is C V here, so effects that add charge to it or take some away (``charge_injection``, ``dielectric_absorption``,
-``leakage``) are not audited by it; ``electrode_rc`` is, in tests/validation/test_energy.py.
+charge is C V here, so effects that add charge to it or take some away are not audited by it: ``electrode_rc`` is, in
+tests/validation/test_energy.py; ``leakage`` only takes (its drop has the sign of its current); of ``charge_injection``
+and ``dielectric_absorption`` the plant has the stress and not the charge, so they have no balance of work to close and
+count as not admissible.
 """
 
 import numpy as np
