@@ -15,6 +15,7 @@ import numpy as np
 
 from deatwin.ident.mismatch import Diagnosis
 from deatwin.plant.effects import Effect, effect_named
+from deatwin.plant.errors import SimulationError
 from deatwin.plant.excitation import band_limited_noise, random_holds
 from deatwin.plant.files import write_recording
 from deatwin.plant.model import Plant
@@ -71,7 +72,7 @@ def run(
     folder : ResultFolder
         Gets the rig file, the recordings, all results, and last the truth.
     effect : str
-        Name of a catalogue effect; concealed at twice its typical strength.
+        Name of a catalogue effect; concealed at twice its typical strength where the film bears that.
     command : sequence of str
         For ``run.json``.
     jobs, seed : int
@@ -88,11 +89,14 @@ def run(
     RigError
         If there is no such effect.
     """
-    concealed = _doubled(effect_named(effect))
+    typical = effect_named(effect)
     folder.text("rig.toml", RIG)
     given = GivenPlant.load(str(folder.path / "rig.toml"))
     progress(0.0, "making a recording")
-    truth, experiment = conceal(given.model.plant, concealed, np.random.default_rng(seed))
+    try:
+        truth, experiment = conceal(given.model.plant, _strong(typical, 2.0), np.random.default_rng(seed))
+    except SimulationError:  # twice as much is more than the film bears
+        truth, experiment = conceal(given.model.plant, _strong(typical, 1.0), np.random.default_rng(seed))
     names = ["noise.csv", "holds.csv"]
     for name, record in zip(names, experiment.recordings, strict=True):
         folder.save(name, lambda path, record=record: write_recording(path, record))  # type: ignore[misc]
@@ -107,14 +111,14 @@ def run(
     return diagnosis
 
 
-def _doubled(effect: Effect) -> Effect:
-    """An effect strong enough to be seen by eye in a recording of little more than a minute, in the middle of it."""
+def _strong(effect: Effect, factor: float) -> Effect:
+    """An effect so many times as strong as usual, to be seen by eye in a short recording; in the middle of it."""
     strength = next(p for p in effect.describe() if p.name == effect.strength)
-    values = {effect.strength: float(np.clip(2 * strength.value, strength.lower, strength.upper))}
+    values = {effect.strength: float(np.clip(factor * strength.value, strength.lower, strength.upper))}
     if effect.event:
         values[effect.event] = (NOISE_SECONDS + HOLDS_SECONDS) / 2
-    doubled: Effect = replace(effect, **values)
-    return doubled
+    strong: Effect = replace(effect, **values)
+    return strong
 
 
 def conceal(nominal: Plant, effect: Effect, rng: np.random.Generator) -> tuple[Plant, Experiment]:
