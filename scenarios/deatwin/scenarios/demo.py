@@ -112,11 +112,11 @@ def run(
 
 
 def _strong(effect: Effect, factor: float) -> Effect:
-    """An effect so many times as strong as usual, to be seen by eye in a short recording; in the middle of it."""
+    """An effect so many times as strong as usual, to be seen by eye in a short recording; early in it."""
     strength = next(p for p in effect.describe() if p.name == effect.strength)
     values = {effect.strength: float(np.clip(factor * strength.value, strength.lower, strength.upper))}
     if effect.event:
-        values[effect.event] = (NOISE_SECONDS + HOLDS_SECONDS) / 2
+        values[effect.event] = NOISE_SECONDS / 2  # among the samples that are fitted
     strong: Effect = replace(effect, **values)
     return strong
 
