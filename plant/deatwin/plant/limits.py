@@ -17,6 +17,7 @@ import casadi as ca
 import numpy as np
 
 from deatwin.plant.laws.breakdown import HUANG_2012
+from deatwin.plant.rest import TENSION
 from deatwin.plant.simulate import RunStatus
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 __all__ = ["Event", "film_events", "watch_limits"]
 
 Symbol = Any
-TENSION, BREAKDOWN = "tension", "breakdown_share"
+BREAKDOWN = "breakdown_share"
 EVENTS = ((TENSION, RunStatus.TENSION_LOST, -1.0, 0.0), (BREAKDOWN, RunStatus.BREAKDOWN, 1.0, 1.0))
 """Signal, what it tells, and from which value on, with the sign of the excess."""
 

@@ -10,9 +10,11 @@ import numpy as np
 
 from deatwin.plant.equations import Equations
 
-__all__ = ["RestState", "has_equilibrium", "rest_state"]
+__all__ = ["TENSION", "RestState", "has_equilibrium", "rest_state"]
 
 UPDATES = 60
+TENSION = "tension"
+"""Signal in which a rig watches the least tension of its film."""
 CONTINUATION = 20
 HALVINGS = 5
 """How often a step of the continuation is halved where no equilibrium is found."""
@@ -98,7 +100,7 @@ def rest_state(
 def has_equilibrium(
     equations: Equations, rest: RestState, rest_command: float, command: float, values: np.ndarray
 ) -> bool:
-    """Whether the plant, brought slowly from rest to a command, has an equilibrium there.
+    """Whether the plant, brought slowly from rest to a command, has an equilibrium there, with its film in tension.
 
     Parameters
     ----------
@@ -121,11 +123,22 @@ def has_equilibrium(
         further = rest_state(equations, at, values, guess=np.concatenate([state.x, state.z]))
         if further.found:
             state, share = further, share + step
+            if not _in_tension(equations, state, at, values):
+                return False
         elif step * CONTINUATION * 2**HALVINGS > 1.5:
             step /= 2
         else:
             return False
     return True
+
+
+def _in_tension(equations: Equations, state: RestState, command: float, values: np.ndarray) -> bool:
+    """True also of a rig that does not watch the tension of its film."""
+    if TENSION not in equations.signals:
+        return True
+    inputs = equations.held_inputs(command)
+    seen = equations.watched(state.x, state.z, state.d, inputs, 0.0, values, equations.constants)
+    return float(seen[equations.signals.index(TENSION)]) >= 0.0
 
 
 @lru_cache(maxsize=64)
