@@ -51,7 +51,7 @@ sample_rate_Hz = 50.0
 noise_um = 2.0              # rms, from the data sheet
 zero = "displacement at zero volts"
 """
-NOISE_SECONDS, HOLDS_SECONDS = 45.0, 35.0
+NOISE_SECONDS, HOLDS_SECONDS = 90.0, 90.0
 SHARES = {
     "shear_modulus": 0.06,
     "permittivity": 0.04,
