@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from deatwin.plant.film import AnyFilm, FilmPoint
     from deatwin.plant.timeline import Timeline
 
-__all__ = ["Event", "film_events", "watch_limits"]
+__all__ = ["BREAKDOWN", "Event", "breakdown_share", "film_events", "watch_limits"]
 
 Symbol = Any
 BREAKDOWN = "breakdown_share"
@@ -82,7 +82,7 @@ def watch_limits(film: AnyFilm, squared_voltage: Symbol, build: Builder) -> None
     _watch_least(TENSION, _true_stresses(film, squared_voltage), [p for p in film.points for _ in (1, 2)], 1, build)
     thickness, voltage = build.parameter("thickness"), ca.fabs(build.signal("film_voltage"))
     active = [p for p in film.points if p.active]
-    _watch_least(BREAKDOWN, [_breakdown_share(p, voltage, thickness) for p in active], active, -1, build)
+    _watch_least(BREAKDOWN, [breakdown_share(p, voltage, thickness) for p in active], active, -1, build)
 
 
 def _true_stresses(film: AnyFilm, squared_voltage: Symbol) -> list[Symbol]:
@@ -93,7 +93,23 @@ def _true_stresses(film: AnyFilm, squared_voltage: Symbol) -> list[Symbol]:
     return [stretch * work[k] / volume for k, (stretch, volume) in enumerate(pairs)]
 
 
-def _breakdown_share(point: FilmPoint, voltage: Symbol, thickness: Symbol) -> Symbol:
+def breakdown_share(point: FilmPoint, voltage: Symbol, thickness: Symbol) -> Symbol:
+    """The field at a point over that at which the film breaks down there.
+
+    Parameters
+    ----------
+    point : FilmPoint
+        With its stretches.
+    voltage : casadi.SX
+        On the film, V, not negative.
+    thickness : casadi.SX
+        Of the unstretched film, m.
+
+    Returns
+    -------
+    casadi.SX
+        Dimensionless.
+    """
     present = thickness / (point.stretches[0] * point.stretches[1])
     return voltage / present / HUANG_2012.at(present, *point.stretches)
 

@@ -14,7 +14,7 @@ from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter
 from deatwin.plant.recording import Experiment
 
-__all__ = ["Calibration", "FitStatus", "Part", "Problem", "calibrate"]
+__all__ = ["Calibration", "FitStatus", "Part", "Problem", "calibrate", "simulated"]
 
 EVALUATIONS = 30
 TOLERANCE = 1e-4
@@ -89,6 +89,30 @@ class Part:
         """Readings that count, one after another, shape (n,), SI."""
         records = zip(self.experiment.recordings, self.masks, strict=True)
         return np.concatenate([r.outputs[0, m] for r, m in records])
+
+
+def simulated(plant: Plant, parts: Sequence[Part]) -> np.ndarray | None:
+    """Free-run readings of a plant at the samples that count.
+
+    Parameters
+    ----------
+    plant : Plant
+        Simulated from rest.
+    parts : sequence of Part
+        Which samples.
+
+    Returns
+    -------
+    ndarray, shape (n,), or None
+        SI, one after another; None if the plant fails.
+    """
+    pieces = []
+    for part in parts:
+        simulation = plant.simulate(part.experiment)
+        if not simulation.status.ok:
+            return None
+        pieces += [y[0, m] for y, m in zip(simulation.outputs, part.masks, strict=True)]
+    return np.concatenate(pieces)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

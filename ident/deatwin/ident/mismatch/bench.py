@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from deatwin.ident.greybox.fit import Part
 from deatwin.plant.effects.base import Effect
@@ -39,17 +39,3 @@ class Bench:
     jobs: int
     stated_error: float
     expected_error: float
-
-    def as_stated(self, plant: Plant) -> Plant:
-        """A plant with the model error that the user's rig states, for files.
-
-        Parameters
-        ----------
-        plant : Plant
-            From this bench.
-
-        Returns
-        -------
-        Plant
-        """
-        return plant.with_rig(replace(plant.rig, model_error=self.stated_error))

@@ -91,7 +91,8 @@ def conclude(findings: Findings) -> Diagnosis:
     rig, base, answer = findings.final.plant.rig, findings.base, findings.answer
     unit, size = findings.unit
     model = CalibratedPlant(
-        plant=findings.bench.as_stated(findings.final.plant), noise=base.noise, model_error=answer.unseen_test.excess,
+        plant=with_model_error(findings.final.plant, findings.bench.stated_error), noise=base.noise,
+        model_error=answer.unseen_test.excess,
         names=findings.final.names, covariance=findings.final.covariance,
         provenance={"verdict": findings.verdict.value},
     )  # fmt: skip

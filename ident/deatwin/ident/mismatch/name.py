@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Calibration, Part
+from deatwin.ident.greybox.fit import Calibration, Part, simulated
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.detect import Detection, detect, noise_floor
 from deatwin.ident.mismatch.floor import floor_of, with_model_error
@@ -213,13 +213,8 @@ def free_run_residuals(plant: Plant, parts: Sequence[Part]) -> np.ndarray | None
     ndarray, shape (n,), or None
         SI; None if the plant fails.
     """
-    pieces = []
-    for part in parts:
-        simulation = plant.simulate(part.experiment)
-        if not simulation.status.ok:
-            return None
-        pieces += [y[0, m] for y, m in zip(simulation.outputs, part.masks, strict=True)]
-    return np.concatenate([part.measured for part in parts]) - np.concatenate(pieces)
+    readings = simulated(plant, parts)
+    return None if readings is None else np.concatenate([part.measured for part in parts]) - readings
 
 
 def try_singles(

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Calibration, Part
+from deatwin.ident.greybox.fit import Calibration, Part, simulated
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant.effects.base import Effect
@@ -196,21 +196,11 @@ def _change(base: Calibration, effect: Effect, parts: Sequence[Part], without: n
     typical = abs(next(p.value for p in effect.describe() if p.name == effect.strength))
     for share in WEAKER:
         strength = share * typical
-        readings = _readings(base, replace(effect, **{effect.strength: strength}), parts)
+        plant = base.plant.with_effects(replace(effect, **{effect.strength: strength}))
+        readings = simulated(plant, [part.until_last() for part in parts])
         if readings is not None:
             return (readings - without) / strength
     return None
-
-
-def _readings(base: Calibration, effect: Effect, parts: Sequence[Part]) -> np.ndarray | None:
-    plant = base.plant.with_effects(effect)
-    pieces = []
-    for part in (part.until_last() for part in parts):
-        simulation = plant.simulate(part.experiment)
-        if not simulation.status.ok:
-            return None
-        pieces += [y[0, m] for y, m in zip(simulation.outputs, part.masks, strict=True)]
-    return np.concatenate(pieces)
 
 
 def _shapes(effect: Effect) -> list[Effect]:

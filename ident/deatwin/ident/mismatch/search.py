@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Calibration, Part, calibrate
+from deatwin.ident.greybox.fit import Calibration, Part, calibrate, simulated
 from deatwin.plant.model import Plant
 
 __all__ = ["approach", "at_its_time", "search", "settle"]
@@ -131,14 +131,10 @@ def _moved(plant: Plant, name: str, parts: Sequence[Part]) -> Plant:
 
 
 def _squares(plant: Plant, parts: Sequence[Part]) -> float:
-    total = 0.0
-    for part in (part.until_last() for part in parts):
-        simulation = plant.simulate(part.experiment)
-        if not simulation.status.ok:
-            return np.inf
-        readings = np.concatenate([y[0, m] for y, m in zip(simulation.outputs, part.masks, strict=True)])
-        total += float(np.sum((part.measured - readings) ** 2))
-    return total
+    readings = simulated(plant, [part.until_last() for part in parts])
+    if readings is None:
+        return float(np.inf)
+    return float(np.sum((np.concatenate([part.measured for part in parts]) - readings) ** 2))
 
 
 def _opening(part: Part) -> Part:

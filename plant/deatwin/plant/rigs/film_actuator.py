@@ -14,8 +14,8 @@ from deatwin.plant.builder import Builder
 from deatwin.plant.effects.base import Place
 from deatwin.plant.errors import RigError
 from deatwin.plant.film import AnyFilm
-from deatwin.plant.laws.breakdown import HUANG_2012
 from deatwin.plant.laws.stress import nominal_stress
+from deatwin.plant.limits import BREAKDOWN, breakdown_share
 from deatwin.plant.material import Material, material
 from deatwin.plant.parameters import Parameter, Scale
 from deatwin.plant.rigs.base import Rig, StartProcedure
@@ -196,10 +196,7 @@ def watch_breakdown(film: AnyFilm, squared_voltage: Symbol, build: Builder) -> N
         film breaks down.
     """
     thickness, voltage = build.parameter("thickness"), ca.fabs(build.signal("film_voltage"))
-    present = [thickness / (p.stretches[0] * p.stretches[1]) for p in film.points]
-    limits = [HUANG_2012.at(h, *p.stretches) for h, p in zip(present, film.points, strict=True)]
-    shares = [voltage / h / limit for h, limit in zip(present, limits, strict=True)]
-    build.watch("breakdown_share", ca.mmax(ca.vertcat(*shares)))
+    build.watch(BREAKDOWN, ca.mmax(ca.vertcat(*(breakdown_share(p, voltage, thickness) for p in film.points))))
 
 
 def watch_field(film: AnyFilm, build: Builder) -> None:
