@@ -71,8 +71,9 @@ def operating_input_of(model: NarxModel, operating_input: ArrayLike | None) -> A
     Raises
     ------
     ModelError
-        If the number of inputs is not the model's.
+        If the number of inputs is not the model's, or the model has several outputs or noise terms.
     """
+    model.require_one_output("frequency analysis")
     count = len(model.input_names)
     if operating_input is None:
         return np.zeros(count) if model.operating is None else model.operating.input_centre

@@ -6,14 +6,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import inf, log
 from types import MappingProxyType
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
-from deatwin.ident.narx.regression import NarxIdentifier, Recordings, Regression
-from deatwin.ident.narx.terms import Lags
+from deatwin.ident.narx.identifier import NarxIdentifier, Progress
+from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.regression import Regression
+from deatwin.ident.narx.terms import Lags, Rule
 from deatwin.plant.errors import ModelError, nearest
 
 Array = NDArray[np.float64]
@@ -48,6 +49,8 @@ class Frols(NarxIdentifier):
         A number n for the lags 1..n, or the lags themselves (an input lag may be 0), in samples.
     degree : int
         Largest degree of a candidate.
+    rule : callable, optional
+        Takes a `Term` and says whether it is a candidate; see `deatwin.ident.narx.rules`.
     max_terms : int
         Largest number of terms.
     criterion : str
@@ -79,33 +82,18 @@ class Frols(NarxIdentifier):
         output_lags: Lags = 2,
         input_lags: Lags = 2,
         degree: int = 2,
+        rule: Rule | None = None,
         max_terms: int = 15,
         criterion: str = "bic",
     ) -> None:
         self.output_lags = output_lags
         self.input_lags = input_lags
         self.degree = degree
+        self.rule = rule
         self.max_terms = max_terms
         self.criterion = criterion
 
-    def fit(self, recordings: Recordings) -> Self:
-        """Choose terms and estimate their parameters.
-
-        Parameters
-        ----------
-        recordings : Recording, Experiment, or several
-            Training data of one sample time.
-
-        Returns
-        -------
-        Frols
-            The estimator itself.
-
-        Raises
-        ------
-        ModelError
-            If an argument makes no sense, or there are too few samples.
-        """
+    def _check(self) -> None:
         if self.criterion not in (*CRITERIA, "none"):
             raise ModelError(
                 f"criterion = {self.criterion!r}{nearest(self.criterion, [*CRITERIA, 'none'])}; "
@@ -113,9 +101,8 @@ class Frols(NarxIdentifier):
             )
         if self.max_terms < 1:
             raise ModelError(f"max_terms = {self.max_terms}; it must be at least 1")
-        data = Regression.of(
-            recordings, output_lags=self.output_lags, input_lags=self.input_lags, degree=self.degree
-        )
+
+    def _learn(self, data: Regression, progress: Progress) -> NarxModel:
         if data.n_samples <= self.max_terms:
             raise ModelError(
                 f"{data.n_samples} usable samples are too few for up to {self.max_terms} terms; "
@@ -127,11 +114,11 @@ class Frols(NarxIdentifier):
         chosen = path.chosen[:count]
         kept = data.only(chosen)
         theta, theta_cov, noise_variance = least_squares(*kept.matrix())
-        self.model_ = kept.model(theta, theta_cov, noise_variance, identifier=self)
-        self.terms_ = self.model_.terms
+        model = kept.model(theta, theta_cov, noise_variance, identifier=self)
+        self.terms_ = model.terms
         self.err_ = np.array(path.err[:count])
         self.path_ = tuple(data.table.terms[i] for i in path.chosen)
-        return self
+        return model
 
     def _count(self, path: SelectionPath, target: Array) -> int:
         """Return the number of terms that the criterion likes best, and note the criterion."""

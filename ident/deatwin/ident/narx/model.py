@@ -1,10 +1,10 @@
-"""The polynomial NARX model: terms, parameters and their covariance; prediction, free run, and its file."""
+"""The polynomial NARMAX model: terms, parameters and their covariance; prediction and free run."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
@@ -12,15 +12,16 @@ from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.linalg import block_diag
 
+from deatwin.ident.narx.document import SCHEMA, fields_of, to_document
+from deatwin.ident.narx.free_run import free_run, innovations
 from deatwin.ident.narx.operating import Array, OperatingRange, read_only
-from deatwin.ident.narx.response import NarxResponse, ResponseStatus, free_run
+from deatwin.ident.narx.response import NarxResponse, ResponseStatus
 from deatwin.ident.narx.terms import Term, TermTable
 from deatwin.plant.documents import read_document, write_document
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
-
-SCHEMA = "deatwin/narx/1"
 
 # A free run has diverged when it leaves this many times the outputs of the training data; a model without
 # training data has no scale of its own, so that only what cannot be meant is called divergence.
@@ -30,23 +31,29 @@ _DIVERGED_UNTRAINED = 1e9
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NarxModel:
-    """A polynomial NARX model, y(k) = sum_m theta_m term_m(k) + e(k), of one output.
+    """A polynomial NARX model, y(k) = sum_m theta_m term_m(k) + e(k), of one or several outputs.
+
+    Terms may hold the noise e(k-l) of earlier samples (NARMAX). With several outputs each term belongs to
+    one output's equation, and the equations run together.
 
     Parameters
     ----------
     terms : tuple of Term
-        The terms; each prints as in the literature.
+        The terms of all equations; each prints as in the literature.
     theta : ndarray, shape (n_terms,)
         Parameters in SI units (those of the signals).
     theta_cov : ndarray, shape (n_terms, n_terms)
         Covariance of the parameters.
     theta_dof : float
         Degrees of freedom of a Student-t posterior with that covariance: the squared scale of the t
-        distribution is ``theta_cov * (theta_dof - 2) / theta_dof``. Infinite for a normal law.
-    noise_variance : float
+        distribution is ``theta_cov * (theta_dof - 2) / theta_dof``. Infinite for a normal law. With several
+        outputs the smallest of theirs.
+    noise_variance : float, or ndarray of shape (n_outputs,) with several outputs
         Variance of e(k), square of the output's unit.
     sample_time : float
         Sampling interval in s.
+    equations : tuple of int
+        For each term the row of the output whose equation it stands in; needed with several outputs only.
     input_names, output_names, input_units, output_units : tuple of str
         Names and units of the signals.
     operating : OperatingRange or None
@@ -63,9 +70,10 @@ class NarxModel:
     terms: tuple[Term, ...]
     theta: Array
     theta_cov: Array
-    noise_variance: float
+    noise_variance: float | Array
     sample_time: float
     theta_dof: float = math.inf
+    equations: tuple[int, ...] = ()
     input_names: tuple[str, ...] = ("input",)
     output_names: tuple[str, ...] = ("output",)
     input_units: tuple[str, ...] = ("",)
@@ -77,12 +85,38 @@ class NarxModel:
         for name in ("theta", "theta_cov"):
             object.__setattr__(self, name, read_only(getattr(self, name)))
         object.__setattr__(self, "provenance", MappingProxyType(dict(self.provenance)))
+        if self.n_outputs == 1 and set(self.equations) <= {0}:  # also where terms were replaced
+            object.__setattr__(self, "equations", (0,) * len(self.terms))
+        if self.n_outputs > 1:
+            object.__setattr__(self, "noise_variance", read_only(self.noise_variance))
+        self._require_terms()
+        self._require_values()
+
+    def _require_terms(self) -> None:
+        """Raise ModelError unless terms, equations and signals belong together."""
         n = len(self.terms)
-        if n == 0 or len(set(self.terms)) != n:
+        if len(self.equations) != n or not set(self.equations) <= set(range(self.n_outputs)):
+            raise ModelError(
+                f"{n} terms need the row of an output each, 0 to {self.n_outputs - 1}; got {self.equations}"
+            )
+        if n == 0 or len(set(zip(self.equations, self.terms, strict=True))) != n:
             raise ModelError(
                 "a NARX model needs at least one term, and each only once; "
                 f"got {', '.join(map(str, self.terms)) or 'none'}"
             )
+        for kind, signals, names in (
+            ("u", "inputs", self.input_names),
+            ("y", "outputs", self.output_names),
+            ("e", "outputs", self.output_names),
+        ):
+            if self.table.channels(kind) > len(names):
+                raise ModelError(
+                    f"the terms use {self.table.channels(kind)} {signals}, but {len(names)} are named"
+                )
+
+    def _require_values(self) -> None:
+        """Raise ModelError unless the numbers can be."""
+        n = len(self.terms)
         if self.theta.shape != (n,) or self.theta_cov.shape != (n, n):
             raise ModelError(
                 f"{n} terms need theta of shape ({n},) and theta_cov of shape ({n}, {n}); "
@@ -90,40 +124,41 @@ class NarxModel:
             )
         if not (np.all(np.isfinite(self.theta)) and np.all(np.isfinite(self.theta_cov))):
             raise ModelError("theta and theta_cov must be finite")
-        if not self.sample_time > 0 or not self.noise_variance >= 0 or not self.theta_dof > 2:
+        wanted = () if self.n_outputs == 1 else (self.n_outputs,)
+        if np.shape(self.noise_variance) != wanted:
+            raise ModelError(
+                f"noise_variance has the shape {np.shape(self.noise_variance)}; "
+                f"a model of {self.n_outputs} output(s) needs {wanted}"
+            )
+        if not self.sample_time > 0 or not np.all(np.asarray(self.noise_variance) >= 0) or not self.theta_dof > 2:
             raise ModelError(
                 f"sample_time = {self.sample_time} must be positive, noise_variance = "
                 f"{self.noise_variance} not negative and theta_dof = {self.theta_dof} above 2"
-            )
-        if len(self.output_names) != 1 or self.table.channels("y") > 1:
-            raise ModelError("a NarxModel has one output in this version")
-        if self.table.channels("u") > len(self.input_names):
-            raise ModelError(
-                f"the terms use {self.table.channels('u')} inputs, but {len(self.input_names)} are named"
             )
 
     @classmethod
     def from_terms(
         cls,
-        terms: Mapping[str, float],
+        terms: Mapping[str, float] | Mapping[str, Mapping[str, float]],
         *,
         sample_time: float,
         theta_cov: ArrayLike | None = None,
-        noise_variance: float = 0.0,
+        noise_variance: ArrayLike = 0.0,
         **details: Any,
     ) -> Self:
         """Make a model from written terms.
 
         Parameters
         ----------
-        terms : mapping of str to float
-            Parameter of each term, as ``{"y(k-1)": 0.6, "u(k-1)^2": 0.3}``.
+        terms : mapping of str to float, or of str to such mappings
+            Parameter of each term, as ``{"y(k-1)": 0.6, "u(k-1)^2": 0.3}``; for several outputs one such
+            mapping for each, as ``{"y1": {"y1(k-1)": 0.6}, "y2": {"y1(k-1)": 0.2, "u(k-1)": 1.0}}``.
         sample_time : float
             Sampling interval in s.
         theta_cov : array_like, shape (n_terms, n_terms), optional
             Covariance of the parameters; zero when not given.
-        noise_variance : float
-            Variance of e(k), square of the output's unit.
+        noise_variance : float or array_like of shape (n_outputs,)
+            Variance of e(k), square of the output's unit; one number holds for all outputs.
         **details
             Other fields of the class: names, units, operating, provenance, theta_dof.
 
@@ -132,19 +167,57 @@ class NarxModel:
         ModelError
             If a term cannot be read.
         """
-        parsed = tuple(Term.parse(text) for text in terms)
-        inputs = max(TermTable(parsed).channels("u"), 1)
-        if inputs > 1:
-            details.setdefault("input_names", tuple(f"input{i}" for i in range(1, inputs + 1)))
-            details.setdefault("input_units", ("",) * inputs)
+        written = _by_equation(terms)
+        parsed = tuple(Term.parse(text) for _, text, _ in written)
+        outputs = max(row for row, _, _ in written) + 1
+        _name_signals(details, "input", TermTable(parsed).channels("u"))
+        _name_signals(details, "output", outputs)
         cov = np.zeros((len(parsed), len(parsed))) if theta_cov is None else theta_cov
+        noise = np.asarray(noise_variance, dtype=np.float64)
         return cls(
             terms=parsed,
-            theta=read_only(list(terms.values())),
+            theta=read_only([value for _, _, value in written]),
             theta_cov=read_only(cov),
-            noise_variance=noise_variance,
+            noise_variance=np.broadcast_to(noise, outputs) if outputs > 1 else float(noise),
             sample_time=sample_time,
+            equations=tuple(row for row, _, _ in written),
             **details,
+        )
+
+    @classmethod
+    def joined(cls, models: Sequence[NarxModel]) -> NarxModel:
+        """Make one model of one equation for each output.
+
+        Parameters
+        ----------
+        models : sequence of NarxModel
+            One for each output, in order: all name the same signals, and the terms of each stand in the
+            equation of its own output.
+
+        Returns
+        -------
+        NarxModel
+            Parameters of different equations are uncorrelated in it.
+
+        Raises
+        ------
+        ModelError
+            If there is not one model for each output.
+        """
+        first = models[0]
+        if any(set(model.equations) != {row} for row, model in enumerate(models)) or (
+            len(models) != first.n_outputs
+        ):
+            raise ModelError("joined takes one model for each output, in the order of the outputs")
+        noise = np.array([np.atleast_1d(model.noise_variance)[row] for row, model in enumerate(models)])
+        return replace(
+            first,
+            terms=tuple(term for model in models for term in model.terms),
+            equations=tuple(row for model in models for row in model.equations),
+            theta=np.concatenate([model.theta for model in models]),
+            theta_cov=block_diag(*(model.theta_cov for model in models)),
+            theta_dof=min(model.theta_dof for model in models),
+            noise_variance=noise if len(models) > 1 else float(noise[0]),
         )
 
     @cached_property
@@ -152,9 +225,60 @@ class NarxModel:
         """The terms prepared for evaluation."""
         return TermTable(self.terms)
 
+    @property
+    def n_outputs(self) -> int:
+        """Number of outputs."""
+        return len(self.output_names)
+
+    @cached_property
+    def deterministic(self) -> NarxModel:
+        """The model without the terms that hold noise: what a free run sees.
+
+        Raises
+        ------
+        ModelError
+            If nothing is left.
+        """
+        kept = [m for m, term in enumerate(self.terms) if all(v.kind != "e" for v, _ in term.factors)]
+        if len(kept) == len(self.terms):
+            return self
+        return replace(
+            self,
+            terms=tuple(self.terms[m] for m in kept),
+            equations=tuple(self.equations[m] for m in kept),
+            theta=self.theta[kept],
+            theta_cov=self.theta_cov[np.ix_(kept, kept)],
+        )
+
+    def require_one_output(self, purpose: str) -> None:
+        """Raise ModelError unless the model has one output and no noise terms.
+
+        Parameters
+        ----------
+        purpose : str
+            What asks for it, as the subject of the error's sentence.
+
+        Raises
+        ------
+        ModelError
+            With what would be right.
+        """
+        if self.n_outputs > 1:
+            raise ModelError(f"{purpose} takes a model of one output; this one has {self.n_outputs}")
+        if self.table.channels("e"):
+            raise ModelError(f"{purpose} takes a model without noise terms; give its `deterministic` part")
+
     def __str__(self) -> str:
-        right = " + ".join(f"{value:.6g} {term}" for value, term in zip(self.theta, self.terms, strict=True))
-        return f"y(k) = {right} + e(k)".replace("+ -", "- ")
+        return "\n".join(self._equation(row) for row in range(self.n_outputs))
+
+    def _equation(self, row: int) -> str:
+        number = str(row + 1) if self.n_outputs > 1 else ""
+        right = " + ".join(
+            f"{value:.6g} {term}"
+            for value, term, equation in zip(self.theta, self.terms, self.equations, strict=True)
+            if equation == row
+        )
+        return f"y{number}(k) = {right} + e{number}(k)".replace("+ -", "- ")
 
     def predict(self, recording: Recording) -> NarxResponse:
         """Predict each sample one step ahead from the measured past.
@@ -167,7 +291,8 @@ class NarxModel:
         Returns
         -------
         NarxResponse
-            With ``.outputs`` of shape (1, n); the first lags are the measured ones.
+            With ``.outputs`` of shape (n_outputs, n); the first lags are the measured ones. Where terms hold
+            noise it is the innovation, y - ``.outputs``, of the samples before, and 0 in the first lags.
 
         Raises
         ------
@@ -175,14 +300,13 @@ class NarxModel:
             If the recording does not suit the model.
         """
         first = self._check(recording)
-        outputs = np.array(recording.outputs, dtype=np.float64)
-        outputs[0, first:] = self.theta @ self.table.rows(
-            recording.inputs, recording.outputs, first, recording.n_samples
+        outputs = recording.outputs - innovations(
+            self.table, self.theta, recording.inputs, recording.outputs, self.equations
         )
         return self._response(recording, outputs, first)
 
     def simulate(self, recording: Recording) -> NarxResponse:
-        """Run free: only the first measured lags and the inputs of the recording are used.
+        """Run free: only the first measured lags and the inputs of the recording are used; noise is zero.
 
         Parameters
         ----------
@@ -193,8 +317,8 @@ class NarxModel:
         Returns
         -------
         NarxResponse
-            With ``.outputs`` of shape (1, n). If the run diverges, ``.status`` says so, ``.failed_at_s``
-            when, and the outputs from there on hold the last value.
+            With ``.outputs`` of shape (n_outputs, n). If the run diverges, ``.status`` says so,
+            ``.failed_at_s`` when, and the outputs from there on hold the last value.
 
         Raises
         ------
@@ -203,12 +327,17 @@ class NarxModel:
         """
         first = self._check(recording)
         outputs, failed = free_run(
-            self.table, self.theta, recording.inputs, recording.outputs[0], self._divergence_limit(recording)
+            self.table,
+            self.theta,
+            recording.inputs,
+            recording.outputs,
+            self._divergence_limit(recording),
+            self.equations,
         )
         if failed is None:
-            return self._response(recording, outputs[None], first)
+            return self._response(recording, outputs, first)
         return self._response(
-            recording, outputs[None], first, ResponseStatus.DIVERGED, float(recording.timepts[failed])
+            recording, outputs, first, ResponseStatus.DIVERGED, float(recording.timepts[failed])
         )
 
     def save(self, path: str | Path) -> None:
@@ -219,7 +348,7 @@ class NarxModel:
         path : str or Path
             File to write.
         """
-        write_document(path, _to_json(self))
+        write_document(path, to_document(self))
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
@@ -235,7 +364,7 @@ class NarxModel:
         ModelError
             If the file is missing, not JSON, of another schema, or malformed.
         """
-        return read_document(path, SCHEMA, lambda document: cls(**_from_json(document)))
+        return read_document(path, SCHEMA, lambda document: cls(**fields_of(document)))
 
     def _check(self, recording: Recording) -> int:
         """Return the first sample that can be computed, after checking that the recording suits."""
@@ -244,10 +373,11 @@ class NarxModel:
                 f"the recording has a sample time of {recording.sample_time:g} s, "
                 f"the model of {self.sample_time:g} s"
             )
-        if recording.inputs.shape[0] != len(self.input_names) or recording.outputs.shape[0] != 1:
+        rows = (recording.inputs.shape[0], recording.outputs.shape[0])
+        if rows != (len(self.input_names), self.n_outputs):
             raise ModelError(
-                f"the recording has {recording.inputs.shape[0]} inputs and "
-                f"{recording.outputs.shape[0]} outputs, the model {len(self.input_names)} and 1"
+                f"the recording has {rows[0]} inputs and {rows[1]} outputs, "
+                f"the model {len(self.input_names)} and {self.n_outputs}"
             )
         if recording.n_samples <= self.table.max_lag:
             raise ModelError(
@@ -257,10 +387,12 @@ class NarxModel:
         return self.table.max_lag
 
     def _divergence_limit(self, recording: Recording) -> float:
+        """Return the magnitude beyond which a free run has diverged, in the unit of the largest output."""
+        measured = float(np.abs(recording.outputs).max())
         if self.operating is None:
-            return _DIVERGED_UNTRAINED * max(1.0, float(np.abs(recording.outputs).max()))
+            return _DIVERGED_UNTRAINED * max(1.0, measured)
         seen = np.abs([self.operating.output_min, self.operating.output_max])
-        return _DIVERGED_TRAINED * max(float(seen.max()), float(np.abs(recording.outputs).max()))
+        return _DIVERGED_TRAINED * max(float(seen.max()), measured)
 
     def _response(
         self,
@@ -278,63 +410,31 @@ class NarxModel:
             first=first,
             status=status,
             failed_at_s=failed_at_s,
-            unit=self.output_units[0],
+            units=self.output_units,
         )
 
 
-def _to_json(model: NarxModel) -> dict[str, Any]:
-    def signals(side: str, names: tuple[str, ...], units: tuple[str, ...]) -> list[dict[str, Any]]:
-        ranges = {
-            key: [None] * len(names)
-            if model.operating is None
-            else getattr(model.operating, f"{side}_{key}").tolist()
-            for key in ("min", "max", "centre")
-        }
-        return [
-            {"name": name, "unit": unit} | {key: values[i] for key, values in ranges.items()}
-            for i, (name, unit) in enumerate(zip(names, units, strict=True))
-        ]
-
-    return {
-        "schema": SCHEMA,
-        "sample_time_s": float(model.sample_time),
-        "inputs": signals("input", model.input_names, model.input_units),
-        "outputs": signals("output", model.output_names, model.output_units),
-        "terms": [
-            {"term": str(term), "theta": float(value)}
-            for term, value in zip(model.terms, model.theta, strict=True)
-        ],
-        "theta_cov": model.theta_cov.tolist(),
-        "theta_dof": float(model.theta_dof) if math.isfinite(model.theta_dof) else None,
-        "noise_variance": float(model.noise_variance),
-        "provenance": dict(model.provenance),
-    }
+def _by_equation(
+    terms: Mapping[str, float] | Mapping[str, Mapping[str, float]],
+) -> list[tuple[int, str, float]]:
+    """Return row of the output, text and parameter of each written term."""
+    if not terms:
+        raise ModelError("no terms are given; a NARX model needs at least one")
+    equations = {name: value for name, value in terms.items() if isinstance(value, Mapping)}
+    if not equations:
+        return [(0, text, float(value)) for text, value in terms.items()]  # type: ignore[arg-type]
+    wanted = [f"y{number}" for number in range(1, len(terms) + 1)]
+    if list(equations) != wanted:
+        raise ModelError(f"equations {', '.join(terms)}: give a mapping of terms for each of {', '.join(wanted)}")
+    return [
+        (row, text, float(value))
+        for row, equation in enumerate(equations.values())
+        for text, value in equation.items()
+    ]
 
 
-def _from_json(document: Mapping[str, Any]) -> dict[str, Any]:
-    sides = {"input": document["inputs"], "output": document["outputs"]}
-    ranges = {
-        f"{side}_{key}": [signal[key] for signal in signals]
-        for side, signals in sides.items()
-        for key in ("min", "max", "centre")
-    }
-    known = all(value is not None for values in ranges.values() for value in values)
-    dof = document["theta_dof"]
-    names = {
-        f"{side}_{key}s": tuple(str(signal[key]) for signal in signals)
-        for side, signals in sides.items()
-        for key in ("name", "unit")
-    }
-    return {
-        "terms": tuple(Term.parse(item["term"]) for item in document["terms"]),
-        "theta": read_only([item["theta"] for item in document["terms"]]),
-        "theta_cov": read_only(document["theta_cov"]),
-        "theta_dof": math.inf if dof is None else float(dof),
-        "noise_variance": float(document["noise_variance"]),
-        "sample_time": float(document["sample_time_s"]),
-        "operating": OperatingRange(**{key: read_only(values) for key, values in ranges.items()})
-        if known
-        else None,
-        "provenance": {str(key): str(value) for key, value in document["provenance"].items()},
-        **names,
-    }
+def _name_signals(details: dict[str, Any], side: str, count: int) -> None:
+    """Number the signals of one side where there are several and they have no names yet."""
+    if count > 1:
+        details.setdefault(f"{side}_names", tuple(f"{side}{number}" for number in range(1, count + 1)))
+        details.setdefault(f"{side}_units", ("",) * count)

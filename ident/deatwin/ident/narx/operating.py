@@ -33,8 +33,8 @@ class OperatingRange:
         Smallest and largest value of the training inputs, in the inputs' units.
     input_centre : ndarray, shape (n_inputs,)
         The operating input: mean of the training inputs, or 0 after the operating point was removed.
-    output_min, output_max, output_centre : ndarray, shape (1,)
-        The same of the output, in its unit.
+    output_min, output_max, output_centre : ndarray, shape (n_outputs,)
+        The same of the outputs, in their units.
     """
 
     input_min: Array

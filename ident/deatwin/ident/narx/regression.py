@@ -1,92 +1,26 @@
-"""What all NARX estimators share: the regression on recordings, its scaling, and scikit-learn's contract."""
+"""The regression of candidate terms on recordings, with its scaling and the way back to physical units."""
 
 from __future__ import annotations
 
-import inspect
 import math
-from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.operating import OperatingRange
-from deatwin.ident.narx.terms import Lags, TermTable, generate_terms
-from deatwin.plant.errors import ModelError, nearest
+from deatwin.ident.narx.terms import Lags, Rule, TermTable, generate_terms
+from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Experiment, Recording
 
 Array = NDArray[np.float64]
 Recordings = Recording | Experiment | Iterable[Recording | Experiment]
 
 _BLOCK = 4096  # samples evaluated at once: a block of 1000 terms is 32 MB
-
-
-class NarxIdentifier(ABC):
-    """An estimator of NARX models under scikit-learn's contract.
-
-    Arguments are stored untouched under their names, what is learned ends in ``_``, and ``fit`` returns the
-    estimator.
-    """
-
-    model_: NarxModel
-
-    @abstractmethod
-    def fit(self, recordings: Recordings) -> Self:
-        """Learn ``model_`` from recordings.
-
-        Parameters
-        ----------
-        recordings : Recording, Experiment, or several
-            Training data of one sample time; each recording starts with its own lags.
-        """
-
-    @classmethod
-    def _names(cls) -> list[str]:
-        return [name for name in inspect.signature(cls.__init__).parameters if name != "self"]
-
-    def get_params(self, deep: bool = True) -> dict[str, Any]:
-        """Return the arguments by name.
-
-        Parameters
-        ----------
-        deep : bool
-            Part of scikit-learn's contract; without effect, for no argument is an estimator.
-
-        Returns
-        -------
-        dict
-        """
-        return {name: getattr(self, name) for name in self._names()}
-
-    def set_params(self, **params: Any) -> Self:
-        """Set arguments by name.
-
-        Parameters
-        ----------
-        **params
-            New values.
-
-        Raises
-        ------
-        ModelError
-            If a name is not an argument.
-        """
-        for name in params:
-            if name not in self._names():
-                raise ModelError(
-                    f"{type(self).__name__} has no argument {name!r}{nearest(name, self._names())}"
-                )
-        for name, value in params.items():
-            setattr(self, name, value)
-        return self
-
-    def __repr__(self) -> str:
-        arguments = ", ".join(f"{name}={value!r}" for name, value in self.get_params().items())
-        return f"{type(self).__name__}({arguments})"
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,14 +38,26 @@ class Regression:
         Training data.
     first : int
         The sample at which each recording starts to be fitted, so that all its lags are its own.
+    output : int
+        Row of the output whose equation this is.
     """
 
     table: TermTable
     recordings: tuple[Recording, ...]
     first: int
+    output: int = 0
 
     @classmethod
-    def of(cls, recordings: Recordings, *, output_lags: Lags, input_lags: Lags, degree: int) -> Regression:
+    def of(
+        cls,
+        recordings: Recordings,
+        *,
+        output_lags: Lags,
+        input_lags: Lags,
+        degree: int,
+        rule: Rule | None = None,
+        output: int = 0,
+    ) -> Regression:
         """Set up all candidates of given lags and degree.
 
         Parameters
@@ -119,9 +65,38 @@ class Regression:
         recordings : Recording, Experiment, or several
             Training data.
         output_lags, input_lags : int or sequence of int
-            Lags in samples, a number n for 1..n.
+            Lags in samples, a number n for 1..n; for every output and input.
         degree : int
             Largest degree.
+        rule : callable, optional
+            Takes a `Term` and says whether it is a candidate.
+        output : int
+            Row of the output whose equation is wanted.
+
+        Raises
+        ------
+        ModelError
+            If the recordings do not fit together or are too short.
+        """
+        chosen = flatten(recordings)
+        n_inputs, n_outputs = len(chosen[0].inputs), len(chosen[0].outputs)
+        table = TermTable(
+            generate_terms(output_lags, input_lags, degree, n_inputs=n_inputs, n_outputs=n_outputs, rule=rule)
+        )
+        return cls.on(chosen, table, output=output)
+
+    @classmethod
+    def on(cls, recordings: Recordings, table: TermTable, *, output: int = 0) -> Regression:
+        """Set up the regression on given terms.
+
+        Parameters
+        ----------
+        recordings : Recording, Experiment, or several
+            Training data.
+        table : TermTable
+            The terms, without noise.
+        output : int
+            Row of the output whose equation is wanted.
 
         Raises
         ------
@@ -133,13 +108,7 @@ class Regression:
         channels = {(record.inputs.shape[0], record.outputs.shape[0]) for record in chosen}
         if len(channels) != 1 or not math.isclose(min(times), max(times), rel_tol=1e-6):
             raise ModelError("the recordings must have the same inputs, outputs and sample time")
-        if chosen[0].outputs.shape[0] != 1:
-            raise ModelError(
-                f"the recordings have {chosen[0].outputs.shape[0]} outputs; "
-                "NARX estimators identify one output in this version"
-            )
-        table = TermTable(generate_terms(output_lags, input_lags, degree, n_inputs=chosen[0].inputs.shape[0]))
-        if not any(np.any(record.outputs) for record in chosen):
+        if not any(np.any(record.outputs[output : output + 1]) for record in chosen):
             raise ModelError("the output is constantly zero: there is nothing to identify")
         for number, record in enumerate(chosen, start=1):
             if record.n_samples <= table.max_lag:
@@ -147,7 +116,7 @@ class Regression:
                     f"recording {number} has {record.n_samples} samples; "
                     f"lags up to {table.max_lag} need at least {table.max_lag + 1}"
                 )
-        return cls(table, chosen, table.max_lag)
+        return cls(table, chosen, table.max_lag, output)
 
     def only(self, indices: Iterable[int]) -> Regression:
         """Return the regression on some of the terms, over the same samples.
@@ -157,7 +126,8 @@ class Regression:
         indices : iterable of int
             Their positions in ``table.terms``, in the order wanted.
         """
-        return Regression(TermTable(tuple(self.table.terms[i] for i in indices)), self.recordings, self.first)
+        table = TermTable(tuple(self.table.terms[i] for i in indices))
+        return Regression(table, self.recordings, self.first, self.output)
 
     @property
     def n_samples(self) -> int:
@@ -170,17 +140,31 @@ class Regression:
         return _scales([record.inputs for record in self.recordings])
 
     @cached_property
+    def output_scales(self) -> Array:
+        """Divisors of the outputs, shape (n_outputs,), in their units."""
+        return _scales([record.outputs for record in self.recordings])
+
+    @property
     def output_scale(self) -> float:
-        """Divisor of the output, in its unit."""
-        return float(_scales([record.outputs for record in self.recordings])[0])
+        """Divisor of the output whose equation this is, in its unit."""
+        return float(self.output_scales[self.output])
 
     @cached_property
     def term_scales(self) -> Array:
         """Physical size of a parameter of 1 for each term, shape (n_terms,)."""
-        values = np.array(
-            [self.output_scale if v.kind == "y" else self.input_scales[v.index] for v in self.table.variables]
-        )
+        scales = {"y": self.output_scales, "e": self.output_scales, "u": self.input_scales}
+        values = np.array([scales[v.kind][v.index] for v in self.table.variables])
         return self.output_scale / self.table.at(values)
+
+    def scaled(self, record: Recording) -> tuple[Array, Array]:
+        """Return inputs, (n_inputs, n), and outputs, (n_outputs, n), of a recording, divided by the scales.
+
+        Parameters
+        ----------
+        record : Recording
+            With the signals of the training data.
+        """
+        return record.inputs / self.input_scales[:, None], record.outputs / self.output_scales[:, None]
 
     def blocks(self) -> Iterator[tuple[Array, Array]]:
         """Yield regressors and outputs block by block.
@@ -193,11 +177,10 @@ class Regression:
             Scaled outputs of these samples.
         """
         for record in self.recordings:
-            inputs = record.inputs / self.input_scales[:, None]
-            outputs = record.outputs / self.output_scale
+            inputs, outputs = self.scaled(record)
             for start in range(self.first, record.n_samples, _BLOCK):
                 stop = min(start + _BLOCK, record.n_samples)
-                yield self.table.rows(inputs, outputs, start, stop), outputs[0, start:stop]
+                yield self.table.rows(inputs, outputs, start, stop), outputs[self.output, start:stop]
 
     def matrix(self) -> tuple[Array, Array]:
         """Return scaled regressors, transposed to (n_terms, n_samples), and outputs, shape (n_samples,)."""
@@ -226,7 +209,7 @@ class Regression:
         theta_cov: Array,
         noise_variance: float,
         *,
-        identifier: NarxIdentifier,
+        identifier: Any,
         theta_dof: float = math.inf,
     ) -> NarxModel:
         """Return the model of all terms of this regression, in physical units.
@@ -239,24 +222,28 @@ class Regression:
             Scaled covariance.
         noise_variance : float
             Scaled noise variance.
-        identifier : NarxIdentifier
-            The estimator, for the provenance.
+        identifier : object
+            The estimator, which prints for the provenance.
         theta_dof : float
             Degrees of freedom of a Student-t posterior.
 
         Returns
         -------
         NarxModel
+            Of one equation: with several outputs it is to be joined with those of the others.
         """
         scale = self.term_scales
         record = self.recordings[0]
+        noise = np.zeros(len(record.output_names))
+        noise[self.output] = noise_variance * self.output_scale**2
         files = [r.provenance["file"] for r in self.recordings if "file" in r.provenance]
         return NarxModel(
             terms=self.table.terms,
             theta=theta * scale,
             theta_cov=theta_cov * np.outer(scale, scale),
             theta_dof=theta_dof,
-            noise_variance=noise_variance * self.output_scale**2,
+            noise_variance=noise if noise.size > 1 else float(noise[0]),
+            equations=(self.output,) * len(self.table.terms),
             sample_time=record.sample_time,
             input_names=record.input_names,
             output_names=record.output_names,

@@ -1,4 +1,4 @@
-"""What a NARX model answers over a recording, and the free run that computes it."""
+"""What a NARX model answers over a recording."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.narx.terms import Term, TermTable
 from deatwin.plant.drawing import axes_or_new
 
 if TYPE_CHECKING:
@@ -39,10 +38,10 @@ class NarxResponse:
 
     Parameters
     ----------
-    outputs : ndarray, shape (1, n)
-        Model outputs in the recording's unit; the samples before ``first`` are the measured ones. Always
+    outputs : ndarray, shape (n_outputs, n)
+        Model outputs in the recording's units; the samples before ``first`` are the measured ones. Always
         finite.
-    measured : ndarray, shape (1, n)
+    measured : ndarray, shape (n_outputs, n)
         The recording's outputs.
     timepts : ndarray, shape (n,)
         Times of the samples on the recording's clock in s.
@@ -52,8 +51,8 @@ class NarxResponse:
         Whether the run is sound.
     failed_at_s : float or None
         Time at which a free run diverged, in s.
-    unit : str
-        Unit of the outputs.
+    units : tuple of str
+        Unit of each output.
     """
 
     outputs: Array
@@ -62,16 +61,16 @@ class NarxResponse:
     first: int
     status: ResponseStatus = ResponseStatus.OK
     failed_at_s: float | None = None
-    unit: str = ""
+    units: tuple[str, ...] = ("",)
 
     @property
     def residuals(self) -> Array:
-        """Measured minus computed outputs of the computed samples, shape (1, n - first)."""
+        """Measured minus computed outputs of the computed samples, shape (n_outputs, n - first)."""
         return np.asarray((self.measured - self.outputs)[:, self.first :], dtype=np.float64)
 
     @property
     def rms_error(self) -> float:
-        """Root mean square of the residuals, in the recording's unit."""
+        """Root mean square of the residuals of all outputs, in the recording's unit."""
         return float(np.sqrt(np.mean(self.residuals**2)))
 
     def plot(self, ax: Axes | None = None) -> Axes:
@@ -87,64 +86,13 @@ class NarxResponse:
         matplotlib Axes
         """
         axes = axes_or_new(ax)
-        axes.plot(self.timepts, self.measured[0], label="measured")
-        axes.plot(self.timepts, self.outputs[0], label="model")
+        several = len(self.outputs) > 1
+        for row, (measured, computed) in enumerate(zip(self.measured, self.outputs, strict=True), start=1):
+            number = f" {row}" if several else ""
+            axes.plot(self.timepts, measured, label=f"measured{number}")
+            axes.plot(self.timepts, computed, label=f"model{number}")
+        units = sorted({unit for unit in self.units if unit})
         axes.set_xlabel("time (s)")
-        axes.set_ylabel(f"output ({self.unit})" if self.unit else "output")
+        axes.set_ylabel(f"output ({', '.join(units)})" if units else "output")
         axes.legend()
         return axes
-
-
-def free_run(
-    table: TermTable, theta: Array, inputs: Array, measured: Array, limit: float
-) -> tuple[Array, int | None]:
-    """Run a model of one output free.
-
-    With the inputs known, y(k) = sum_j c_j(k) m_j(y(k-1), y(k-2), ...): the c_j, one for each monomial m_j of
-    lagged outputs, are computed at once for all samples; only the short sum runs sample by sample, in plain
-    floats.
-
-    Parameters
-    ----------
-    table : TermTable
-        The terms.
-    theta : ndarray, shape (n_terms,)
-        Parameters.
-    inputs : ndarray, shape (n_inputs, n)
-        Inputs.
-    measured : ndarray, shape (n,)
-        Outputs; only the first ``table.max_lag`` are used.
-    limit : float
-        Outputs beyond ± this are divergence, in the output's unit.
-
-    Returns
-    -------
-    outputs : ndarray, shape (n,)
-        After a divergence the last value is held.
-    failed : int or None
-        Sample of the divergence.
-    """
-    first, n = table.max_lag, inputs.shape[1]
-    output_parts = [tuple(v.lag for v in term.expanded if v.kind == "y") for term in table.terms]
-    input_parts = TermTable(
-        tuple(Term.product(v for v in term.expanded if v.kind == "u") for term in table.terms)
-    )
-    monomials = sorted(set(output_parts))
-    coefficients = np.zeros((len(monomials), n - first))
-    np.add.at(
-        coefficients,
-        [monomials.index(part) for part in output_parts],
-        theta[:, None] * input_parts.rows(inputs, measured[None], first, n),
-    )
-    run: list[float] = measured.tolist()
-    for k, row in enumerate(coefficients.T.tolist(), start=first):
-        value = 0.0
-        for factor, lags in zip(row, monomials, strict=True):
-            for lag in lags:
-                factor *= run[k - lag]
-            value += factor
-        if not -limit < value < limit:
-            run[k:] = [run[k - 1] if k else 0.0] * (n - k)
-            return np.array(run), k
-        run[k] = value
-    return np.array(run), None

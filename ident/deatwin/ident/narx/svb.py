@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.narx.bayes import Posterior, Priors, Statistics, fit_relevance
-from deatwin.ident.narx.regression import NarxIdentifier, Recordings, Regression
-from deatwin.ident.narx.terms import Lags, Term
+from deatwin.ident.narx.identifier import NarxIdentifier, Progress
+from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.regression import Regression
+from deatwin.ident.narx.terms import Lags, Rule, Term
 from deatwin.plant.errors import ModelError
 
 Array = NDArray[np.float64]
@@ -66,6 +67,8 @@ class SvbNarx(NarxIdentifier):
         A number n for the lags 1..n, or the lags themselves (an input lag may be 0), in samples.
     degree : int
         Largest degree of a candidate.
+    rule : callable, optional
+        Takes a `Term` and says whether it is a candidate; see `deatwin.ident.narx.rules`.
     resolution : float
         The larger, the fewer terms a step prunes; above 1.
     a0, b0, c0, d0 : float
@@ -103,6 +106,7 @@ class SvbNarx(NarxIdentifier):
         output_lags: Lags = 2,
         input_lags: Lags = 2,
         degree: int = 2,
+        rule: Rule | None = None,
         resolution: float = 100.0,
         a0: float = 1e-2,
         b0: float = 1e-4,
@@ -114,6 +118,7 @@ class SvbNarx(NarxIdentifier):
         self.output_lags = output_lags
         self.input_lags = input_lags
         self.degree = degree
+        self.rule = rule
         self.resolution = resolution
         self.a0 = a0
         self.b0 = b0
@@ -122,31 +127,13 @@ class SvbNarx(NarxIdentifier):
         self.tolerance = tolerance
         self.max_iterations = max_iterations
 
-    def fit(self, recordings: Recordings) -> Self:
-        """Choose terms and infer their parameters.
-
-        Parameters
-        ----------
-        recordings : Recording, Experiment, or several
-            Training data of one sample time.
-
-        Returns
-        -------
-        SvbNarx
-            The estimator itself.
-
-        Raises
-        ------
-        ModelError
-            If an argument makes no sense, or there are too few samples.
-        """
+    def _check(self) -> None:
         if self.resolution <= 1 or self.max_iterations < 1 or min(self.a0, self.b0, self.c0, self.d0) <= 0:
             raise ModelError(
                 "resolution must be above 1, max_iterations at least 1 and a0, b0, c0, d0 positive"
             )
-        data = Regression.of(
-            recordings, output_lags=self.output_lags, input_lags=self.input_lags, degree=self.degree
-        )
+
+    def _learn(self, data: Regression, progress: Progress) -> NarxModel:
         if data.n_samples < 3:
             raise ModelError(f"{data.n_samples} usable samples are too few; at least 3 are needed")
         gram, moment, power = data.gram()
@@ -158,15 +145,15 @@ class SvbNarx(NarxIdentifier):
         self.lower_bound_ = chosen.lower_bound
         self.relevance_ = chosen.relevance
         sizes = sizes[chosen.indices]
-        self.model_ = data.only(chosen.indices).model(
+        model = data.only(chosen.indices).model(
             best.mean / sizes,
             best.covariance / np.outer(sizes, sizes),
             best.noise_variance,
             identifier=self,
             theta_dof=2 * best.a,
         )
-        self.terms_ = self.model_.terms
-        return self
+        self.terms_ = model.terms
+        return model
 
     def _prune(self, data: Regression, statistics: Statistics) -> tuple[list[PruningStep], Posterior]:
         """Fit and prune down to one term; return all steps and the posterior of the best."""

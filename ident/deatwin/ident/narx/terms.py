@@ -1,7 +1,7 @@
-"""Polynomial NARX terms: written, parsed, generated, and evaluated as regressors.
+"""Polynomial NARMAX terms: written, parsed, generated, and evaluated as regressors.
 
-A term is a product of lagged outputs and inputs, written as in the literature: ``y(k-1)u(k-2)^2``; with
-several channels ``y1(k-1)u3(k-2)^2``; the constant term is ``1``.
+A term is a product of lagged outputs, inputs and noise, written as in the literature: ``y(k-1)u(k-2)^2`` or
+``u(k-1)e(k-2)``; with several channels ``y1(k-1)u3(k-2)^2``; the constant term is ``1``.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, total_ordering
 from itertools import combinations_with_replacement
@@ -19,10 +19,13 @@ from numpy.typing import NDArray
 
 from deatwin.plant.errors import ModelError
 
+Array = NDArray[np.float64]
 Lags = int | Sequence[int]
 
-_KINDS = "yu"  # the order in which factors are written; noise terms e(k-l) will follow
-_FACTOR = re.compile(r"\s*\*?\s*([yu])(\d*)\(\s*k\s*(?:-\s*(\d+)\s*)?\)(?:\s*\^\s*(\d+))?\s*")
+_KINDS = "yue"  # the order in which factors are written
+_FACTOR = re.compile(r"\s*\*?\s*([yue])(\d*)\(\s*k\s*(?:-\s*(\d+)\s*)?\)(?:\s*\^\s*(\d+))?\s*")
+
+Rule = Callable[["Term"], bool]
 
 MOST_TERMS = 20_000
 """Candidates beyond which the Gram matrix alone would need gigabytes."""
@@ -36,11 +39,11 @@ class Variable:
     Parameters
     ----------
     kind : str
-        "y" for an output, "u" for an input.
+        "y" for an output, "u" for an input, "e" for the noise of an output.
     channel : int
         Number of the channel from 1; 0 when there is only one and it is written without a number.
     lag : int
-        Delay in samples; at least 1 for an output.
+        Delay in samples; at least 1 but for an input.
     """
 
     kind: str
@@ -114,9 +117,10 @@ class Term:
                 )
             kind, channel, lag, power = match.groups()
             variable = Variable(kind, int(channel or 0), int(lag or 0))
-            if kind == "y" and variable.lag < 1:
+            if kind != "u" and variable.lag < 1:
+                held = "output" if kind == "y" else "noise"
                 raise ModelError(
-                    f"term {text!r} holds the output at the present sample; its lag must be at least 1"
+                    f"term {text!r} holds the {held} at the present sample; its lag must be at least 1"
                 )
             variables += [variable] * int(power or 1)
             position = match.end()
@@ -162,7 +166,14 @@ def lag_list(lags: Lags, *, smallest: int) -> tuple[int, ...]:
 
 
 def generate_terms(
-    output_lags: Lags, input_lags: Lags, degree: int, *, n_inputs: int = 1, n_outputs: int = 1
+    output_lags: Lags,
+    input_lags: Lags,
+    degree: int,
+    *,
+    noise_lags: Lags = 0,
+    n_inputs: int = 1,
+    n_outputs: int = 1,
+    rule: Rule | None = None,
 ) -> tuple[Term, ...]:
     """Return all candidate terms up to a degree, the constant first, then by degree.
 
@@ -173,18 +184,22 @@ def generate_terms(
         channel.
     degree : int
         Largest degree of a term, at least 1.
+    noise_lags : int or sequence of int
+        Likewise for the noise of every output; none by default.
     n_inputs, n_outputs : int
         Number of channels; a single one is written without a number.
+    rule : callable, optional
+        Takes a `Term` and says whether it is a candidate; see `deatwin.ident.narx.rules`.
 
     Returns
     -------
     tuple of Term
-        (n + degree)! / (n! degree!) terms for n lagged signals.
+        (n + degree)! / (n! degree!) terms for n lagged signals, less those that the rule drops.
 
     Raises
     ------
     ModelError
-        If the lags or the degree make no sense.
+        If the lags or the degree make no sense, or the rule leaves nothing.
     """
     if degree < 1:
         raise ModelError(f"degree = {degree}; it must be at least 1")
@@ -192,6 +207,7 @@ def generate_terms(
     for kind, count, lags in (
         ("y", n_outputs, lag_list(output_lags, smallest=1)),
         ("u", n_inputs, lag_list(input_lags, smallest=0)),
+        ("e", n_outputs, lag_list(noise_lags, smallest=1)),
     ):
         channels = range(1, count + 1) if count > 1 else (0,)
         variables += [Variable(kind, channel, lag) for channel in channels for lag in lags]
@@ -203,11 +219,15 @@ def generate_terms(
             f"{len(variables)} lagged signals of degree {degree} make {candidates} candidate terms; "
             f"at most {MOST_TERMS} can be handled: take fewer lags or a lower degree"
         )
-    return tuple(
+    products = (
         Term.product(chosen)
         for n in range(degree + 1)
         for chosen in combinations_with_replacement(variables, n)
     )
+    terms = tuple(term for term in products if rule is None or rule(term))
+    if not terms:
+        raise ModelError(f"the rule {rule!r} leaves none of {candidates} candidate terms")
+    return terms
 
 
 @dataclass(frozen=True, eq=False)
@@ -249,9 +269,26 @@ class TermTable:
         Parameters
         ----------
         kind : str
-            "y" or "u".
+            "y", "u" or "e".
         """
         return max((v.index + 1 for v in self.variables if v.kind == kind), default=0)
+
+    def without(self, kind: str) -> TermTable:
+        """Return the table of what is left of each term without its factors of one kind.
+
+        Parameters
+        ----------
+        kind : str
+            "y", "u" or "e".
+
+        Returns
+        -------
+        TermTable
+            As many terms, in the same order; what was made of that kind only has become the constant.
+        """
+        return TermTable(
+            tuple(Term(tuple(f for f in term.factors if f[0].kind != kind)) for term in self.terms)
+        )
 
     @cached_property
     def _plan(self) -> tuple[tuple[int | None, tuple[int, ...]], ...]:
@@ -268,8 +305,8 @@ class TermTable:
         return tuple(plan)
 
     def rows(
-        self, inputs: NDArray[np.float64], outputs: NDArray[np.float64], start: int, stop: int
-    ) -> NDArray[np.float64]:
+        self, inputs: Array, outputs: Array, start: int, stop: int, noise: Array | None = None
+    ) -> Array:
         """Evaluate all terms over a stretch of samples.
 
         Parameters
@@ -280,14 +317,23 @@ class TermTable:
             Outputs of one recording, likewise.
         start, stop : int
             Samples [start:stop) of the recording; ``start`` must be at least ``max_lag``.
+        noise : ndarray, shape (n_outputs, n), optional
+            Noise of the outputs, in their units; only where terms hold noise.
 
         Returns
         -------
         ndarray, shape (n_terms, stop - start)
             The transposed regressor matrix: one row a term, so that each is contiguous in memory.
+
+        Raises
+        ------
+        ModelError
+            If terms hold noise and none is given.
         """
-        signal = {"y": outputs, "u": inputs}
-        lagged = [signal[v.kind][v.index, start - v.lag : stop - v.lag] for v in self.variables]
+        signal = {"y": outputs, "u": inputs, "e": noise}
+        if noise is None and self.channels("e"):
+            raise ModelError("the terms hold noise e(k-l), which is not measured: give its values")
+        lagged = [signal[v.kind][v.index, start - v.lag : stop - v.lag] for v in self.variables]  # type: ignore[index]
         rows = np.empty((len(self.terms), stop - start))
         for row, (parent, rest) in zip(rows, self._plan, strict=True):
             row[:] = 1.0 if parent is None else rows[parent]
@@ -295,7 +341,7 @@ class TermTable:
                 row *= lagged[j]
         return rows
 
-    def at(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    def at(self, values: Array) -> Array:
         """Evaluate all terms at one value of each variable.
 
         Parameters

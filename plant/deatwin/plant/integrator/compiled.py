@@ -10,7 +10,7 @@ import shutil
 import subprocess
 import tempfile
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
@@ -20,7 +20,7 @@ import casadi as ca
 
 from deatwin.plant.integrator.lanes import replaced
 
-__all__ = ["cache_folder", "compile_functions", "compiler"]
+__all__ = ["cache_folder", "compile_functions", "compile_source", "compiler"]
 
 logger = logging.getLogger(__name__)
 FLAGS = (
@@ -31,9 +31,12 @@ FLAGS = (
     # Passes that find nothing in straight-line code and take a third of the time.
     "-fno-tree-pre", "-fno-gcse", "-fno-tree-vrp", "-fno-schedule-insns2", "-fno-code-hoisting",
 )  # fmt: skip
+LOOPS = ("-O3",)
+"""What code with loops gains from, and straight-line code does not."""
 THIS_PROCESSOR = "-march=native"
 WIDE_VECTORS = "__AVX__"
 """What a compiler defines where its vectors hold four numbers or more: with less, functions in lanes gain nothing."""
+NO_COMPILER = "no C compiler found: simulations run about twenty times slower"
 SAID = "DEATWIN_SAID"
 """Environment variable that holds what was said once, so that worker processes do not say it again."""
 
@@ -89,7 +92,7 @@ def compile_functions(
     """
     program = compiler()
     if program is None:
-        _say_once("no C compiler found: simulations run about twenty times slower")
+        _say_once(NO_COMPILER)
         return dict(functions)
     renamed = {name: _named(name, function) for name, function in functions.items()}
     generator = ca.CodeGenerator("plant.c")
@@ -106,6 +109,32 @@ def compile_functions(
     except (OSError, RuntimeError, subprocess.SubprocessError) as error:
         _say_once(f"{program} could not compile the plant ({error}): simulations run about twenty times slower")
         return dict(functions)
+
+
+def compile_source(source: str) -> Path | None:
+    """Compile C code to a library in the user's cache, once.
+
+    Parameters
+    ----------
+    source : str
+        The code; it may use the C library and the mathematics library.
+
+    Returns
+    -------
+    Path or None
+        The library; None where there is no compiler or it fails, which is said once.
+    """
+    program = compiler()
+    if program is None:
+        _say_once(NO_COMPILER)
+        return None
+    try:
+        target = _target(program)
+        flags = (*target.flags, *LOOPS)
+        return _library(source, replace(target, flags=flags, key="\0".join((target.key, *LOOPS))))
+    except (OSError, subprocess.SubprocessError) as error:
+        _say_once(f"{program} could not compile a simulation ({error}): it runs about twenty times slower")
+        return None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -49,7 +49,7 @@ def check(
     from deatwin.scenarios.report.svg import draw, standalone
 
     voice = Voice(as_json=as_json, quiet=quiet)
-    narx, physics = NarxModel.load(model), load_plant(plant)
+    narx, physics = NarxModel.load(model).deterministic, load_plant(plant)
     folder = ResultFolder(out)
     record = RunRecord(command=context.obj, inputs=hashes([model, plant]), seed=seed, jobs=jobs)
     with voice.progress("closing the loop") as progress:

@@ -42,7 +42,7 @@ def frequency(
     from deatwin.scenarios.report.svg import draw, standalone
 
     voice = Voice(as_json=as_json, quiet=quiet)
-    narx = NarxModel.load(model)
+    narx = NarxModel.load(model).deterministic
     highest = np.pi / narx.sample_time
     response = gfrf(narx, order, np.geomspace(highest / 10**DECADES, highest, POINTS), operating_input=operating_input)
     folder = ResultFolder(out)

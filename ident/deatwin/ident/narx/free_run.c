@@ -1,0 +1,118 @@
+/* Polynomial models that are run along their own past.
+
+   Every output c follows x_c(k) = base_c(k) + sum over its terms of theta * part(k) * monomial(x), where a part is a
+   product of signals that are known beforehand and a monomial one of marched signals at earlier samples. Parts
+   are computed for a block of samples at once, and terms with the same monomial share one coefficient: what is left to
+   do sample by sample is short. */
+#include <math.h>
+#include <stdint.h>
+#include <string.h>
+
+#define BLOCK 256
+
+typedef int64_t integer;
+
+typedef struct {
+    const double *known;           /* all signals that are known, one after another */
+    const integer *known_start;    /* [n_terms + 1] into known_offset */
+    const integer *known_offset;   /* a factor of a part is known[k + offset] */
+    const integer *monomial;       /* [n_terms] the monomial of each term */
+    const integer *equation;       /* [n_terms] the output that each term belongs to */
+    const integer *marched_start;  /* [n_monomials + 1] into marched_offset */
+    const integer *marched_offset; /* a factor of a monomial is x[k + offset] */
+    integer n_outputs, first, n;   /* outputs; the first sample to compute; samples */
+} terms;
+
+typedef struct {
+    integer n_slots;
+    integer *monomial, *slot, *stop; /* of each slot; the slot of each term; the end of each output's slots */
+    double *coefficient;             /* [n_slots][BLOCK] */
+} model;
+
+/* Slots of a model: one for each monomial of an output. The terms come ordered by output. */
+static model slots(const terms *t, integer n_terms, const integer *chosen, integer *places, double *coefficient) {
+    model m = {0, places, places + n_terms, places + 2 * n_terms, coefficient};
+    integer begin = 0, term = 0;
+    for (integer c = 0; c < t->n_outputs; c++) {
+        for (; term < n_terms && t->equation[chosen[term]] == c; term++) {
+            integer s = begin, wanted = t->monomial[chosen[term]];
+            while (s < m.n_slots && m.monomial[s] != wanted) s++;
+            m.monomial[s] = wanted;
+            m.slot[term] = s;
+            if (s == m.n_slots) m.n_slots++;
+        }
+        begin = m.stop[c] = m.n_slots;
+    }
+    return m;
+}
+
+/* Coefficients of the samples [from, to). */
+static void collect(const terms *t, const model *m, integer n_terms, const integer *chosen, const double *theta,
+                    integer from, integer to) {
+    double part[BLOCK];
+    integer size = to - from;
+    memset(m->coefficient, 0, sizeof(double) * (size_t)(m->n_slots * BLOCK));
+    for (integer i = 0; i < n_terms; i++) {
+        integer factor = t->known_start[chosen[i]], stop = t->known_start[chosen[i] + 1];
+        double *into = m->coefficient + m->slot[i] * BLOCK;
+        for (integer b = 0; b < size; b++) part[b] = theta[i];
+        for (; factor < stop; factor++) {
+            const double *signal = t->known + t->known_offset[factor] + from;
+            for (integer b = 0; b < size; b++) part[b] *= signal[b];
+        }
+        for (integer b = 0; b < size; b++) into[b] += part[b];
+    }
+}
+
+/* March over the samples [from, to); the sample whose value is not within the limit, or `to`. */
+static integer march(const terms *t, const model *m, const double *base, double limit, integer from, integer to,
+                     double *x) {
+    for (integer k = from; k < to; k++) {
+        integer s = 0;
+        for (integer c = 0; c < t->n_outputs; c++) {
+            double value = base ? base[c * t->n + k] : 0.0;
+            for (; s < m->stop[c]; s++) {
+                double product = m->coefficient[s * BLOCK + (k - from)];
+                const integer *factor = t->marched_offset + t->marched_start[m->monomial[s]];
+                const integer *stop = t->marched_offset + t->marched_start[m->monomial[s] + 1];
+                for (; factor < stop; factor++) product *= x[k + *factor];
+                value += product;
+            }
+            if (!(fabs(value) < limit)) return k;
+            x[c * t->n + k] = value;
+        }
+    }
+    return to;
+}
+
+/* Run one model over all samples of x; the sample of the divergence, or n.
+   places: 3 n_terms + n_outputs numbers of work; coefficient: n_terms * BLOCK. */
+integer deatwin_run(const terms *t, integer n_terms, const integer *chosen, const double *theta, const double *base,
+                    double limit, double *x, integer *places, double *coefficient) {
+    model m = slots(t, n_terms, chosen, places, coefficient);
+    for (integer from = t->first; from < t->n; from += BLOCK) {
+        integer to = from + BLOCK < t->n ? from + BLOCK : t->n;
+        collect(t, &m, n_terms, chosen, theta, from, to);
+        integer reached = march(t, &m, base, limit, from, to, x);
+        if (reached < to) return reached;
+    }
+    return t->n;
+}
+
+/* Add to sums[j] the squared simulation errors of model j = (chosen, theta)[j], of one output that was measured; beyond
+   `most`, and after a divergence, the sum is infinite. x: n numbers of work that begin with the first measured ones. */
+void deatwin_errors(const terms *t, integer n_models, integer n_terms, const integer *chosen, const double *theta,
+                    const double *measured, double limit, double most, double *sums, double *x, integer *places,
+                    double *coefficient) {
+    for (integer j = 0; j < n_models; j++, chosen += n_terms, theta += n_terms) {
+        model m = slots(t, n_terms, chosen, places, coefficient);
+        double sum = sums[j];
+        for (integer from = t->first; from < t->n && sum <= most; from += BLOCK) {
+            integer to = from + BLOCK < t->n ? from + BLOCK : t->n;
+            collect(t, &m, n_terms, chosen, theta, from, to);
+            if (march(t, &m, 0, limit, from, to, x) < to) sum = INFINITY;
+            else for (integer k = from; k < to; k++) sum += (measured[k] - x[k]) * (measured[k] - x[k]);
+        }
+        sums[j] = sum <= most ? sum : INFINITY;
+    }
+}

@@ -1,0 +1,351 @@
+"""NARX models along their own past: free runs, innovations, and the simulation errors of many models.
+
+Terms are split into factors that are known beforehand and products of the signal that is marched. The march is a
+small C kernel, compiled once per user, where a C compiler is found, and plain Python elsewhere.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from itertools import accumulate
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.narx.terms import Term, TermTable
+from deatwin.plant.integrator.compiled import compile_source, compiler
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+Factors = tuple[tuple[int, int], ...]
+"""Product of signals: for each factor the row of the signal and its lag."""
+
+_BLOCK = 256  # as in the kernel
+
+
+def free_run(
+    table: TermTable,
+    theta: Array,
+    inputs: Array,
+    outputs: Array,
+    limit: float,
+    equations: Sequence[int] | None = None,
+) -> tuple[Array, int | None]:
+    """Run a model free: only the inputs and the first outputs are used, and the noise is zero.
+
+    Parameters
+    ----------
+    table : TermTable
+        The terms; those with noise factors e(k-l) count for nothing.
+    theta : ndarray, shape (n_terms,)
+        Parameters.
+    inputs : ndarray, shape (n_inputs, n)
+        Inputs.
+    outputs : ndarray, shape (n_outputs, n)
+        Outputs; only the first ``table.max_lag`` samples are used.
+    limit : float
+        Outputs beyond ± this are divergence, in the outputs' unit.
+    equations : sequence of int, length n_terms, optional
+        The output, from 0, that each term belongs to; the first when not given.
+
+    Returns
+    -------
+    outputs : ndarray, shape (n_outputs, n)
+        After a divergence the last values are held.
+    failed : int or None
+        Sample of the divergence.
+    """
+    quiet = [i for i, term in enumerate(table.terms) if all(v.kind != "e" for v, _ in term.factors)]
+    belongs = [0] * len(table.terms) if equations is None else equations
+    march = March.of(
+        [table.terms[i] for i in quiet],
+        {"u": inputs},
+        "y",
+        outputs,
+        first=table.max_lag,
+        equations=[belongs[i] for i in quiet],
+    )
+    return march.run(np.asarray(theta)[quiet], limit=limit)
+
+
+def innovations(
+    table: TermTable,
+    theta: Array,
+    inputs: Array,
+    outputs: Array,
+    equations: Sequence[int] | None = None,
+) -> Array:
+    """Return e(k) = y(k) - sum_m theta_m term_m(k), the terms being functions of measured signals and past e.
+
+    Parameters
+    ----------
+    table : TermTable
+        The terms.
+    theta : ndarray, shape (n_terms,)
+        Parameters.
+    inputs : ndarray, shape (n_inputs, n)
+        Inputs.
+    outputs : ndarray, shape (n_outputs, n)
+        Measured outputs.
+    equations : sequence of int, length n_terms, optional
+        The output, from 0, that each term belongs to; the first when not given.
+
+    Returns
+    -------
+    ndarray, shape (n_outputs, n)
+        One-step prediction errors in the outputs' unit; zero for the first ``table.max_lag`` samples. Of a noise model
+        that is not invertible they grow; once beyond the range of floating-point numbers they hold the last value.
+    """
+    march = March.of(
+        table.terms,
+        {"u": inputs, "y": outputs},
+        "e",
+        np.zeros_like(outputs, dtype=np.float64),
+        first=table.max_lag,
+        equations=equations,
+    )
+    return march.run(-np.asarray(theta), base=outputs)[0]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class March:
+    """Terms over one recording, set out for marching.
+
+    Parameters
+    ----------
+    known : ndarray, shape (n_known, n)
+        Signals that are known beforehand.
+    start : ndarray, shape (n_marched, n)
+        The marched signals, of which the samples before ``first`` are used.
+    first : int
+        The first sample to compute.
+    parts : tuple of Factors, length n_terms
+        The known factors of each term.
+    monomials : tuple of Factors
+        The products of marched signals that occur.
+    monomial : ndarray of int, shape (n_terms,)
+        The monomial of each term.
+    equations : ndarray of int, shape (n_terms,)
+        The marched signal that each term belongs to.
+    """
+
+    known: Array
+    start: Array
+    first: int
+    parts: tuple[Factors, ...]
+    monomials: tuple[Factors, ...]
+    monomial: Integers
+    equations: Integers
+
+    @classmethod
+    def of(
+        cls,
+        terms: Sequence[Term],
+        known: Mapping[str, Array],
+        marched: str,
+        start: Array,
+        *,
+        first: int,
+        equations: Sequence[int] | None = None,
+    ) -> March:
+        """Set terms out.
+
+        Parameters
+        ----------
+        terms : sequence of Term
+            The terms.
+        known : mapping of str to ndarray of shape (n_channels, n)
+            The signals that are known, by kind: "u", "y".
+        marched : str
+            The kind that is marched: "y" or "e".
+        start : ndarray, shape (n_marched, n)
+            The marched signals, of which the samples before ``first`` are used.
+        first : int
+            The first sample to compute; at least the largest lag.
+        equations : sequence of int, length n_terms, optional
+            The marched signal that each term belongs to; the first when not given.
+        """
+        heights = [signal.shape[0] for signal in known.values()]
+        row = dict(zip(known, accumulate([0, *heights]), strict=False))
+        parts = tuple(
+            tuple((row[v.kind] + v.index, v.lag) for v in term.expanded if v.kind != marched) for term in terms
+        )
+        products = [tuple((v.index, v.lag) for v in term.expanded if v.kind == marched) for term in terms]
+        place = {product: j for j, product in enumerate(dict.fromkeys(products))}
+        return cls(
+            known=np.ascontiguousarray(np.concatenate(list(known.values())), dtype=np.float64),
+            start=np.ascontiguousarray(start, dtype=np.float64),
+            first=first,
+            parts=parts,
+            monomials=tuple(place),
+            monomial=np.array([place[product] for product in products], dtype=np.int64),
+            equations=np.array([0] * len(terms) if equations is None else equations, dtype=np.int64),
+        )
+
+    def run(self, theta: Array, *, limit: float = math.inf, base: Array | None = None) -> tuple[Array, int | None]:
+        """March one model of all terms.
+
+        Parameters
+        ----------
+        theta : ndarray, shape (n_terms,)
+            Parameters.
+        limit : float
+            Values beyond ± this are divergence.
+        base : ndarray, shape (n_marched, n), optional
+            Added to the sum of the terms.
+
+        Returns
+        -------
+        marched : ndarray, shape (n_marched, n)
+            After a divergence the last values are held.
+        failed : int or None
+            Sample of the divergence.
+        """
+        x = self.start.copy()
+        chosen = np.argsort(self.equations, kind="stable")
+        theta = np.ascontiguousarray(theta, dtype=np.float64)[chosen]
+        base = None if base is None else np.ascontiguousarray(base, dtype=np.float64)
+        kernel = _kernel(compiler())
+        if kernel is None:
+            reached = self._plain(chosen, theta, base, limit, x)
+        else:
+            places, coefficients = self._work(chosen.size)
+            reached = kernel.deatwin_run(
+                ctypes.byref(self._tables), chosen.size, chosen.ctypes.data, theta.ctypes.data,
+                None if base is None else base.ctypes.data, limit, x.ctypes.data,
+                places.ctypes.data, coefficients.ctypes.data,
+            )  # fmt: skip
+        if reached == x.shape[1]:
+            return x, None
+        x[:, reached:] = x[:, [reached - 1]] if reached else 0.0
+        return x, int(reached)
+
+    def squared_errors(self, chosen: Integers, theta: Array, *, limit: float, most: float = math.inf) -> Array:
+        """Return the sums of squared simulation errors of many models of the first output, run from ``first``.
+
+        Parameters
+        ----------
+        chosen : ndarray of int, shape (n_models, n_terms)
+            Positions of the terms of each model.
+        theta : ndarray, shape (n_models, n_terms)
+            Parameters of each model.
+        limit : float
+            Outputs beyond ± this are divergence, in the output's unit.
+        most : float
+            Models whose sum exceeds this are given up, in squares of the output's unit.
+
+        Returns
+        -------
+        ndarray, shape (n_models,)
+            In squares of the output's unit; infinite for models that diverged or were given up.
+        """
+        chosen = np.ascontiguousarray(chosen, dtype=np.int64)
+        theta = np.ascontiguousarray(theta, dtype=np.float64)
+        kernel = _kernel(compiler())
+        if kernel is None:
+            return np.array([self._plain_error(*model, limit, most) for model in zip(chosen, theta, strict=True)])
+        sums, run = np.zeros(len(chosen)), self.start[0].copy()
+        places, coefficients = self._work(chosen.shape[1])
+        kernel.deatwin_errors(
+            ctypes.byref(self._tables), *chosen.shape, chosen.ctypes.data, theta.ctypes.data, self.start.ctypes.data,
+            limit, most, sums.ctypes.data, run.ctypes.data, places.ctypes.data, coefficients.ctypes.data,
+        )  # fmt: skip
+        return sums
+
+    def _plain_error(self, chosen: Integers, theta: Array, limit: float, most: float) -> float:
+        """Sum of squared errors of one model, without the kernel."""
+        x = self.start[:1].copy()
+        if self._plain(chosen, theta, None, limit, x) < x.shape[1]:
+            return math.inf
+        error = float(np.sum((self.start[0] - x[0]) ** 2))
+        return error if error <= most else math.inf
+
+    def _plain(self, chosen: Integers, theta: Array, base: Array | None, limit: float, x: Array) -> int:
+        """What the kernel does, in plain floats; returns the sample of the divergence, or n."""
+        n = x.shape[1]
+        slots = list(dict.fromkeys((int(self.equations[i]), int(self.monomial[i])) for i in chosen))
+        coefficients = np.zeros((len(slots), n - self.first))
+        for i, value in zip(chosen, theta, strict=True):
+            part = np.full(n - self.first, value)
+            for row, lag in self.parts[i]:
+                part *= self.known[row, self.first - lag : n - lag]
+            coefficients[slots.index((int(self.equations[i]), int(self.monomial[i])))] += part
+        products = [(c, self.monomials[j]) for c, j in slots]
+        bases = np.zeros_like(x) if base is None else base
+        runs: list[list[float]] = x.tolist()
+        reached = n
+        for k, row in enumerate(coefficients.T.tolist(), start=self.first):
+            values = bases[:, k].tolist()
+            for product, (c, factors) in zip(row, products, strict=True):
+                for channel, lag in factors:
+                    product *= runs[channel][k - lag]
+                values[c] += product
+            if not all(-limit < value < limit for value in values):
+                reached = k
+                break
+            for run, value in zip(runs, values, strict=True):
+                run[k] = value
+        x[:] = runs
+        return reached
+
+    @cached_property
+    def _tables(self) -> _Terms:
+        """The terms as the kernel reads them."""
+        n = self.start.shape[1]
+        arrays = (
+            self.known,
+            *_flat(self.parts, n),
+            self.monomial,
+            self.equations,
+            *_flat(self.monomials, n),
+        )
+        tables = _Terms(*(array.ctypes.data for array in arrays), self.start.shape[0], self.first, n)
+        tables.keep = arrays
+        return tables
+
+    def _work(self, n_terms: int) -> tuple[Integers, Array]:
+        """Memory that the kernel works in."""
+        return np.empty(3 * n_terms + self.start.shape[0], dtype=np.int64), np.empty(max(n_terms, 1) * _BLOCK)
+
+
+def _flat(products: Sequence[Factors], n: int) -> tuple[Integers, Integers]:
+    """Products one after another: where each starts, and the offset of each factor from sample k of the first row."""
+    starts = np.array([0, *accumulate(len(product) for product in products)], dtype=np.int64)
+    offsets = np.array([row * n - lag for product in products for row, lag in product] or [0], dtype=np.int64)
+    return starts, offsets
+
+
+class _Terms(ctypes.Structure):
+    """``terms`` of the kernel; the arrays that it points to are kept in ``keep``."""
+
+    keep: tuple[NDArray[np.generic], ...]
+    _fields_ = [  # noqa: RUF012
+        *((name, ctypes.c_void_p) for name in (
+            "known", "known_start", "known_offset", "monomial", "equation", "marched_start", "marched_offset"
+        )),
+        *((name, ctypes.c_int64) for name in ("n_outputs", "first", "n")),
+    ]  # fmt: skip
+
+
+@lru_cache(maxsize=4)
+def _kernel(_program: str | None) -> ctypes.CDLL | None:
+    """The compiled kernel, or None where there is no compiler."""
+    library = compile_source(Path(__file__).with_suffix(".c").read_text(encoding="utf-8"))
+    if library is None:
+        return None
+    kernel = ctypes.CDLL(str(library))
+    pointer, integer, number = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
+    model = (pointer, pointer)  # terms, parameters
+    work = (pointer, pointer)
+    kernel.deatwin_run.restype = integer
+    kernel.deatwin_run.argtypes = (pointer, integer, *model, pointer, number, pointer, *work)
+    kernel.deatwin_errors.restype = None
+    kernel.deatwin_errors.argtypes = (
+        pointer, integer, integer, *model, pointer, number, number, pointer, pointer, *work
+    )  # fmt: skip
+    return kernel

@@ -1,0 +1,89 @@
+"""Rules that say which products are candidate terms.
+
+Any callable that takes a `Term` and returns a bool will do; these print, so that a model's provenance names them.
+
+>>> from deatwin.ident.narx import generate_terms
+>>> from deatwin.ident.narx.rules import AtMost
+>>> [str(term) for term in generate_terms(1, 1, 2, rule=AtMost(output=1))]
+['1', 'y(k-1)', 'u(k-1)', 'y(k-1)u(k-1)', 'u(k-1)^2']
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from deatwin.ident.narx.terms import Rule, Term
+
+__all__ = ["AllOf", "AtMost", "NoConstant", "SameSignal", "WithinLags"]
+
+
+def _degree(term: Term, kind: str) -> int:
+    return sum(power for variable, power in term.factors if variable.kind == kind)
+
+
+@dataclass(frozen=True, kw_only=True)
+class AtMost:
+    """Bounds the degree in each kind of signal; ``AtMost(output=1)`` keeps models that are affine in the output.
+
+    Parameters
+    ----------
+    output, input, noise : int or None
+        Largest sum of powers of the lagged outputs, inputs and noise of a term; None for no bound.
+    """
+
+    output: int | None = None
+    input: int | None = None
+    noise: int | None = None
+
+    def __call__(self, term: Term) -> bool:
+        bounds = (("y", self.output), ("u", self.input), ("e", self.noise))
+        return all(bound is None or _degree(term, kind) <= bound for kind, bound in bounds)
+
+
+@dataclass(frozen=True)
+class NoConstant:
+    """Drops the constant term."""
+
+    def __call__(self, term: Term) -> bool:
+        return term.degree > 0
+
+
+@dataclass(frozen=True)
+class SameSignal:
+    """Drops products of different signals: each term holds powers of one channel's lags only."""
+
+    def __call__(self, term: Term) -> bool:
+        return len({(variable.kind, variable.channel) for variable, _ in term.factors}) <= 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class WithinLags:
+    """Drops products whose factors lie far apart in time.
+
+    Parameters
+    ----------
+    spread : int
+        Largest difference between the lags of a term, in samples; 0 keeps powers and products of one instant.
+    """
+
+    spread: int
+
+    def __call__(self, term: Term) -> bool:
+        lags = [variable.lag for variable, _ in term.factors]
+        return not lags or max(lags) - min(lags) <= self.spread
+
+
+@dataclass(frozen=True)
+class AllOf:
+    """Keeps what every one of several rules keeps.
+
+    Parameters
+    ----------
+    rules : tuple of callable
+        Each takes a `Term`.
+    """
+
+    rules: tuple[Rule, ...]
+
+    def __call__(self, term: Term) -> bool:
+        return all(rule(term) for rule in self.rules)
