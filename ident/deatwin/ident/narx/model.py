@@ -17,16 +17,12 @@ from scipy.linalg import block_diag
 from deatwin.ident.narx.document import SCHEMA, fields_of, to_document
 from deatwin.ident.narx.free_run import free_run, innovations
 from deatwin.ident.narx.operating import Array, OperatingRange, read_only
-from deatwin.ident.narx.response import NarxResponse, ResponseStatus
+from deatwin.ident.narx.response import NarxResponse, ResponseStatus, divergence_limit
 from deatwin.ident.narx.terms import Term, TermTable
+from deatwin.ident.narx.written import by_equation, name_signals, written
 from deatwin.plant.documents import read_document, write_document
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
-
-# A free run has diverged when it leaves this many times the outputs of the training data; a model without
-# training data has no scale of its own, so that only what cannot be meant is called divergence.
-_DIVERGED_TRAINED = 1e3
-_DIVERGED_UNTRAINED = 1e9
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -167,11 +163,11 @@ class NarxModel:
         ModelError
             If a term cannot be read.
         """
-        written = _by_equation(terms)
+        written = by_equation(terms)
         parsed = tuple(Term.parse(text) for _, text, _ in written)
         outputs = max(row for row, _, _ in written) + 1
-        _name_signals(details, "input", TermTable(parsed).channels("u"))
-        _name_signals(details, "output", outputs)
+        name_signals(details, "input", TermTable(parsed).channels("u"))
+        name_signals(details, "output", outputs)
         cov = np.zeros((len(parsed), len(parsed))) if theta_cov is None else theta_cov
         noise = np.asarray(noise_variance, dtype=np.float64)
         return cls(
@@ -269,16 +265,7 @@ class NarxModel:
             raise ModelError(f"{purpose} takes a model without noise terms; give its `deterministic` part")
 
     def __str__(self) -> str:
-        return "\n".join(self._equation(row) for row in range(self.n_outputs))
-
-    def _equation(self, row: int) -> str:
-        number = str(row + 1) if self.n_outputs > 1 else ""
-        right = " + ".join(
-            f"{value:.6g} {term}"
-            for value, term, equation in zip(self.theta, self.terms, self.equations, strict=True)
-            if equation == row
-        )
-        return f"y{number}(k) = {right} + e{number}(k)".replace("+ -", "- ")
+        return written(self.terms, self.theta, self.equations, self.n_outputs)
 
     def predict(self, recording: Recording) -> NarxResponse:
         """Predict each sample one step ahead from the measured past.
@@ -331,7 +318,7 @@ class NarxModel:
             self.theta,
             recording.inputs,
             recording.outputs,
-            self._divergence_limit(recording),
+            divergence_limit(self.operating, recording.outputs),
             self.equations,
         )
         if failed is None:
@@ -386,14 +373,6 @@ class NarxModel:
             )
         return self.table.max_lag
 
-    def _divergence_limit(self, recording: Recording) -> float:
-        """Return the magnitude beyond which a free run has diverged, in the unit of the largest output."""
-        measured = float(np.abs(recording.outputs).max())
-        if self.operating is None:
-            return _DIVERGED_UNTRAINED * max(1.0, measured)
-        seen = np.abs([self.operating.output_min, self.operating.output_max])
-        return _DIVERGED_TRAINED * max(float(seen.max()), measured)
-
     def _response(
         self,
         recording: Recording,
@@ -412,29 +391,3 @@ class NarxModel:
             failed_at_s=failed_at_s,
             units=self.output_units,
         )
-
-
-def _by_equation(
-    terms: Mapping[str, float] | Mapping[str, Mapping[str, float]],
-) -> list[tuple[int, str, float]]:
-    """Return row of the output, text and parameter of each written term."""
-    if not terms:
-        raise ModelError("no terms are given; a NARX model needs at least one")
-    equations = {name: value for name, value in terms.items() if isinstance(value, Mapping)}
-    if not equations:
-        return [(0, text, float(value)) for text, value in terms.items()]  # type: ignore[arg-type]
-    wanted = [f"y{number}" for number in range(1, len(terms) + 1)]
-    if list(equations) != wanted:
-        raise ModelError(f"equations {', '.join(terms)}: give a mapping of terms for each of {', '.join(wanted)}")
-    return [
-        (row, text, float(value))
-        for row, equation in enumerate(equations.values())
-        for text, value in equation.items()
-    ]
-
-
-def _name_signals(details: dict[str, Any], side: str, count: int) -> None:
-    """Number the signals of one side where there are several and they have no names yet."""
-    if count > 1:
-        details.setdefault(f"{side}_names", tuple(f"{side}{number}" for number in range(1, count + 1)))
-        details.setdefault(f"{side}_units", ("",) * count)

@@ -9,12 +9,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.narx.operating import OperatingRange
 from deatwin.plant.drawing import axes_or_new
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
+
+
+# A free run has diverged when it leaves this many times the outputs of the training data; a model without
+# training data has no scale of its own, so that only what cannot be meant is called divergence.
+_DIVERGED_TRAINED = 1e3
+_DIVERGED_UNTRAINED = 1e9
 
 
 class ResponseStatus(Enum):
@@ -96,3 +103,20 @@ class NarxResponse:
         axes.set_ylabel(f"output ({', '.join(units)})" if units else "output")
         axes.legend()
         return axes
+
+
+def divergence_limit(operating: OperatingRange | None, measured: Array) -> float:
+    """Return the magnitude beyond which a free run has diverged, in the unit of the largest output.
+
+    Parameters
+    ----------
+    operating : OperatingRange or None
+        Of the training data, where it is known.
+    measured : ndarray, shape (n_outputs, n)
+        Outputs of the recording.
+    """
+    largest = float(np.abs(measured).max())
+    if operating is None:
+        return _DIVERGED_UNTRAINED * max(1.0, largest)
+    seen = np.abs([operating.output_min, operating.output_max])
+    return _DIVERGED_TRAINED * max(float(seen.max()), largest)

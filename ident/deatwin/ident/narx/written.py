@@ -1,0 +1,94 @@
+"""NARX models in writing: equations from mappings of texts, and back to text."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.narx.terms import Term
+from deatwin.plant.errors import ModelError
+
+__all__ = ["by_equation", "name_signals", "written"]
+
+Array = NDArray[np.float64]
+
+
+def by_equation(
+    terms: Mapping[str, float] | Mapping[str, Mapping[str, float]],
+) -> list[tuple[int, str, float]]:
+    """Return row of the output, text and parameter of each written term.
+
+    Parameters
+    ----------
+    terms : mapping of str to float, or of str to such mappings
+        Of one output, or by output: "y1", "y2", ...
+
+    Returns
+    -------
+    list of (int, str, float)
+
+    Raises
+    ------
+    ModelError
+        If there are none, or the outputs are named otherwise.
+    """
+    if not terms:
+        raise ModelError("no terms are given; a NARX model needs at least one")
+    equations = {name: value for name, value in terms.items() if isinstance(value, Mapping)}
+    if not equations:
+        return [(0, text, float(value)) for text, value in terms.items()]  # type: ignore[arg-type]
+    wanted = [f"y{number}" for number in range(1, len(terms) + 1)]
+    if list(equations) != wanted:
+        raise ModelError(f"equations {', '.join(terms)}: give a mapping of terms for each of {', '.join(wanted)}")
+    return [
+        (row, text, float(value))
+        for row, equation in enumerate(equations.values())
+        for text, value in equation.items()
+    ]
+
+
+def name_signals(details: dict[str, Any], side: str, count: int) -> None:
+    """Number the signals of one side where there are several and they have no names yet.
+
+    Parameters
+    ----------
+    details : dict
+        Fields of a model; names and units are set in it.
+    side : str
+        "input" or "output".
+    count : int
+        Number of signals.
+    """
+    if count > 1:
+        details.setdefault(f"{side}_names", tuple(f"{side}{number}" for number in range(1, count + 1)))
+        details.setdefault(f"{side}_units", ("",) * count)
+
+
+def written(terms: Sequence[Term], theta: Array, equations: Sequence[int], n_outputs: int) -> str:
+    """Return the equations of a model as text, a line each.
+
+    Parameters
+    ----------
+    terms : sequence of Term
+        Of all equations.
+    theta : ndarray, shape (n_terms,)
+        Their parameters.
+    equations : sequence of int
+        For each term the row of its output.
+    n_outputs : int
+        Number of outputs; a single one is written without a number.
+
+    Returns
+    -------
+    str
+        As ``y(k) = 0.5 y(k-1) - 2 u(k-1) + e(k)``.
+    """
+    right: list[list[str]] = [[] for _ in range(n_outputs)]
+    for term, value, row in zip(terms, theta, equations, strict=True):
+        right[row].append(f"{value:.6g} {term}")
+    numbers = [str(row + 1) if n_outputs > 1 else "" for row in range(n_outputs)]
+    lines = (f"y{n}(k) = {' + '.join(sums)} + e{n}(k)" for n, sums in zip(numbers, right, strict=True))
+    return "\n".join(lines).replace("+ -", "- ")
