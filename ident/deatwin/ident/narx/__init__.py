@@ -5,28 +5,51 @@
 y(k) = 0.6 y(k-1) + 0.3 u(k-1)^2 + e(k)
 """
 
+from deatwin.ident.narx.estimation import Bayesian, LeastSquares, TotalLeastSquares
+from deatwin.ident.narx.fixed import Fixed
 from deatwin.ident.narx.frols import Frols
 from deatwin.ident.narx.identifier import FitStatus, NarxIdentifier
+from deatwin.ident.narx.lasso import Lasso
 from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.noise import Narmax
 from deatwin.ident.narx.operating import OperatingRange
+from deatwin.ident.narx.random_walk import ThetaSmoother
+from deatwin.ident.narx.recursive import Rls
 from deatwin.ident.narx.response import NarxResponse, ResponseStatus
+from deatwin.ident.narx.shrinkage import Ridge
 from deatwin.ident.narx.svb import SvbNarx
 from deatwin.ident.narx.terms import Term, TermTable, Variable, generate_terms
+from deatwin.ident.narx.trajectory import ThetaTrajectory
+from deatwin.ident.narx.validate import CorrelationTest, Validation, ValidationStatus, validate
 from deatwin.plant.recording import Experiment, Recording
 
 __all__ = [
+    "Bayesian",
+    "CorrelationTest",
     "Experiment",
     "FitStatus",
+    "Fixed",
     "Frols",
+    "Lasso",
+    "LeastSquares",
+    "Narmax",
     "NarxIdentifier",
     "NarxModel",
     "NarxResponse",
     "OperatingRange",
     "Recording",
     "ResponseStatus",
+    "Ridge",
+    "Rls",
     "SvbNarx",
     "Term",
     "TermTable",
+    "ThetaSmoother",
+    "ThetaTrajectory",
+    "TotalLeastSquares",
+    "Validation",
+    "ValidationStatus",
     "Variable",
     "generate_terms",
+    "validate",
 ]

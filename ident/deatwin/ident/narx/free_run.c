@@ -99,20 +99,17 @@ integer deatwin_run(const terms *t, integer n_terms, const integer *chosen, cons
     return t->n;
 }
 
-/* Add to sums[j] the squared simulation errors of model j = (chosen, theta)[j], of one output that was measured; beyond
-   `most`, and after a divergence, the sum is infinite. x: n numbers of work that begin with the first measured ones. */
+/* Sums of squared simulation errors of model j = (chosen, theta)[j], of one output that was measured, over each section
+   of the samples; stop[i] ends section i. After a divergence they are infinite.
+   x: n numbers of work that begin with the first measured ones. */
 void deatwin_errors(const terms *t, integer n_models, integer n_terms, const integer *chosen, const double *theta,
-                    const double *measured, double limit, double most, double *sums, double *x, integer *places,
-                    double *coefficient) {
-    for (integer j = 0; j < n_models; j++, chosen += n_terms, theta += n_terms) {
-        model m = slots(t, n_terms, chosen, places, coefficient);
-        double sum = sums[j];
-        for (integer from = t->first; from < t->n && sum <= most; from += BLOCK) {
-            integer to = from + BLOCK < t->n ? from + BLOCK : t->n;
-            collect(t, &m, n_terms, chosen, theta, from, to);
-            if (march(t, &m, 0, limit, from, to, x) < to) sum = INFINITY;
-            else for (integer k = from; k < to; k++) sum += (measured[k] - x[k]) * (measured[k] - x[k]);
+                    integer n_sections, const integer *stop, const double *measured, double limit, double *sums,
+                    double *x, integer *places, double *coefficient) {
+    for (integer j = 0; j < n_models; j++, chosen += n_terms, theta += n_terms, sums += n_sections) {
+        integer reached = deatwin_run(t, n_terms, chosen, theta, 0, limit, x, places, coefficient);
+        for (integer i = 0, k = t->first; i < n_sections; i++) {
+            sums[i] = reached < t->n ? INFINITY : 0;
+            for (; k < stop[i]; k++) sums[i] += (measured[k] - x[k]) * (measured[k] - x[k]);
         }
-        sums[j] = sum <= most ? sum : INFINITY;
     }
 }

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.narx.terms import Term, TermTable
+from deatwin.ident.narx.terms import Term, TermTable, Variable
 from deatwin.plant.integrator.compiled import compile_source, compiler
 
 Array = NDArray[np.float64]
@@ -152,6 +152,7 @@ class March:
         *,
         first: int,
         equations: Sequence[int] | None = None,
+        alone: int | None = None,
     ) -> March:
         """Set terms out.
 
@@ -169,13 +170,22 @@ class March:
             The first sample to compute; at least the largest lag.
         equations : sequence of int, length n_terms, optional
             The marched signal that each term belongs to; the first when not given.
+        alone : int, optional
+            Row of the only channel of that kind that is marched, and is ``start``'s only row; the others are among the
+            known signals. All are marched when not given.
         """
         heights = [signal.shape[0] for signal in known.values()]
         row = dict(zip(known, accumulate([0, *heights]), strict=False))
+
+        def marches(v: Variable) -> bool:
+            return v.kind == marched and alone in (None, v.index)
+
         parts = tuple(
-            tuple((row[v.kind] + v.index, v.lag) for v in term.expanded if v.kind != marched) for term in terms
+            tuple((row[v.kind] + v.index, v.lag) for v in term.expanded if not marches(v)) for term in terms
         )
-        products = [tuple((v.index, v.lag) for v in term.expanded if v.kind == marched) for term in terms]
+        products = [
+            tuple((v.index if alone is None else 0, v.lag) for v in term.expanded if marches(v)) for term in terms
+        ]
         place = {product: j for j, product in enumerate(dict.fromkeys(products))}
         return cls(
             known=np.ascontiguousarray(np.concatenate(list(known.values())), dtype=np.float64),
@@ -225,8 +235,8 @@ class March:
         x[:, reached:] = x[:, [reached - 1]] if reached else 0.0
         return x, int(reached)
 
-    def squared_errors(self, chosen: Integers, theta: Array, *, limit: float, most: float = math.inf) -> Array:
-        """Return the sums of squared simulation errors of many models of the first output, run from ``first``.
+    def squared_errors(self, chosen: Integers, theta: Array, *, limit: float, sections: int = 1) -> Array:
+        """Return sums of squared simulation errors of many models of the first output, each run from ``first``.
 
         Parameters
         ----------
@@ -236,34 +246,40 @@ class March:
             Parameters of each model.
         limit : float
             Outputs beyond ± this are divergence, in the output's unit.
-        most : float
-            Models whose sum exceeds this are given up, in squares of the output's unit.
+        sections : int
+            Number of stretches, of equal length up to one sample, that get a sum each.
 
         Returns
         -------
-        ndarray, shape (n_models,)
-            In squares of the output's unit; infinite for models that diverged or were given up.
+        ndarray, shape (n_models, sections)
+            In squares of the output's unit; infinite for models that diverged.
         """
         chosen = np.ascontiguousarray(chosen, dtype=np.int64)
         theta = np.ascontiguousarray(theta, dtype=np.float64)
+        n = self.start.shape[1]
+        stops = self.first + (np.arange(1, sections + 1) * (n - self.first)) // sections
+        sums = np.empty((len(chosen), sections))
         kernel = _kernel(compiler())
         if kernel is None:
-            return np.array([self._plain_error(*model, limit, most) for model in zip(chosen, theta, strict=True)])
-        sums, run = np.zeros(len(chosen)), self.start[0].copy()
+            for into, model in zip(sums, zip(chosen, theta, strict=True), strict=True):
+                into[:] = self._plain_errors(*model, limit, stops)
+            return sums
+        run = self.start[0].copy()
         places, coefficients = self._work(chosen.shape[1])
         kernel.deatwin_errors(
-            ctypes.byref(self._tables), *chosen.shape, chosen.ctypes.data, theta.ctypes.data, self.start.ctypes.data,
-            limit, most, sums.ctypes.data, run.ctypes.data, places.ctypes.data, coefficients.ctypes.data,
+            ctypes.byref(self._tables), *chosen.shape, chosen.ctypes.data, theta.ctypes.data,
+            sections, stops.ctypes.data, self.start.ctypes.data, limit, sums.ctypes.data,
+            run.ctypes.data, places.ctypes.data, coefficients.ctypes.data,
         )  # fmt: skip
         return sums
 
-    def _plain_error(self, chosen: Integers, theta: Array, limit: float, most: float) -> float:
-        """Sum of squared errors of one model, without the kernel."""
+    def _plain_errors(self, chosen: Integers, theta: Array, limit: float, stops: Integers) -> Array:
+        """Sums of squared errors of one model, without the kernel."""
         x = self.start[:1].copy()
         if self._plain(chosen, theta, None, limit, x) < x.shape[1]:
-            return math.inf
-        error = float(np.sum((self.start[0] - x[0]) ** 2))
-        return error if error <= most else math.inf
+            return np.full(stops.size, math.inf)
+        total = np.concatenate([[0.0], np.cumsum((self.start[0] - x[0]) ** 2)])
+        return np.diff(total[[self.first, *stops]])
 
     def _plain(self, chosen: Integers, theta: Array, base: Array | None, limit: float, x: Array) -> int:
         """What the kernel does, in plain floats; returns the sample of the divergence, or n."""
@@ -324,7 +340,7 @@ class _Terms(ctypes.Structure):
     """``terms`` of the kernel; the arrays that it points to are kept in ``keep``."""
 
     keep: tuple[NDArray[np.generic], ...]
-    _fields_ = [  # noqa: RUF012
+    _fields_ = [
         *((name, ctypes.c_void_p) for name in (
             "known", "known_start", "known_offset", "monomial", "equation", "marched_start", "marched_offset"
         )),
@@ -338,7 +354,10 @@ def _kernel(_program: str | None) -> ctypes.CDLL | None:
     library = compile_source(Path(__file__).with_suffix(".c").read_text(encoding="utf-8"))
     if library is None:
         return None
-    kernel = ctypes.CDLL(str(library))
+    try:
+        kernel = ctypes.CDLL(str(library))
+    except OSError:  # a cache from which nothing may be executed
+        return None
     pointer, integer, number = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
     model = (pointer, pointer)  # terms, parameters
     work = (pointer, pointer)
@@ -346,6 +365,6 @@ def _kernel(_program: str | None) -> ctypes.CDLL | None:
     kernel.deatwin_run.argtypes = (pointer, integer, *model, pointer, number, pointer, *work)
     kernel.deatwin_errors.restype = None
     kernel.deatwin_errors.argtypes = (
-        pointer, integer, integer, *model, pointer, number, number, pointer, pointer, *work
+        pointer, integer, integer, *model, integer, pointer, pointer, number, pointer, pointer, *work
     )  # fmt: skip
     return kernel

@@ -2,46 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from math import inf, log
-from types import MappingProxyType
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
 
-from deatwin.ident.narx.identifier import NarxIdentifier, Progress
+from deatwin.ident.narx.criteria import CRITERIA, criterion_values, free_run_errors, split
+from deatwin.ident.narx.estimate import Estimator, least_squares
+from deatwin.ident.narx.forward import SelectionStep, forward_selection
+from deatwin.ident.narx.identifier import FitStatus, NarxIdentifier, Progress
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.terms import Lags, Rule
+from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError, nearest
+from deatwin.plant.recording import Recording
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["Frols"]
 
 Array = NDArray[np.float64]
 
-# A candidate whose squared norm has been reduced by this factor is taken as dependent on the chosen ones.
-_DEPENDENT = 1e-12
-# Squared norms and products are updated, not recomputed, until a candidate has lost this share of its squared
-# norm; then the candidate itself is orthogonalised afresh, so that cancellation never costs more than two
-# digits.
-_REFRESH = 1e-2
-
-CRITERIA: Mapping[str, Callable[[float, int, int], float]] = MappingProxyType(
-    {
-        # n samples, k terms, mean squared residual s
-        "bic": lambda s, n, k: n * log(s) + k * log(n),
-        "aic": lambda s, n, k: n * log(s) + 2 * k,
-        "aicc": lambda s, n, k: n * log(s) + 2 * k + (2 * k * (k + 1) / (n - k - 1) if n > k + 1 else inf),
-    }
-)
+_KNOWN = (*CRITERIA, "free_run", "none")
 
 
 class Frols(NarxIdentifier):
     """Choose terms one by one, each the one that explains most of what is left of the output.
 
     The error reduction ratio of a candidate p, orthogonalised against the chosen terms to w, is
-    ``(w'y)^2 / (w'w y'y)``. Terms are added up to ``max_terms``; the number that an information criterion
-    likes best is kept, and its parameters are estimated by least squares (QR).
+    ``(w'y)^2 / (w'w y'y)``. Terms are added up to ``max_terms``; the number that a criterion likes best is kept, and
+    its parameters are estimated, by least squares (QR) unless another estimator is given.
 
     Parameters
     ----------
@@ -54,26 +47,42 @@ class Frols(NarxIdentifier):
     max_terms : int
         Largest number of terms.
     criterion : str
-        "bic", "aic" or "aicc" choose the number of terms; "none" keeps ``max_terms``. None of them counts how
-        many candidates competed, so that among hundreds of them false terms are kept too.
+        What chooses the number of terms. With n samples, k terms, p candidates and the mean squared residual s:
+
+        - "ebic", ``n ln s + k ln n + 2 ln C(p, k)``: the Bayesian criterion extended by the number of models of k
+          terms, so that the best of many false candidates is not taken for true;
+        - "bic" and "aic", ``n ln s + k ln n`` and ``n ln s + 2 k``, and "aicc", aic corrected for few samples: they
+          do not count how many candidates competed, and keep false terms among hundreds of them;
+        - "press": ``n ln`` of the mean squared leave-one-out error; it does not count them either;
+        - "free_run": mean squared free-run error over the held-out samples; the terms are chosen on the others, and
+          the parameters estimated on all;
+        - "none": ``max_terms`` are kept.
+    held_out : float
+        For "free_run": share of each recording, its end, that is held out.
+    estimator : callable
+        Estimates the parameters of the chosen terms; see `deatwin.ident.narx.estimation`.
 
     Attributes
     ----------
     model_ : NarxModel
-        The identified model, in physical units; ``theta_cov`` is ``sigma^2 (P'P)^-1``.
+        The identified model, in physical units; ``theta_cov`` is ``sigma^2 (P'P)^-1`` with least squares.
     terms_ : tuple of Term
         Its terms in the order in which they were chosen.
     err_ : ndarray, shape (n_terms,)
         Error reduction ratio of each; dimensionless, their sum is the explained share of y'y.
     path_ : tuple of Term
         All terms that were tried, in order.
+    path_err_ : ndarray, shape (n_path,)
+        Error reduction ratio of each of these.
     criterion_ : ndarray, shape (n_path,)
-        Criterion after each term of the path; empty for "none".
+        Criterion after each term of the path; empty for "none". For "free_run" in squares of the output's unit.
 
     References
     ----------
     Chen, Billings, Luo, "Orthogonal least squares methods and their application to non-linear system
     identification", Int. J. Control 50 (1989) 1873-1896, doi:10.1080/00207178908953472.
+    Chen, Chen, "Extended Bayesian information criteria for model selection with large model spaces", Biometrika 95
+    (2008) 759-771, doi:10.1093/biomet/asn034 (here with gamma = 1).
     """
 
     def __init__(
@@ -84,7 +93,9 @@ class Frols(NarxIdentifier):
         degree: int = 2,
         rule: Rule | None = None,
         max_terms: int = 15,
-        criterion: str = "bic",
+        criterion: str = "ebic",
+        held_out: float = 0.3,
+        estimator: Estimator = least_squares,
     ) -> None:
         self.output_lags = output_lags
         self.input_lags = input_lags
@@ -92,152 +103,103 @@ class Frols(NarxIdentifier):
         self.rule = rule
         self.max_terms = max_terms
         self.criterion = criterion
+        self.held_out = held_out
+        self.estimator = estimator
 
     def _check(self) -> None:
-        if self.criterion not in (*CRITERIA, "none"):
+        if self.criterion not in _KNOWN:
             raise ModelError(
-                f"criterion = {self.criterion!r}{nearest(self.criterion, [*CRITERIA, 'none'])}; "
-                f"known are {', '.join(CRITERIA)} and none"
+                f"criterion = {self.criterion!r}{nearest(self.criterion, _KNOWN)}; known are {', '.join(_KNOWN)}"
             )
         if self.max_terms < 1:
             raise ModelError(f"max_terms = {self.max_terms}; it must be at least 1")
+        if not 0 < self.held_out < 1:
+            raise ModelError(f"held_out = {self.held_out}; it must lie between 0 and 1")
+        if not callable(self.estimator):
+            raise ModelError(f"estimator = {self.estimator!r}; give one, as Ridge()")
 
     def _learn(self, data: Regression, progress: Progress) -> NarxModel:
-        if data.n_samples <= self.max_terms:
+        training: Regression = data
+        held_out: tuple[Recording, ...] = ()
+        if self.criterion == "free_run":
+            beginnings, held_out = split(data.recordings, self.held_out, data.first)
+            training = replace(data, recordings=beginnings)
+        if training.n_samples <= self.max_terms:
             raise ModelError(
-                f"{data.n_samples} usable samples are too few for up to {self.max_terms} terms; "
+                f"{training.n_samples} usable samples are too few for up to {self.max_terms} terms; "
                 f"at least {self.max_terms + 1} are needed"
             )
-        rows, target = data.matrix()
-        path = forward_selection(rows, target, self.max_terms)
-        count = self._count(path, target)
-        chosen = path.chosen[:count]
-        kept = data.only(chosen)
-        theta, theta_cov, noise_variance = least_squares(*kept.matrix())
-        model = kept.model(theta, theta_cov, noise_variance, identifier=self)
-        self.terms_ = model.terms
-        self.err_ = np.array(path.err[:count])
-        self.path_ = tuple(data.table.terms[i] for i in path.chosen)
-        return model
-
-    def _count(self, path: SelectionPath, target: Array) -> int:
-        """Return the number of terms that the criterion likes best, and note the criterion."""
-        n = target.size
+        rows, target = training.matrix()
+        steps = self._select(rows, target, progress)
+        del rows  # it was the selection's working memory
+        if not steps:
+            raise ModelError("every candidate is zero throughout: there is nothing to choose from")
+        path = [step.candidate for step in steps]
+        self.path_ = tuple(data.table.terms[i] for i in path)
+        self.path_err_ = np.array([step.err for step in steps])
         if self.criterion == "none":
-            self.criterion_ = np.empty(0)
-            return len(path.chosen)
-        # A residual at rounding level carries no information: let it not buy further terms.
-        floor = float(np.finfo(float).eps) ** 2 * float(target @ target) / n
-        measure = CRITERIA[self.criterion]
-        self.criterion_ = np.array(
-            [measure(max(square / n, floor), n, k) for k, square in enumerate(path.residual, start=1)]
+            self.criterion_, count = np.empty(0), len(path)
+        else:
+            if self.criterion == "free_run":
+                self.criterion_ = self._free_run_errors(training.only(path), held_out)
+            else:
+                self.criterion_ = criterion_values(self.criterion, steps, target, len(data.table.terms))
+            count = int(np.argmin(self.criterion_)) + 1
+        self.terms_, self.err_ = self.path_[:count], self.path_err_[:count]
+        kept = data.only(path[:count])
+        found = self.estimator(*kept.matrix())
+        return kept.model(
+            found.theta, found.theta_cov, found.noise_variance, identifier=self, theta_dof=found.dof
         )
-        return int(np.argmin(self.criterion_)) + 1
 
+    def _select(self, rows: Array, target: Array, progress: Progress) -> list[SelectionStep]:
+        """Choose terms one by one; an interrupt keeps those that are chosen already."""
+        steps: list[SelectionStep] = []
+        try:
+            for step in forward_selection(rows, target, self.max_terms):
+                steps.append(step)
+                progress(len(steps) / self.max_terms, f"term {len(steps)}, {step.err:.3%} of the output explained")
+        except KeyboardInterrupt:
+            if not steps:
+                raise
+            self.status_ = FitStatus.INTERRUPTED
+        return steps
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class SelectionPath:
-    """The result of a forward selection.
+    def _free_run_errors(self, path: Regression, held_out: tuple[Recording, ...]) -> Array:
+        """Return the mean squared free-run error of the first 1, 2, .. terms of the path over unseen samples."""
+        rows, target = path.matrix()
+        theta = np.zeros((len(rows), len(rows)))
+        for k in range(1, len(rows) + 1):
+            theta[k - 1, :k] = self.estimator(rows[:k], target).theta
+        return free_run_errors(path, held_out, theta) * path.output_scale**2
 
-    Parameters
-    ----------
-    chosen : tuple of int
-        Candidates in the order of choice.
-    err : tuple of float
-        Error reduction ratio of each.
-    residual : tuple of float
-        Sum of squares of what is left after each.
-    """
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the error reduction ratio of each term of the path, and the criterion with its choice.
 
-    chosen: tuple[int, ...]
-    err: tuple[float, ...]
-    residual: tuple[float, ...]
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Where to draw; new axes otherwise.
 
-
-def forward_selection(rows: Array, target: Array, max_terms: int) -> SelectionPath:
-    """Choose rows one by one by the error reduction ratio.
-
-    Each step costs one product of the candidates with the new orthonormal direction. Chosen directions are
-    orthogonalised twice; norms and products of the candidates are updated and refreshed before cancellation
-    hurts.
-
-    Parameters
-    ----------
-    rows : ndarray, shape (n_candidates, n_samples)
-        Candidate regressors; used as working memory and overwritten.
-    target : ndarray, shape (n_samples,)
-        Output.
-    max_terms : int
-        Largest number to choose.
-
-    Returns
-    -------
-    SelectionPath
-    """
-    limit = min(max_terms, *rows.shape)
-    basis = np.empty((limit, target.size))
-    left = target.copy()
-    power = float(target @ target)
-    norms = np.einsum("ij,ij->i", rows, rows)
-    original, reference = norms.copy(), norms.copy()
-    products = rows @ target
-    chosen: list[int] = []
-    err: list[float] = []
-    residual: list[float] = []
-    for step in range(limit):
-        usable = norms > _DEPENDENT * original
-        usable[chosen] = False
-        if not usable.any() or power == 0.0:
-            break
-        gain = np.divide(products**2, norms, out=np.full(norms.size, -1.0), where=usable)
-        best = int(np.argmax(gain))
-        direction = _orthogonal(rows[best], basis[:step])
-        basis[step] = direction / np.linalg.norm(direction)
-        explained = float(basis[step] @ left)
-        left -= explained * basis[step]
-        chosen.append(best)
-        err.append(explained**2 / power)
-        residual.append(float(left @ left))
-
-        along = rows @ basis[step]
-        norms -= along**2
-        products -= explained * along
-        for j in np.flatnonzero(usable & (norms < _REFRESH * reference)):
-            rows[j] = _orthogonal(rows[j], basis[: step + 1])
-            norms[j] = reference[j] = rows[j] @ rows[j]
-            products[j] = rows[j] @ left
-    return SelectionPath(chosen=tuple(chosen), err=tuple(err), residual=tuple(residual))
-
-
-def _orthogonal(vector: Array, basis: Array) -> Array:
-    """Return the part of vector that is orthogonal to the orthonormal rows of basis; twice is enough."""
-    once = vector - (basis @ vector) @ basis
-    return once - (basis @ once) @ basis
-
-
-def least_squares(rows: Array, target: Array) -> tuple[Array, Array, float]:
-    """Estimate parameters by QR.
-
-    Parameters
-    ----------
-    rows : ndarray, shape (n_terms, n_samples)
-        Regressors, linearly independent.
-    target : ndarray, shape (n_samples,)
-        Output.
-
-    Returns
-    -------
-    theta : ndarray, shape (n_terms,)
-        Parameters.
-    theta_cov : ndarray, shape (n_terms, n_terms)
-        sigma^2 (P'P)^-1.
-    noise_variance : float
-        sigma^2, the residual sum of squares over (n_samples - n_terms).
-    """
-    norms = np.linalg.norm(rows, axis=1)
-    q, r = np.linalg.qr((rows / norms[:, None]).T)
-    theta = solve_triangular(r, q.T @ target) / norms
-    residual = target - theta @ rows
-    noise_variance = float(residual @ residual) / (target.size - norms.size)
-    root = solve_triangular(r, np.eye(norms.size)) / norms[:, None]
-    return theta, noise_variance * (root @ root.T), noise_variance
+        Returns
+        -------
+        matplotlib Axes
+        """
+        axes = axes_or_new(ax)
+        number = np.arange(1, len(self.path_) + 1)
+        kept = number <= len(self.terms_)
+        axes.bar(number[kept], self.path_err_[kept], color="tab:blue", label="kept")
+        axes.bar(number[~kept], self.path_err_[~kept], color="tab:gray", label="left out")
+        axes.set_yscale("log")
+        axes.set_xticks(number, [str(term) for term in self.path_], rotation=60, ha="right", fontsize="small")
+        axes.set_ylabel("error reduction ratio")
+        axes.legend(loc="upper right")
+        if self.criterion_.size:
+            other = axes.twinx()
+            other.plot(number, self.criterion_, "o-", color="tab:red", markersize=3)
+            if self.criterion == "free_run":
+                other.set_yscale("log")
+                other.set_ylabel("mean squared free-run error", color="tab:red")
+            else:
+                other.set_ylabel(self.criterion.upper(), color="tab:red")
+        return axes

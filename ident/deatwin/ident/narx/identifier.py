@@ -13,7 +13,7 @@ from deatwin.ident.narx.regression import Recordings, Regression, flatten
 from deatwin.ident.narx.terms import Lags, Rule
 from deatwin.plant.errors import ModelError, nearest
 
-__all__ = ["FitStatus", "NarxIdentifier", "Progress"]
+__all__ = ["FitStatus", "Identifier", "NarxIdentifier", "Progress", "silent"]
 
 Progress = Callable[[float, str], None]
 """Takes the share that is done, 0 to 1, and what is being done."""
@@ -31,7 +31,55 @@ class FitStatus(Enum):
         return self is FitStatus.DONE
 
 
-class NarxIdentifier(ABC):
+class Identifier(ABC):
+    """An estimator under scikit-learn's contract: arguments are stored untouched under their names."""
+
+    @classmethod
+    def _names(cls) -> list[str]:
+        return [name for name in inspect.signature(cls.__init__).parameters if name != "self"]
+
+    def get_params(self, deep: bool = True) -> dict[str, Any]:
+        """Return the arguments by name.
+
+        Parameters
+        ----------
+        deep : bool
+            Part of scikit-learn's contract; without effect, for no argument is an estimator.
+
+        Returns
+        -------
+        dict
+        """
+        return {name: getattr(self, name) for name in self._names()}
+
+    def set_params(self, **params: Any) -> Self:
+        """Set arguments by name.
+
+        Parameters
+        ----------
+        **params
+            New values.
+
+        Raises
+        ------
+        ModelError
+            If a name is not an argument.
+        """
+        for name in params:
+            if name not in self._names():
+                raise ModelError(
+                    f"{type(self).__name__} has no argument {name!r}{nearest(name, self._names())}"
+                )
+        for name, value in params.items():
+            setattr(self, name, value)
+        return self
+
+    def __repr__(self) -> str:
+        arguments = ", ".join(f"{name}={value!r}" for name, value in self.get_params().items())
+        return f"{type(self).__name__}({arguments})"
+
+
+class NarxIdentifier(Identifier):
     """An estimator of NARX models under scikit-learn's contract.
 
     Arguments are stored untouched under their names, what is learned ends in ``_``, and ``fit`` returns the
@@ -82,20 +130,10 @@ class NarxIdentifier(ABC):
             If an argument makes no sense, or the recordings do not suit.
         """
         self._check()
-        tell = progress or _silent
+        tell = progress or silent
         chosen = flatten(recordings)
         rows = range(chosen[0].outputs.shape[0])
-        data = [
-            Regression.of(
-                chosen,
-                output_lags=self.output_lags,
-                input_lags=self.input_lags,
-                degree=self.degree,
-                rule=self.rule,
-                output=row,
-            )
-            for row in rows or (0,)
-        ]
+        data = [self._regression(chosen, row) for row in rows or (0,)]
         if len(data) == 1:
             self.status_, self.equations_ = FitStatus.DONE, ()
             self.model_ = self._learn(data[0], tell)
@@ -107,13 +145,28 @@ class NarxIdentifier(ABC):
         """Fit a clone for each output and join their equations."""
         fitted: list[NarxIdentifier] = []
         for row, regression in enumerate(data):
-            one = type(self)(**self.get_params())
-            one.status_, one.equations_ = FitStatus.DONE, ()
-            one.model_ = one._learn(regression, _part_of(progress, row, len(data)))
-            fitted.append(one)
+            fitted.append(self._fitted_clone(regression, _part_of(progress, row, len(data))))
         self.equations_ = tuple(fitted)
         self.status_ = next((one.status_ for one in fitted if not one.status_.ok), FitStatus.DONE)
         self.model_ = NarxModel.joined([one.model_ for one in fitted])
+
+    def _fitted_clone(self, data: Regression, progress: Progress) -> Self:
+        """Return an estimator of the same arguments that has learned one equation."""
+        one = type(self)(**self.get_params())
+        one.status_, one.equations_ = FitStatus.DONE, ()
+        one.model_ = one._learn(data, progress)
+        return one
+
+    def _regression(self, recordings: Recordings, output: int) -> Regression:
+        """Return the regression on all candidates of one output's equation."""
+        return Regression.of(
+            recordings,
+            output_lags=self.output_lags,
+            input_lags=self.input_lags,
+            degree=self.degree,
+            rule=self.rule,
+            output=output,
+        )
 
     @abstractmethod
     def _check(self) -> None:
@@ -123,53 +176,17 @@ class NarxIdentifier(ABC):
     def _learn(self, data: Regression, progress: Progress) -> NarxModel:
         """Set what is learned and return the model of one equation."""
 
-    @classmethod
-    def _names(cls) -> list[str]:
-        return [name for name in inspect.signature(cls.__init__).parameters if name != "self"]
 
-    def get_params(self, deep: bool = True) -> dict[str, Any]:
-        """Return the arguments by name.
+def silent(share: float, doing: str) -> None:
+    """Take progress and say nothing.
 
-        Parameters
-        ----------
-        deep : bool
-            Part of scikit-learn's contract; without effect, for no argument is an estimator.
-
-        Returns
-        -------
-        dict
-        """
-        return {name: getattr(self, name) for name in self._names()}
-
-    def set_params(self, **params: Any) -> Self:
-        """Set arguments by name.
-
-        Parameters
-        ----------
-        **params
-            New values.
-
-        Raises
-        ------
-        ModelError
-            If a name is not an argument.
-        """
-        for name in params:
-            if name not in self._names():
-                raise ModelError(
-                    f"{type(self).__name__} has no argument {name!r}{nearest(name, self._names())}"
-                )
-        for name, value in params.items():
-            setattr(self, name, value)
-        return self
-
-    def __repr__(self) -> str:
-        arguments = ", ".join(f"{name}={value!r}" for name, value in self.get_params().items())
-        return f"{type(self).__name__}({arguments})"
-
-
-def _silent(share: float, doing: str) -> None:
-    """Take progress and say nothing."""
+    Parameters
+    ----------
+    share : float
+        Done, 0 to 1.
+    doing : str
+        What is being done.
+    """
 
 
 def _part_of(progress: Progress, part: int, parts: int) -> Progress:

@@ -1,0 +1,335 @@
+"""One Kalman filter and fixed-interval smoother, with the likelihood and its gradient.
+
+The model is x(k+1) = F_k x(k) + c_k + w(k), y_i(k) = h_ik' x(k) + v_i(k), white normal w ~ (0, Q_k), v_i ~ (0, R_i).
+Measurements are taken in one number at a time; covariances are carried as roots, P = S S', and so stay covariances
+however ill-conditioned the problem is. The smoother is the recursion of Rauch, Tung and Striebel, its gains and
+covariances also from roots by orthogonal transformations: nothing is subtracted, so that a start may be as wide, or as
+exactly known, as one likes. The adjoint of the filter gives the gradient of the log likelihood.
+
+An extended filter linearises as it goes, by `update_root` and `advance_root`; what it found is the exact filter of the
+linear model with its Jacobians and c_k = f(x) - F_k x, which `kalman_filter` repeats for the smoother.
+
+References
+----------
+.. [1] Potter's update: Bierman, "Factorization Methods for Discrete Sequential Estimation", Academic Press 1977, ch. V.
+.. [2] de Jong, "Smoothing and interpolation with the state-space model", J. Am. Stat. Assoc. 84 (1989) 1085-1088.
+.. [3] Koopman, Shephard, "Exact score for time series models in state space form", Biometrika 79 (1992) 823-826,
+   doi:10.1093/biomet/79.4.823.
+.. [4] Rauch, Tung, Striebel, "Maximum likelihood estimates of linear dynamic systems", AIAA J. 3 (1965) 1445-1450,
+   doi:10.2514/3.3166; in roots: Park, Kailath, "New square-root smoothing algorithms", IEEE Trans. Autom. Control 41
+   (1996) 727-732.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import log, pi
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from deatwin.ident.kalman_loops import advance_root, backward, covariance_root, forward, smooth, update_root
+from deatwin.plant.errors import ModelError
+
+__all__ = [
+    "Adjoint", "Filtered", "Smoothed", "StateSpace", "adjoint", "advance_root", "kalman_filter", "kalman_smoother",
+    "update_root",
+]  # fmt: skip
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StateSpace:
+    """A linear, time-varying state-space model over one record.
+
+    Parameters
+    ----------
+    rows : array_like, shape (n_outputs, n, n_states) or (n, n_states)
+        Measurement rows h_ik; in units of the output per unit of the state.
+    noise_variance : array_like, shape (n_outputs,) or ()
+        Variances R_i of the measurement noise, uncorrelated between outputs, in squared units of the outputs.
+    start : array_like, shape (n_states,)
+        Mean of the state at the first sample, before its measurement.
+    start_cov : array_like, shape (n_states, n_states)
+        Covariance of it; zero where it is known exactly.
+    transition : array_like, shape (n_states, n_states) or (n - 1, n_states, n_states), optional
+        F_k from sample k to k + 1; the identity by default.
+    added : array_like, shape (n - 1, n_states), optional
+        c_k, what known inputs add to the state between samples k and k + 1; nothing by default.
+    process_cov : array_like, shape (n_states, n_states) or (n - 1, n_states, n_states), optional
+        Q_k, the covariance of what is added between samples k and k + 1; zero by default.
+    intervals : array_like, shape (n - 1,), optional
+        Factors on Q_k: the number of sample intervals between samples k and k + 1, for a random walk over a gap;
+        1 by default.
+    fading : float
+        Forgetting factor in (0, 1]: the covariance is divided by it in each step, so that the past counts less and
+        less (recursive least squares with forgetting). Below 1 the likelihood and the smoother have no meaning.
+
+    Raises
+    ------
+    ModelError
+        If shapes do not fit together, or a covariance is not one.
+    """
+
+    rows: Array
+    noise_variance: Array
+    start: Array
+    start_cov: Array
+    transition: Array | None = None
+    added: Array | None = None
+    process_cov: Array | None = None
+    intervals: Array | None = None
+    fading: float = 1.0
+
+    def __post_init__(self) -> None:
+        rows = np.asarray(self.rows, dtype=np.float64)
+        rows = rows[None] if rows.ndim == 2 else rows
+        if rows.ndim != 3 or 0 in rows.shape:
+            raise ModelError(f"rows have the shape {rows.shape}; it must be (n_outputs, n, n_states)")
+        p, n, m = rows.shape
+        object.__setattr__(self, "rows", _frozen(rows))
+        shapes: dict[str, tuple[tuple[int, ...], ...]] = {
+            "noise_variance": ((p,), (1,)), "start": ((m,),), "start_cov": ((m, m),),
+            "transition": ((m, m), (n - 1, m, m)), "process_cov": ((m, m), (n - 1, m, m)), "intervals": ((n - 1,),),
+            "added": ((n - 1, m),),
+        }  # fmt: skip
+        for name, allowed in shapes.items():
+            given = getattr(self, name)
+            if given is None:
+                continue
+            values = np.atleast_1d(np.asarray(given, dtype=np.float64))
+            if values.shape not in allowed:
+                wanted = " or ".join(map(str, allowed))
+                raise ModelError(f"{name} has the shape {values.shape}; {p} rows of shape ({n}, {m}) need {wanted}")
+            object.__setattr__(self, name, _frozen(values))
+        if self.noise_variance.shape != (p,):
+            object.__setattr__(self, "noise_variance", _frozen(np.full(p, self.noise_variance[0])))
+        if not (np.all(self.noise_variance >= 0) and 0 < self.fading <= 1):
+            raise ModelError(
+                f"noise_variance = {self.noise_variance} must not be negative, "
+                f"fading = {self.fading} must lie above 0 and not above 1"
+            )
+
+    @cached_property
+    def process_root(self) -> Array | None:
+        """Transposed roots G' with G G' = Q, shape (r, n_states) or (n - 1, r, n_states); None for no noise."""
+        if self.process_cov is None or not self.process_cov.any():
+            return None
+        across = covariance_root(self.process_cov).swapaxes(-1, -2)
+        return _frozen(across[across.any(axis=1)] if across.ndim == 2 else across)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Filtered:
+    """What the filter knows after each sample.
+
+    Parameters
+    ----------
+    model : StateSpace
+        The model.
+    states : ndarray, shape (n, n_states)
+        Mean of the state given the measurements up to and with each sample.
+    roots : ndarray, shape (n, n_states, n_states)
+        Roots S of its covariance S S'.
+    innovations : ndarray, shape (n_outputs, n)
+        Measurement minus its prediction from all before it (at the same sample: from the outputs of lower number);
+        NaN where the measurement is missing.
+    innovation_variances : ndarray, shape (n_outputs, n)
+        Their variances, all positive.
+    gains : ndarray, shape (n_outputs, n, n_states)
+        How the state moves with each innovation.
+    """
+
+    model: StateSpace
+    states: Array
+    roots: Array
+    innovations: Array
+    innovation_variances: Array
+    gains: Array
+
+    @cached_property
+    def n_measured(self) -> int:
+        """Number of measurements, the missing ones not counted."""
+        return int(np.isfinite(self.innovations).sum())
+
+    @cached_property
+    def log_likelihood(self) -> float:
+        """Exact log likelihood of the measurements under the model, start included."""
+        variance, square = self.innovation_variances, self.innovations**2
+        terms = np.where(np.isnan(square), 0.0, np.log(2 * pi * variance) + square / variance)
+        return -0.5 * float(terms.sum())
+
+    @property
+    def variance_factor(self) -> float:
+        """The factor on all covariances together (R, Q and that of the start) that makes the likelihood largest."""
+        return float(np.nansum(self.innovations**2 / self.innovation_variances)) / self.n_measured
+
+    @property
+    def scaled_log_likelihood(self) -> float:
+        """Log likelihood after all covariances are multiplied with `variance_factor`."""
+        logs = np.where(np.isnan(self.innovations), 0.0, np.log(self.innovation_variances))
+        return -0.5 * (float(logs.sum()) + self.n_measured * (log(2 * pi * self.variance_factor) + 1.0))
+
+    @property
+    def covariances(self) -> Array:
+        """Covariance of the state after each sample, shape (n, n_states, n_states)."""
+        return np.asarray(self.roots @ self.roots.swapaxes(1, 2))
+
+    @property
+    def std(self) -> Array:
+        """Standard deviations of the state after each sample, shape (n, n_states)."""
+        return np.asarray(np.sqrt(np.einsum("kij,kij->ki", self.roots, self.roots)), dtype=np.float64)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Adjoint:
+    """The filter's adjoint: the gradient of the log likelihood by all that the model is made of.
+
+    Parameters
+    ----------
+    vectors : ndarray, shape (n, n_states)
+        Gradient by a shift of the state just before each sample is measured.
+    matrices : ndarray, shape (n, n_states, n_states)
+        Minus the second derivative by such a shift, symmetric.
+    noise_score : ndarray, shape (n_outputs,)
+        Derivative of the log likelihood by each R_i.
+    process_score : ndarray, shape (n_states, n_states)
+        Gradient by a Q that is the same at all samples; symmetric, each element taken as its own.
+    start_score : ndarray, shape (n_states,)
+        Gradient by the mean of the start.
+    """
+
+    vectors: Array
+    matrices: Array
+    noise_score: Array
+    process_score: Array
+    start_score: Array
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Smoothed:
+    """The state given all measurements.
+
+    Parameters
+    ----------
+    states : ndarray, shape (n, n_states)
+        Means.
+    covariances : ndarray, shape (n, n_states, n_states)
+        Covariances.
+    gains : ndarray, shape (n - 1, n_states, n_states)
+        How the state at each sample but the last moves with that at the next one.
+    log_likelihood : float
+        That of the filter.
+    """
+
+    states: Array
+    covariances: Array
+    gains: Array
+    log_likelihood: float
+
+    @property
+    def std(self) -> Array:
+        """Standard deviations, shape (n, n_states)."""
+        return np.asarray(np.sqrt(np.einsum("kii->ki", self.covariances)), dtype=np.float64)
+
+    @property
+    def lag_one(self) -> Array:
+        """Covariances of the states at samples k (rows) and k + 1 (columns), shape (n - 1, n_states, n_states)."""
+        return np.asarray(self.gains @ self.covariances[1:])
+
+
+def kalman_filter(model: StateSpace, outputs: ArrayLike) -> Filtered:
+    """Run the filter over one record; records that start anew are filtered one by one, their likelihoods add.
+
+    Parameters
+    ----------
+    model : StateSpace
+        The model.
+    outputs : array_like, shape (n_outputs, n) or (n,)
+        Measurements, in the outputs' units; NaN where one is missing.
+
+    Returns
+    -------
+    Filtered
+
+    Raises
+    ------
+    ModelError
+        If the outputs do not suit the model, or a measurement was certain beforehand.
+    """
+    p, n, _ = model.rows.shape
+    measured = np.atleast_2d(np.asarray(outputs, dtype=np.float64))
+    if measured.shape != (p, n):
+        raise ModelError(f"the outputs have the shape {measured.shape}; the model's rows need {(p, n)}")
+    states, roots, innovations, variances, gains = forward(model, np.ascontiguousarray(measured))
+    return Filtered(
+        model=model, states=states, roots=roots, innovations=innovations, innovation_variances=variances, gains=gains
+    )
+
+
+def adjoint(filtered: Filtered) -> Adjoint:
+    """Run the filter's adjoint backward over the record [2]_, [3]_.
+
+    Parameters
+    ----------
+    filtered : Filtered
+        Result of `kalman_filter`.
+
+    Returns
+    -------
+    Adjoint
+
+    Raises
+    ------
+    ModelError
+        If the filter was a fading one.
+    """
+    model = filtered.model
+    _require_no_fading(model)
+    vectors, matrices, noise_score = backward(
+        model, filtered.innovations, filtered.innovation_variances, filtered.gains
+    )
+    n = vectors.shape[0]
+    weights = np.ones(n - 1) if model.intervals is None else model.intervals
+    later = vectors[1:]
+    process = 0.5 * ((later * weights[:, None]).T @ later - np.tensordot(weights, matrices[1:], axes=1))
+    return Adjoint(
+        vectors=vectors, matrices=matrices, noise_score=noise_score, process_score=process, start_score=vectors[0]
+    )
+
+
+def kalman_smoother(filtered: Filtered) -> Smoothed:
+    """Return mean and covariance of every state given the whole record [4]_.
+
+    Parameters
+    ----------
+    filtered : Filtered
+        Result of `kalman_filter`.
+
+    Returns
+    -------
+    Smoothed
+
+    Raises
+    ------
+    ModelError
+        If the filter was a fading one.
+    """
+    _require_no_fading(filtered.model)
+    states, covariances, gains = smooth(filtered.model, filtered.states, filtered.roots)
+    return Smoothed(
+        states=states, covariances=covariances, gains=gains, log_likelihood=filtered.log_likelihood
+    )
+
+
+def _require_no_fading(model: StateSpace) -> None:
+    if model.fading != 1.0:
+        raise ModelError("a fading filter has no likelihood and no smoother; take fading = 1")
+
+
+def _frozen(values: Array) -> Array:
+    array = np.ascontiguousarray(values, dtype=np.float64).view()
+    array.setflags(write=False)
+    return array

@@ -1,0 +1,148 @@
+"""How many terms a model should have: information criteria, cross-validation, the free-run error on unseen samples."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from math import inf, log
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.narx.evidence import log_prior
+from deatwin.ident.narx.forward import SelectionStep
+from deatwin.ident.narx.free_run import March
+from deatwin.ident.narx.regression import Regression
+from deatwin.ident.narx.terms import Term, Variable
+from deatwin.plant.errors import ModelError
+from deatwin.plant.recording import Recording
+
+__all__ = ["CRITERIA", "criterion_values", "free_run_errors", "split"]
+
+Array = NDArray[np.float64]
+
+# A free run has diverged when it leaves this many times the largest output of the training data.
+_DIVERGED = 1e3
+
+
+CRITERIA: Mapping[str, Callable[[float, float, int, int, int], float]] = MappingProxyType(
+    {
+        # s mean squared residual, v mean squared leave-one-out error, n samples, k terms, p candidates
+        "ebic": lambda s, v, n, k, p: n * log(s) + k * log(n) - 2 * log_prior(k, p),
+        "bic": lambda s, v, n, k, p: n * log(s) + k * log(n),
+        "aic": lambda s, v, n, k, p: n * log(s) + 2 * k,
+        "aicc": lambda s, v, n, k, p: n * log(s) + 2 * k + (2 * k * (k + 1) / (n - k - 1) if n > k + 1 else inf),
+        "press": lambda s, v, n, k, p: n * log(v) if v < inf else inf,
+    }
+)
+"""Criteria that a selection path alone decides, all on the scale of n ln(mean square); the least is best."""
+
+
+def criterion_values(name: str, steps: Sequence[SelectionStep], target: Array, candidates: int) -> Array:
+    """Return a criterion after each step of a selection.
+
+    Parameters
+    ----------
+    name : str
+        One of `CRITERIA`.
+    steps : sequence of SelectionStep
+        The path.
+    target : ndarray, shape (n_samples,)
+        The output that it explains.
+    candidates : int
+        How many terms competed.
+
+    Returns
+    -------
+    ndarray, shape (n_steps,)
+    """
+    n = target.size
+    # A residual at rounding level carries no information: let it not buy further terms.
+    floor = float(np.finfo(float).eps ** 2 * (target @ target)) / n
+    return np.array(
+        [
+            CRITERIA[name](max(step.residual / n, floor), max(step.press / n, floor), n, k, candidates)
+            for k, step in enumerate(steps, start=1)
+        ]
+    )
+
+
+def split(
+    recordings: Sequence[Recording], share: float, first: int
+) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:
+    """Part recordings into the beginnings, to learn from, and the ends, to judge by.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+        To be parted, each at the same share.
+    share : float
+        Of each that is held out, between 0 and 1.
+    first : int
+        Largest lag in samples: what a part must exceed.
+
+    Returns
+    -------
+    training, held_out : tuple of Recording
+
+    Raises
+    ------
+    ModelError
+        If a part is too short for the lags.
+    """
+    training, held_out = [], []
+    for number, record in enumerate(recordings, start=1):
+        cut = record.n_samples - round(share * record.n_samples)
+        if min(cut, record.n_samples - cut) <= first:
+            raise ModelError(
+                f"recording {number} has {record.n_samples} samples: with held_out = {share:g} one of its parts is "
+                f"too short for lags up to {first}"
+            )
+        training.append(record.section(0, cut))
+        held_out.append(record.section(cut, record.n_samples))
+    return tuple(training), tuple(held_out)
+
+
+def free_run_errors(data: Regression, recordings: Sequence[Recording], theta: Array) -> Array:
+    """Return the mean squared free-run errors of models of one equation.
+
+    Each run starts from the measured first lags of a recording. Other outputs, which have equations of their own, are
+    taken as measured.
+
+    Parameters
+    ----------
+    data : Regression
+        Its terms, lags and scales.
+    recordings : sequence of Recording
+        Where to run.
+    theta : ndarray, shape (n_models, n_terms)
+        Scaled parameters of each model; 0 for a term that it does not have.
+
+    Returns
+    -------
+    ndarray, shape (n_models,)
+        Square of the scaled output; infinite where a run diverges.
+    """
+    chosen = np.tile(np.arange(theta.shape[1]), (len(theta), 1))
+    total, samples = np.zeros(len(theta)), 0
+    for record in recordings:
+        march = _alone(data, record)
+        total += march.squared_errors(chosen, theta, limit=_DIVERGED).sum(axis=1)
+        samples += record.n_samples - data.first
+    return total / samples
+
+
+def _alone(data: Regression, record: Recording) -> March:
+    """Set one equation out over a recording: inputs and the other outputs are known, its own output is marched."""
+    inputs, outputs = data.scaled(record)
+
+    def renamed(variable: Variable) -> Variable:
+        if variable.kind == "u":
+            return Variable("u", variable.index + 1, variable.lag)
+        if variable.index == data.output:
+            return Variable("y", 1, variable.lag)
+        return Variable("u", len(inputs) + variable.index + 1, variable.lag)
+
+    terms = [Term.product(renamed(variable) for variable in term.expanded) for term in data.table.terms]
+    known = np.concatenate([inputs, outputs])
+    return March.of(terms, {"u": known}, "y", outputs[data.output][None], first=data.first)

@@ -1,0 +1,186 @@
+"""What an estimator of the parameters of given regressors returns, and the plain one: least squares by QR.
+
+>>> import numpy as np
+>>> rows = np.array([[1.0, 1.0, 1.0, 1.0], [0.0, 1.0, 2.0, 3.0]])
+>>> least_squares(rows, np.array([1.0, 3.0, 5.0, 7.0])).theta.round(12).tolist()
+[1.0, 2.0]
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+
+from deatwin.plant.errors import ModelError
+
+__all__ = [
+    "Centred",
+    "Estimate",
+    "Estimator",
+    "LeastSquares",
+    "least_squares",
+]
+
+Array = NDArray[np.float64]
+
+_DEPENDENT = 1e-14  # sine of the angle between a regressor and those before it that rounding alone can make
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Estimate:
+    """Parameters of a linear regression and how well they are known.
+
+    Parameters
+    ----------
+    theta : ndarray, shape (n_terms,)
+        Parameters.
+    theta_cov : ndarray, shape (n_terms, n_terms)
+        Their covariance.
+    noise_variance : float
+        Variance of what the regressors leave of the output.
+    dof : float
+        Degrees of freedom of a Student-t law of theta with that covariance; infinite for a normal one.
+    """
+
+    theta: Array
+    theta_cov: Array
+    noise_variance: float
+    dof: float = inf
+
+
+class Estimator(Protocol):
+    """What estimates the parameters of given regressors."""
+
+    def __call__(self, rows: Array, target: Array) -> Estimate:
+        """Estimate.
+
+        Parameters
+        ----------
+        rows : ndarray, shape (n_terms, n_samples)
+            Regressors, one row a term.
+        target : ndarray, shape (n_samples,)
+            Output.
+
+        Returns
+        -------
+        Estimate
+        """
+
+
+@dataclass(frozen=True)
+class LeastSquares:
+    """Least squares by QR of the normalised regressors: no digits are lost to a Gram matrix."""
+
+    def __call__(self, rows: Array, target: Array) -> Estimate:
+        """Estimate; ``theta_cov`` is ``s^2 (P'P)^-1`` with s^2 the residual sum of squares over n_samples - n_terms.
+
+        Parameters
+        ----------
+        rows : ndarray, shape (n_terms, n_samples)
+            Regressors, linearly independent.
+        target : ndarray, shape (n_samples,)
+            Output.
+
+        Raises
+        ------
+        ModelError
+            If there are not more samples than terms, or the regressors depend on each other.
+        """
+        n_terms, n = rows.shape
+        if n <= n_terms:
+            raise ModelError(f"{n} samples do not determine {n_terms} parameters and the noise")
+        norms = np.linalg.norm(rows, axis=1)
+        sizes = np.exp2(np.round(np.log2(np.where(norms > 0, norms, 1.0))))  # powers of two: division rounds nothing
+        q, r = np.linalg.qr((rows / sizes[:, None]).T)
+        if np.abs(np.diag(r)).min() < _DEPENDENT:
+            raise ModelError("the regressors depend on each other on these samples: leave some out, or take Ridge()")
+        theta = solve_triangular(r, q.T @ target) / sizes
+        theta += solve_triangular(r, q.T @ (target - theta @ rows)) / sizes  # one refinement
+        residual = target - theta @ rows
+        variance = float(residual @ residual) / (n - n_terms)
+        root = solve_triangular(r, np.eye(n_terms)) / sizes[:, None]
+        return Estimate(theta=theta, theta_cov=variance * (root @ root.T), noise_variance=variance)
+
+
+least_squares = LeastSquares()
+"""Least squares, ready to be called."""
+
+
+@dataclass(frozen=True, eq=False)
+class Centred:
+    """A regression without its constant regressor, whose parameter follows from the others.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (n_others, n_samples)
+        The other regressors, less their means; all of them as they are where none is constant.
+    target : ndarray, shape (n_samples,)
+        The output, likewise.
+    constant : int or None
+        Position of the constant regressor.
+    level : float
+        Its value.
+    means : ndarray, shape (n_others,)
+        Of the other regressors.
+    mean : float
+        Of the output.
+    """
+
+    rows: Array
+    target: Array
+    constant: int | None
+    level: float
+    means: Array
+    mean: float
+
+    @classmethod
+    def of(cls, rows: Array, target: Array) -> Centred:
+        """Take the constant regressor out, if there is one.
+
+        Parameters
+        ----------
+        rows : ndarray, shape (n_terms, n_samples)
+            Regressors.
+        target : ndarray, shape (n_samples,)
+            Output.
+        """
+        constants = np.flatnonzero((np.ptp(rows, axis=1) == 0) & (rows[:, 0] != 0))
+        if constants.size == 0:
+            return cls(rows, target, None, 1.0, np.zeros(len(rows)), 0.0)
+        first = int(constants[0])
+        others = np.delete(rows, first, axis=0)
+        means, mean = others.mean(axis=1), float(target.mean())
+        return cls(others - means[:, None], target - mean, first, float(rows[first, 0]), means, mean)
+
+    @property
+    def freedom(self) -> int:
+        """Samples less the parameter of the constant."""
+        return self.target.size - (self.constant is not None)
+
+    def complete(self, theta: Array, cov: Array, variance: float) -> Estimate:
+        """Return the estimate with the constant's parameter, mean(y) - mean(P) theta, put back in its place.
+
+        Parameters
+        ----------
+        theta : ndarray, shape (n_others,)
+            Parameters of the other regressors.
+        cov : ndarray, shape (n_others, n_others)
+            Their covariance.
+        variance : float
+            Of what is left of the output.
+        """
+        if self.constant is None:
+            return Estimate(theta=theta, theta_cov=cov, noise_variance=variance)
+        slopes = np.vstack([-self.means / self.level, np.eye(theta.size)])
+        full_cov = slopes @ cov @ slopes.T
+        full_cov[0, 0] += variance / (self.target.size * self.level**2)
+        full = np.concatenate([[(self.mean - self.means @ theta) / self.level], theta])
+        order = np.insert(np.arange(1, full.size), self.constant, 0)
+        return Estimate(
+            theta=full[order], theta_cov=full_cov[np.ix_(order, order)], noise_variance=variance
+        )

@@ -1,0 +1,81 @@
+"""Estimators of the parameters of given regressors: least squares, total least squares, ridge, Bayesian.
+
+Each is a small immutable object that is called with regressors and outputs, so that it can be handed to an identifier:
+``Frols(estimator=Ridge())``.
+
+>>> import numpy as np
+>>> rows = np.array([[1.0, 1.0, 1.0, 1.0], [0.0, 1.0, 2.0, 3.0]])
+>>> TotalLeastSquares()(rows, np.array([1.0, 3.0, 5.0, 7.0])).theta.round(12).tolist()
+[1.0, 2.0]
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.narx.estimate import Centred, Estimate, Estimator, LeastSquares, least_squares
+from deatwin.ident.narx.shrinkage import Bayesian, BayesianEstimate, Ridge
+from deatwin.plant.errors import ModelError
+
+__all__ = [
+    "Bayesian",
+    "BayesianEstimate",
+    "Estimate",
+    "Estimator",
+    "LeastSquares",
+    "Ridge",
+    "TotalLeastSquares",
+    "least_squares",
+]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class TotalLeastSquares:
+    """Total least squares: errors of equal variance, independent of each other, in the regressors and the output.
+
+    The least change of both that makes the equations hold, from the singular value decomposition of [P y]; a
+    constant regressor is exact. ``theta_cov`` is the first-order ``(1 + |theta|^2) s^2 (P'P - n s^2)^-1`` and
+    ``noise_variance`` the variance ``(1 + |theta|^2) s^2`` of the equation's error, s^2 being that of each error.
+    Regressors of a NARX model share their lagged signals, and products scale the errors, so that the assumption
+    holds at best roughly there.
+
+    References
+    ----------
+    Golub, Van Loan, "An analysis of the total least squares problem", SIAM J. Numer. Anal. 17 (1980) 883-893,
+    doi:10.1137/0717073.
+    Van Huffel, Vandewalle, "The Total Least Squares Problem" (1991), doi:10.1137/1.9781611971002.
+    """
+
+    def __call__(self, rows: Array, target: Array) -> Estimate:
+        """Estimate.
+
+        Parameters
+        ----------
+        rows : ndarray, shape (n_terms, n_samples)
+            Regressors, linearly independent.
+        target : ndarray, shape (n_samples,)
+            Output.
+
+        Raises
+        ------
+        ModelError
+            If there are not more samples than terms, or the problem has no solution.
+        """
+        centred = Centred.of(rows, target)
+        n_terms, n = centred.rows.shape
+        if centred.freedom <= n_terms:
+            raise ModelError(f"{n} samples do not determine {n_terms} parameters and the noise")
+        _, s, vt = np.linalg.svd(np.vstack([centred.rows, centred.target]).T, full_matrices=False)
+        if abs(vt[-1, -1]) < np.finfo(float).eps * n:
+            raise ModelError("the total least squares problem has no solution: the regressors depend on each other")
+        theta = -vt[-1, :-1] / vt[-1, -1]
+        variance = float((1 + theta @ theta) * s[-1] ** 2 / (centred.freedom - n_terms))
+        # P'P - s_min^2 from the decomposition of P: its singular values are not below s_min.
+        _, t, wt = np.linalg.svd(centred.rows.T, full_matrices=False)
+        cov = variance * (wt.T / np.maximum(t**2 - s[-1] ** 2, np.finfo(float).tiny)) @ wt
+        return centred.complete(theta, cov, variance)

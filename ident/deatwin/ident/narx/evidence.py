@@ -1,0 +1,257 @@
+"""Exact evidence of regression structures, and the climb to one that no small change makes more probable.
+
+The prior of the k terms Phi of a structure is the unit-information prior: with theta^ their least-squares estimate and
+n samples,
+
+    p(tau) ~ 1/tau,    theta | tau ~ N(theta^, n/tau (Phi'Phi)^-1),
+
+a law as wide as one sample would leave it. Nothing in it is to be chosen, and it depends neither on units nor on the
+size of the regressors. Its width is the noise's: a prior whose width is learned from the size of all effects together
+(a mixture of g-priors) asks more of a small term the larger the others are, and NARX models have small nonlinear terms
+beside large linear ones.
+
+References
+----------
+Kass, Wasserman, "A reference Bayesian test for nested hypotheses and its relationship to the Schwarz criterion",
+J. Am. Stat. Assoc. 90 (1995) 928-934, doi:10.1080/01621459.1995.10476592.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import log
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import LinAlgError, cholesky, solve_triangular
+from scipy.special import gammaln
+
+from deatwin.ident.narx.bayes import Statistics
+
+__all__ = ["Move", "climb", "log_evidence", "log_odds", "log_prior"]
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+# A candidate of which the chosen terms leave less than this share of its squares is a combination of them.
+_DEPENDENT = 1e-10
+# A residual at rounding level carries no information: let it not buy further terms.
+_LEAST_SHARE = 1e-14
+
+
+def log_evidence(share: Array | float, n_terms: int, n_samples: int) -> Array:
+    """Return ln p(y | structure) - ln p(y | no term) under the unit-information prior.
+
+    Parameters
+    ----------
+    share : float or ndarray
+        Share of y'y that the least-squares fit of the structure leaves, 0 to 1.
+    n_terms, n_samples : int
+        k and n.
+
+    Returns
+    -------
+    ndarray
+        In nats, of the shape of ``share``.
+    """
+    return np.asarray(-0.5 * n_terms * log(1 + n_samples) - 0.5 * n_samples * np.log(np.maximum(share, _LEAST_SHARE)))
+
+
+def log_prior(n_terms: int, n_candidates: int) -> float:
+    """Return ln p(structure): every number of terms is equally probable, and so are all structures of one number.
+
+    Each term that competes makes the others less probable, so that the odds against any false term among hundreds of
+    candidates are those among few. Structures of more than half of the candidates, of which there would be ever fewer of
+    one number, are given the probability of those of half: a further term never comes as a gain.
+
+    Parameters
+    ----------
+    n_terms, n_candidates : int
+        Terms of the structure, and candidates for them.
+
+    Returns
+    -------
+    float
+        In nats.
+
+    References
+    ----------
+    Scott, Berger, "Bayes and empirical-Bayes multiplicity adjustment in the variable-selection problem", Ann. Statist.
+    38 (2010) 2587-2619, doi:10.1214/10-AOS792.
+    """
+    m = n_candidates
+    k = min(n_terms, m // 2)
+    return float(gammaln(k + 1) + gammaln(m - k + 1) - gammaln(m + 1)) - log(m + 1)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Move:
+    """One change of a structure.
+
+    Parameters
+    ----------
+    chosen : ndarray of int, shape (n_terms,)
+        The structure after it, as increasing positions among the candidates.
+    removed, added : int or None
+        What it changed: one of them, or both for an exchange; None and None for the start.
+    log_odds : float
+        ln p(structure | y) after it, less that of the structure without any term, in nats.
+    """
+
+    chosen: Indices
+    removed: int | None
+    added: int | None
+    log_odds: float
+
+
+def log_odds(data: Statistics, chosen: Indices) -> float:
+    """Return ln p(structure | y) - ln p(no term | y).
+
+    Parameters
+    ----------
+    data : Statistics
+        Of all candidates.
+    chosen : ndarray of int, shape (n_terms,)
+        Positions of the terms of the structure.
+
+    Returns
+    -------
+    float
+        In nats; minus infinity for no term, terms that are linearly dependent, or as many as there are samples.
+    """
+    try:
+        return float(_posterior(data, _Fit.of(data, chosen).left, chosen.size))
+    except LinAlgError:
+        return -np.inf
+
+
+def climb(data: Statistics, start: Indices) -> Iterator[Move]:
+    """Change a structure term by term, always to its most probable neighbour, until none is more probable.
+
+    Neighbours are all structures with one term less, one more, or one exchanged for any other candidate.
+
+    Parameters
+    ----------
+    data : Statistics
+        Of all candidates.
+    start : ndarray of int, shape (n_terms,)
+        Positions of the terms to begin with.
+
+    Yields
+    ------
+    Move
+        From the start, which changes nothing, to the local maximum. A start without probability stays alone.
+    """
+    move = Move(chosen=np.sort(start), removed=None, added=None, log_odds=log_odds(data, start))
+    yield move
+    while move.log_odds > -np.inf:
+        best = _best_neighbour(data, move.chosen)
+        # A gain at rounding level is none: it could send the search in circles.
+        if best.log_odds <= move.log_odds + 1e-9 * abs(move.log_odds):
+            return
+        move = best
+        yield move
+
+
+def _best_neighbour(data: Statistics, chosen: Indices) -> Move:
+    """Return the most probable structure that differs by one term, or by one exchange."""
+    fit = _Fit.of(data, chosen)
+    more = _posterior(data, fit.left - fit.gains(), chosen.size + 1)
+    fewer = _posterior(data, fit.left_without, chosen.size - 1)
+    exchanged = _posterior(data, fit.left_without[:, None] - fit.gains_without(), chosen.size)
+    best = max(more.max(), fewer.max(), exchanged.max())
+    if best == more.max():
+        removed, added = None, int(np.argmax(more))
+    elif best == fewer.max():
+        removed, added = int(chosen[np.argmax(fewer)]), None
+    else:
+        place, added = (int(i) for i in np.unravel_index(np.argmax(exchanged), exchanged.shape))
+        removed = int(chosen[place])
+    rest = chosen[chosen != removed]
+    structure = rest if added is None else np.sort(np.append(rest, added))
+    return Move(chosen=structure, removed=removed, added=added, log_odds=float(best))
+
+
+def _posterior(data: Statistics, left: Array | float, n_terms: int) -> Array:
+    """Return ln p(structure | y) - ln p(no term | y) of structures of n_terms terms that leave some of y'y."""
+    candidates = data.moment.size
+    if not 0 < n_terms < min(data.n_samples, candidates + 1):
+        return np.full(np.shape(left), -np.inf)
+    prior = log_prior(n_terms, candidates) - log_prior(0, candidates)
+    odds = log_evidence(np.asarray(left) / data.power, n_terms, data.n_samples) + prior
+    return np.where(np.isfinite(left), odds, -np.inf)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Fit:
+    """Least squares on some terms, and of every candidate the part beyond them.
+
+    Parameters
+    ----------
+    theta : ndarray, shape (n_terms,)
+        Parameters.
+    inverse : ndarray, shape (n_terms,)
+        Diagonal of (Phi'Phi)^-1.
+    left : float
+        Sum of squares that is left.
+    shares : ndarray, shape (n_terms, n_candidates)
+        Each candidate as a combination of the terms.
+    beyond : ndarray, shape (n_candidates,)
+        Sum of squares of what that combination leaves of it.
+    moment : ndarray, shape (n_candidates,)
+        Product of the same with y.
+    squares : ndarray, shape (n_candidates,)
+        Sum of squares of the candidate itself.
+    """
+
+    theta: Array
+    inverse: Array
+    left: float
+    shares: Array
+    beyond: Array
+    moment: Array
+    squares: Array
+
+    @classmethod
+    def of(cls, data: Statistics, chosen: Indices) -> _Fit:
+        """Fit some terms; LinAlgError if they are linearly dependent."""
+        cross, squares = data.gram[chosen], np.diag(data.gram)
+        lower = cholesky(cross[:, chosen], lower=True)
+        if np.any(np.diag(lower) ** 2 <= _DEPENDENT * squares[chosen]):
+            raise LinAlgError("the terms are linearly dependent")
+        own = solve_triangular(lower, data.moment[chosen], lower=True)
+        parts = solve_triangular(lower, cross, lower=True)
+        root = solve_triangular(lower, np.eye(chosen.size), lower=True)
+        return cls(
+            theta=root.T @ own,
+            inverse=np.einsum("ij,ij->j", root, root),
+            left=data.power - float(own @ own),
+            shares=root.T @ parts,
+            beyond=squares - np.einsum("ij,ij->j", parts, parts),
+            moment=data.moment - own @ parts,
+            squares=squares,
+        )
+
+    @property
+    def left_without(self) -> Array:
+        """Sum of squares that is left when one term goes, shape (n_terms,)."""
+        return np.asarray(self.left + self.theta**2 / self.inverse)
+
+    def gains(self) -> Array:
+        """By how much each candidate lessens what is left, shape (n_candidates,)."""
+        return self._gains(self.moment, self.beyond)
+
+    def gains_without(self) -> Array:
+        """The same when one term has gone, shape (n_terms, n_candidates).
+
+        A candidate gets back its share of that part of the term that the others do not have, of which 1 / inverse is
+        the sum of squares and theta / inverse the product with y.
+        """
+        back = self.shares / self.inverse[:, None]
+        return self._gains(self.moment + back * self.theta[:, None], self.beyond + back * self.shares)
+
+    def _gains(self, moment: Array, beyond: Array) -> Array:
+        """Gains; minus infinity for a candidate that is a combination of the terms, as each of themselves is."""
+        new = beyond > _DEPENDENT * self.squares
+        return np.divide(moment**2, beyond, out=np.full(beyond.shape, -np.inf), where=new)

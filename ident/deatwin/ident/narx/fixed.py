@@ -1,0 +1,97 @@
+"""Estimation of a model whose terms are given."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from deatwin.ident.narx.estimate import Estimate, Estimator, least_squares
+from deatwin.ident.narx.identifier import NarxIdentifier, Progress
+from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.regression import Recordings, Regression, flatten
+from deatwin.ident.narx.terms import Term, TermTable
+from deatwin.plant.errors import ModelError
+
+__all__ = ["Fixed"]
+
+
+class Fixed(NarxIdentifier):
+    """Estimate the parameters of given terms, by least squares or otherwise.
+
+    Parameters
+    ----------
+    terms : sequence of Term or str, or mapping of str to such sequences
+        The terms, as ``["y(k-1)", "u(k-1)^2"]`` or ``other.model_.terms``; for several outputs those of each
+        equation, as ``{"y1": ["y1(k-1)"], "y2": ["y2(k-1)", "u(k-1)"]}``.
+    estimator : callable
+        Estimates the parameters; see `deatwin.ident.narx.estimation`.
+
+    Attributes
+    ----------
+    model_ : NarxModel
+        The model of these terms, in their order, in physical units.
+    estimate_ : Estimate
+        What the estimator returned, for the scaled regression.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from deatwin.plant.recording import Recording
+    >>> u = np.sin(np.arange(20.0) ** 2)
+    >>> recording = Recording.from_arrays(u, np.append(0.0, 2 * u[:-1]), 1.0)
+    >>> Fixed(terms=["u(k-1)"]).fit(recording).model_.theta.round(12).tolist()
+    [2.0]
+    """
+
+    estimate_: Estimate
+
+    def __init__(
+        self,
+        *,
+        terms: Sequence[Term | str] | Mapping[str, Sequence[Term | str]],
+        estimator: Estimator = least_squares,
+    ) -> None:
+        self.terms = terms
+        self.estimator = estimator
+
+    def _check(self) -> None:
+        if isinstance(self.terms, str) or len(self.terms) == 0:
+            raise ModelError(f'terms = {self.terms!r}; give a list of terms, as ["y(k-1)", "u(k-1)^2"]')
+        if not callable(self.estimator):
+            raise ModelError(f"estimator = {self.estimator!r}; give one, as Ridge()")
+
+    def _regression(self, recordings: Recordings, output: int) -> Regression:
+        chosen = flatten(recordings)
+        record = chosen[0]
+        written = self._of_output(output, len(record.outputs))
+        terms = tuple(term if isinstance(term, Term) else Term.parse(term) for term in written)
+        table = TermTable(terms)
+        if len(set(terms)) != len(terms):
+            raise ModelError(f"each term only once; got {', '.join(map(str, terms))}")
+        if table.channels("e"):
+            raise ModelError("Fixed takes terms without noise e(k-l); Narmax(Fixed(...)) adds a noise model")
+        for kind, signals, there in (("u", "inputs", len(record.inputs)), ("y", "outputs", len(record.outputs))):
+            if table.channels(kind) > there:
+                raise ModelError(f"the terms use {table.channels(kind)} {signals}, the recordings have {there}")
+        return Regression.on(chosen, table, output=output)
+
+    def _of_output(self, output: int, outputs: int) -> Sequence[Term | str]:
+        """Return the terms of one equation."""
+        if not isinstance(self.terms, Mapping):
+            if outputs > 1:
+                raise ModelError(
+                    f'the recordings have {outputs} outputs: give the terms of each, as {{"y1": [...], "y2": [...]}}'
+                )
+            return self.terms
+        names = [f"y{row + 1}" for row in range(outputs)] if outputs > 1 else ["y"]
+        if sorted(self.terms) != names:
+            raise ModelError(f"terms are given for {', '.join(self.terms)}; the outputs are {', '.join(names)}")
+        return self.terms[names[output]]
+
+    def _learn(self, data: Regression, progress: Progress) -> NarxModel:
+        rows, target = data.matrix()
+        self.estimate_ = self.estimator(rows, target)
+        progress(1.0, f"{len(rows)} parameters")
+        found = self.estimate_
+        return data.model(
+            found.theta, found.theta_cov, found.noise_variance, identifier=self, theta_dof=found.dof
+        )

@@ -1,0 +1,143 @@
+"""Forward selection by orthogonal least squares: the error reduction ratio of each choice, step by step."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["SelectionStep", "forward_selection"]
+
+Array = NDArray[np.float64]
+
+# A candidate is taken as dependent on the chosen ones where its squared norm has been reduced by this factor: what is
+# left, 1e-10 of it, still has six digits.
+_DEPENDENT = 1e-20
+# Squared norms and products are updated, not recomputed, until a candidate has lost this share of its squared norm, or
+# the output of its own; then they are computed afresh, so that cancellation never costs more than two digits.
+_REFRESH = 1e-2
+_ROWS = 64  # orthogonalised at once: of 10,000 samples they are 5 MB
+
+
+@dataclass(frozen=True, kw_only=True)
+class SelectionStep:
+    """One choice of a forward selection.
+
+    Parameters
+    ----------
+    candidate : int
+        Row that was chosen.
+    err : float
+        Its error reduction ratio, the share of y'y that it explains.
+    residual : float
+        Sum of squares of what is left, square of the output's unit.
+    press : float
+        Sum of squares of the leave-one-out errors: each sample predicted by the fit to all others (least squares on
+        the rows chosen so far); infinite where a sample is needed to determine the parameters.
+    """
+
+    candidate: int
+    err: float
+    residual: float
+    press: float
+
+
+def forward_selection(
+    rows: Array, target: Array, max_terms: int, *, given: Array | None = None
+) -> Iterator[SelectionStep]:
+    """Choose rows one by one by the error reduction ratio.
+
+    The ratio of a candidate p, orthogonalised against the chosen rows to w, is ``(w'y)^2 / (w'w y'y)``. Each step costs
+    one product of the candidates with the new orthonormal direction q: w'w falls by (p'q)^2 and w'y by (p'q)(q'y).
+    Chosen directions are orthogonalised twice, and norms and products are computed afresh before cancellation hurts.
+    The selection ends early where no independent candidate is left or nothing is left to explain.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (n_candidates, n_samples)
+        Candidate regressors; used as working memory and overwritten.
+    target : ndarray, shape (n_samples,)
+        Output.
+    max_terms : int
+        Largest number to choose.
+    given : ndarray, shape (n_given, n_samples), optional
+        Independent regressors that are in the model from the start.
+
+    Yields
+    ------
+    SelectionStep
+        Choice after choice.
+
+    References
+    ----------
+    Chen, Billings, Luo, "Orthogonal least squares methods and their application to non-linear system
+    identification", Int. J. Control 50 (1989) 1873-1896, doi:10.1080/00207178908953472.
+    Hong, Sharkey, Warwick, "Automatic nonlinear predictive model-construction algorithm using forward regression and
+    the PRESS statistic", IEE Proc. Control Theory Appl. 150 (2003) 245-254, doi:10.1049/ip-cta:20030311.
+    """
+    power = float(target @ target)
+    sizes = np.einsum("ij,ij->i", rows, rows)
+    count = 0 if given is None else len(given)
+    limit = min(count + max_terms, target.size)
+    basis = np.empty((limit, target.size))
+    if given is not None:
+        basis[:count] = np.linalg.qr(given.T)[0].T
+    left, leverage = _orthogonal(target, basis[:count]), np.sum(basis[:count] ** 2, axis=0)
+    norms, products = _renew(rows, np.arange(len(rows)), basis[:count], left)
+    reference, square = norms.copy(), float(left @ left)
+    free = np.ones(len(rows), dtype=bool)
+    while count < limit:
+        usable = free & (norms > _DEPENDENT * sizes)
+        if not usable.any() or square == 0.0:
+            return
+        gain = np.divide(products**2, norms, out=np.full(norms.size, -1.0), where=usable)
+        best = int(np.argmax(gain))
+        free[best] = False
+        direction = _orthogonal(rows[best], basis[:count])
+        direction /= np.linalg.norm(direction)
+        basis[count] = direction
+        count += 1
+        explained = float(direction @ left)
+        left -= explained * direction
+        leverage += direction**2
+        yield SelectionStep(
+            candidate=best,
+            err=explained**2 / power,
+            residual=float(left @ left),
+            press=_press(left, leverage),
+        )
+        along = rows @ direction
+        norms -= along**2
+        products -= explained * along
+        stale = np.flatnonzero(free & (norms < _REFRESH * reference))
+        norms[stale], products[stale] = _renew(rows, stale, basis[:count], left)
+        reference[stale] = norms[stale]
+        if float(left @ left) < _REFRESH * square:
+            products, square = rows @ left, float(left @ left)
+
+
+def _renew(rows: Array, which: NDArray[np.intp], basis: Array, left: Array) -> tuple[Array, Array]:
+    """Replace some rows by their parts orthogonal to basis; return their squared norms and products with left."""
+    norms, products = np.empty(which.size), np.empty(which.size)
+    for start in range(0, which.size, _ROWS):
+        part = slice(start, start + _ROWS)
+        some = rows[which[part]]
+        if len(basis):
+            some = rows[which[part]] = _orthogonal(some, basis)
+        norms[part], products[part] = np.einsum("ij,ij->i", some, some), some @ left
+    return norms, products
+
+
+def _orthogonal(vectors: Array, basis: Array) -> Array:
+    """Return the part of vectors (rows) that is orthogonal to the orthonormal rows of basis; twice is enough."""
+    once = vectors - (vectors @ basis.T) @ basis
+    return np.asarray(once - (once @ basis.T) @ basis, dtype=np.float64)
+
+
+def _press(left: Array, leverage: Array) -> float:
+    """Return the sum of squared leave-one-out errors e/(1 - h) of a least-squares fit."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        errors = left / (1.0 - leverage)
+    return float(errors @ errors) if np.all(leverage < 1.0 - 1e-12) else np.inf

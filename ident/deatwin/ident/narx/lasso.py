@@ -1,0 +1,264 @@
+"""The LASSO's path of NARX structures, refitted by least squares and judged by their free run over unseen samples."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.narx.criteria import free_run_errors, split
+from deatwin.ident.narx.estimate import least_squares
+from deatwin.ident.narx.identifier import FitStatus, NarxIdentifier, Progress
+from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.regression import Regression
+from deatwin.ident.narx.terms import Lags, Rule, Term
+from deatwin.plant.drawing import axes_or_new
+from deatwin.plant.errors import ModelError
+from deatwin.plant.recording import Recording
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["Lasso", "LassoPath"]
+
+Array = NDArray[np.float64]
+
+_KNOTS = 10  # of the path, times max_terms: terms also leave it, so that it has more knots than terms
+_SAMPLES = 4096  # standardised at once
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LassoPath:
+    """Where the LASSO's path bends: a term enters or leaves at each knot.
+
+    Parameters
+    ----------
+    terms : tuple of Term
+        The candidates that take part; the constant does not, for it is not penalised.
+    penalties : ndarray, shape (n_knots,)
+        Penalty of each knot, falling, for the standardised regression ``mean((y - Z b)^2)/2 + penalty sum |b|``.
+    coefficients : ndarray, shape (n_terms, n_knots)
+        b, for regressors and output of mean 0 (where the constant is a candidate) and standard deviation 1.
+    errors : ndarray, shape (n_knots,)
+        Root mean square free-run error over the held-out samples after the refit, in the output's unit; infinite where
+        it diverges, is not judged for its number of terms, or was not reached.
+    chosen : int
+        The knot of the model.
+    """
+
+    terms: tuple[Term, ...]
+    penalties: Array
+    coefficients: Array
+    errors: Array
+    chosen: int
+
+    def plot(self, ax: Axes | None = None, *, most: int = 10) -> Axes:
+        """Draw the coefficients over the penalty, with the chosen knot.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Where to draw; new axes otherwise.
+        most : int
+            How many terms of the chosen knot are named, the largest first.
+
+        Returns
+        -------
+        matplotlib Axes
+        """
+        axes = axes_or_new(ax)
+        held = self.coefficients[:, self.chosen]
+        named = [i for i in np.argsort(-np.abs(held), kind="stable")[:most] if held[i]]
+        for i in np.flatnonzero(self.coefficients.any(axis=1)):
+            if i not in named:
+                axes.plot(self.penalties, self.coefficients[i], color="0.8", linewidth=0.7)
+        for i in named:
+            axes.plot(self.penalties, self.coefficients[i], label=str(self.terms[i]))
+        axes.axvline(self.penalties[self.chosen], color="black", linestyle=":")
+        axes.set_xscale("log")
+        axes.invert_xaxis()
+        axes.set_xlabel("penalty")
+        axes.set_ylabel("standardised coefficient")
+        if named:
+            axes.legend(fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5))
+        return axes
+
+
+class Lasso(NarxIdentifier):
+    """Take structures from the LASSO's path, refit each by least squares, and keep the one with the best free run.
+
+    Each recording is parted. On its beginning the regressors are standardised and the path of the LASSO is followed
+    from the largest penalty down (least angle regression, scikit-learn); the structure at each knot, with the constant
+    and without it, is refitted by least squares, which takes away the bias of the penalty. The one with the least
+    mean squared free-run error over the ends of the recordings is the model; its parameters are estimated on all.
+
+    Where regressors are correlated the path holds false terms before all true ones are in, so that an exact structure
+    may not be on it.
+
+    Parameters
+    ----------
+    output_lags, input_lags : int or sequence of int
+        A number n for the lags 1..n, or the lags themselves (an input lag may be 0), in samples.
+    degree : int
+        Largest degree of a candidate.
+    rule : callable, optional
+        Takes a `Term` and says whether it is a candidate; see `deatwin.ident.narx.rules`.
+    max_terms : int
+        Largest number of terms of a model.
+    held_out : float
+        Share of each recording, its end, over which models are judged.
+
+    Attributes
+    ----------
+    model_ : NarxModel
+        The identified model, in physical units; ``theta_cov`` is ``sigma^2 (P'P)^-1``.
+    terms_ : tuple of Term
+        Its terms.
+    path_ : LassoPath
+        The path, with the free-run error of each knot.
+
+    References
+    ----------
+    Tibshirani, "Regression shrinkage and selection via the lasso", J. R. Stat. Soc. B 58 (1996) 267-288,
+    doi:10.1111/j.2517-6161.1996.tb02080.x.
+    Efron, Hastie, Johnstone, Tibshirani, "Least angle regression", Ann. Statist. 32 (2004) 407-499,
+    doi:10.1214/009053604000000067.
+    """
+
+    def __init__(
+        self,
+        *,
+        output_lags: Lags = 2,
+        input_lags: Lags = 2,
+        degree: int = 2,
+        rule: Rule | None = None,
+        max_terms: int = 30,
+        held_out: float = 0.3,
+    ) -> None:
+        self.output_lags = output_lags
+        self.input_lags = input_lags
+        self.degree = degree
+        self.rule = rule
+        self.max_terms = max_terms
+        self.held_out = held_out
+
+    def _check(self) -> None:
+        if self.max_terms < 1:
+            raise ModelError(f"max_terms = {self.max_terms}; it must be at least 1")
+        if not 0 < self.held_out < 1:
+            raise ModelError(f"held_out = {self.held_out}; it must lie between 0 and 1")
+
+    def _learn(self, data: Regression, progress: Progress) -> NarxModel:
+        beginnings, held_out = split(data.recordings, self.held_out, data.first)
+        training = replace(data, recordings=beginnings)
+        if training.n_samples <= self.max_terms:
+            raise ModelError(
+                f"{training.n_samples} usable samples are too few for up to {self.max_terms} terms; "
+                f"at least {self.max_terms + 1} are needed"
+            )
+        rows, target = training.matrix()
+        constant = next((i for i, term in enumerate(data.table.terms) if term.degree == 0), None)
+        taking_part, penalties, coefficients = lasso_path(
+            rows, target, centred=constant is not None, max_knots=_KNOTS * self.max_terms
+        )
+        errors, chosen = np.full(penalties.size, np.inf), (-1, [0])
+        try:
+            for knot in range(penalties.size):
+                support = [int(i) for i in taking_part[coefficients[:, knot] != 0]]
+                for structure in self._structures(support, constant):
+                    error = _error(training.only(structure), rows[structure], target, held_out)
+                    if chosen[0] < 0 or error < errors.min():
+                        chosen = (knot, structure)
+                    errors[knot] = min(errors[knot], error)
+                progress((knot + 1) / penalties.size, f"knot {knot + 1}, {len(support)} terms")
+        except KeyboardInterrupt:
+            if chosen[0] < 0:
+                raise
+            self.status_ = FitStatus.INTERRUPTED
+        self.path_ = LassoPath(
+            terms=tuple(data.table.terms[i] for i in taking_part),
+            penalties=penalties,
+            coefficients=coefficients,
+            errors=np.sqrt(errors) * data.output_scale,
+            chosen=max(chosen[0], 0),
+        )
+        kept = data.only(chosen[1])
+        self.terms_ = kept.table.terms
+        found = least_squares(*kept.matrix())
+        return kept.model(found.theta, found.theta_cov, found.noise_variance, identifier=self)
+
+    def _structures(self, support: list[int], constant: int | None) -> Iterator[list[int]]:
+        """Yield the structures to judge at a knot: its terms, and its terms with the constant."""
+        if 0 < len(support) <= self.max_terms:
+            yield support
+        if constant is not None and len(support) < self.max_terms:
+            yield [constant, *support]
+
+
+def lasso_path(
+    rows: Array, target: Array, *, centred: bool, max_knots: int
+) -> tuple[NDArray[np.intp], Array, Array]:
+    """Follow the LASSO's path on standardised regressors.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (n_candidates, n_samples)
+        Regressors.
+    target : ndarray, shape (n_samples,)
+        Output.
+    centred : bool
+        Whether means are taken away, which is what a constant that is not penalised does.
+    max_knots : int
+        Largest number of knots.
+
+    Returns
+    -------
+    taking_part : ndarray of int, shape (n_terms,)
+        Positions of the regressors that vary.
+    penalties : ndarray, shape (n_knots,)
+        Falling.
+    coefficients : ndarray, shape (n_terms, n_knots)
+        Standardised.
+
+    Raises
+    ------
+    ModelError
+        If nothing varies.
+    """
+    from sklearn.exceptions import ConvergenceWarning
+    from sklearn.linear_model import lars_path_gram
+
+    n = target.size
+    means = rows.mean(axis=1) if centred else np.zeros(len(rows))
+    mean = float(target.mean()) if centred else 0.0
+    sizes = np.sqrt(np.maximum(np.einsum("ij,ij->i", rows, rows) / n - means**2, 0.0))
+    taking_part = np.flatnonzero(sizes > np.sqrt(np.finfo(float).eps) * np.abs(means))
+    size = float(np.sqrt(np.mean((target - mean) ** 2)))
+    if taking_part.size == 0 or size == 0:
+        raise ModelError("neither a regressor nor the output may be constant: there is nothing to select")
+    gram, moment = np.zeros((taking_part.size, taking_part.size)), np.zeros(taking_part.size)
+    for start in range(0, n, _SAMPLES):
+        part = slice(start, start + _SAMPLES)
+        standard = (rows[taking_part, part] - means[taking_part, None]) / sizes[taking_part, None]
+        gram += standard @ standard.T
+        moment += standard @ (target[part] - mean) / size
+    with warnings.catch_warnings():
+        # A path that ends early for collinear regressors is shorter, not wrong: its structures are refitted and judged.
+        warnings.simplefilter("ignore", ConvergenceWarning)
+        penalties, _, coefficients = lars_path_gram(
+            moment, gram, n_samples=n, max_iter=max_knots, method="lasso"
+        )
+    return taking_part, penalties, coefficients
+
+
+def _error(data: Regression, rows: Array, target: Array, held_out: tuple[Recording, ...]) -> float:
+    """Return the mean squared free-run error over unseen samples of a structure refitted by least squares."""
+    try:
+        theta = least_squares(rows, target).theta
+    except ModelError:  # the regressors depend on each other
+        return np.inf
+    return float(free_run_errors(data, held_out, theta[None])[0])

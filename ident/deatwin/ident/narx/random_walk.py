@@ -1,0 +1,222 @@
+"""Parameters that follow random walks: Kalman filter, fixed-interval smoother, variances by maximum likelihood."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from deatwin.ident.kalman import Filtered, StateSpace, adjoint, kalman_filter, kalman_smoother
+from deatwin.ident.narx.identifier import FitStatus, Progress
+from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.operating import Array
+from deatwin.ident.narx.recursive import (
+    Structure,
+    VaryingParameters,
+    regressor_sizes,
+    sample_times,
+    trajectory_of,
+)
+from deatwin.ident.narx.regression import Regression
+from deatwin.ident.narx.trajectory import ThetaTrajectory
+from deatwin.plant.errors import ModelError, nearest
+
+__all__ = ["ThetaSmoother"]
+
+_PRIOR_SAMPLES = 1e-4  # the start is worth so much of one sample
+# Drift is measured by the variance that a term's contribution gains in a sample, over that of the noise, times the
+# square of the number of samples; a local level with a value of 1 would be averaged over the whole record.
+_COARSE = (1e1, 1e3, 1e5, 1e7, 1e9)  # tried first, for all parameters together
+_NONE = 1e-2  # none that could ever be seen
+_MOST = 1e6  # without the square of the number of samples: the noise is nothing beside the drift
+_USUAL_STEPS = 40  # evaluations that a search takes, for the progress
+
+
+class ThetaSmoother(VaryingParameters):
+    """Kalman filter and fixed-interval smoother of parameters that follow random walks.
+
+    theta(k+1) = theta(k) + w(k), y(k) = phi(k)'theta(k) + e(k); the variances of w and e are estimated, unless they are
+    given. The start is the least squares estimate, with a covariance so wide that it is worth 1e-4 of one sample. Over
+    a gap between recordings the walk goes on.
+
+    Parameters
+    ----------
+    terms : NarxModel, sequence of Term or str, or mapping of str to such sequences
+        The fixed structure: that of a model, or terms as ``["y(k-1)", "u(k-1)^2"]``; for several outputs those of each
+        equation, as ``{"y1": ["y1(k-1)"], "y2": ["y2(k-1)", "u(k-1)"]}``.
+    drift : str
+        "each": every parameter has a drift variance of its own; "common": one for all, measured by what the terms
+        contribute to the output (rms).
+    variances : str
+        "likelihood" takes the variances of largest likelihood. A weak drift is often likeliest to be none at all; the
+        bands, which take the variances as known, then are too narrow (three walks over 600 samples, one strong and two
+        weak: 88 % coverage at 95 %). "posterior" multiplies the likelihood with the standard deviation of each walk
+        [2]_, the mode of the logarithms' posterior if all standard deviations are equally likely beforehand: no
+        estimate is zero, and the bands cover (95 %; of parameters that stand still, more than that).
+    noise_variance : float, optional
+        Variance of e in the squared unit of the output; estimated when not given.
+    drift_variance : array_like, shape (n_terms,), optional
+        Variance that each parameter gains in one sample interval, in its squared unit. To be given together with
+        ``noise_variance``, for one output.
+
+    Attributes
+    ----------
+    trajectory_ : ThetaTrajectory
+        theta(t) given the whole record. Its bands take the variances as known.
+    filtered_ : ThetaTrajectory
+        theta(t) given the samples until then; with several outputs it is found on each of ``equations_``.
+    model_ : NarxModel
+        The model at the last sample.
+
+    References
+    ----------
+    .. [1] Harvey, "Forecasting, Structural Time Series Models and the Kalman Filter", Cambridge University Press 1989,
+       chapters 3 and 4.
+    .. [2] Chung, Rabe-Hesketh, Dorie, Gelman, Liu, "A nondegenerate penalized likelihood estimator for variance
+       parameters in multilevel models", Psychometrika 78 (2013) 685-709, doi:10.1007/s11336-013-9328-2.
+    """
+
+    filtered_: ThetaTrajectory
+
+    def __init__(
+        self,
+        *,
+        terms: Structure,
+        drift: str = "each",
+        variances: str = "likelihood",
+        noise_variance: float | None = None,
+        drift_variance: ArrayLike | None = None,
+    ) -> None:
+        self.terms = terms
+        self.drift = drift
+        self.variances = variances
+        self.noise_variance = noise_variance
+        self.drift_variance = drift_variance
+
+    def _check(self) -> None:
+        super()._check()
+        for name, known in (("drift", ("each", "common")), ("variances", ("likelihood", "posterior"))):
+            given = getattr(self, name)
+            if given not in known:
+                raise ModelError(f"{name} = {given!r}{nearest(str(given), known)}; known are {' and '.join(known)}")
+        if (self.noise_variance is None) != (self.drift_variance is None):
+            raise ModelError("give noise_variance and drift_variance together, or none of them and both are estimated")
+        if self.noise_variance is not None and not self.noise_variance > 0:
+            raise ModelError(f"noise_variance = {self.noise_variance}; it must be positive")
+
+    def _learn(self, data: Regression, progress: Progress) -> NarxModel:
+        rows, target = data.matrix()
+        sizes = regressor_sizes(rows)
+        walk = _Walk.of(np.ascontiguousarray(rows.T / sizes), target, _intervals(data))
+        if self.noise_variance is None:
+            ratios = self._most_likely(walk, progress)
+            noise = walk.filtered(ratios).variance_factor
+        else:
+            noise = self.noise_variance / data.output_scale**2
+            ratios = self._given(len(sizes)) * (sizes / data.term_scales) ** 2 / noise
+        filtered = walk.filtered(ratios, noise)
+        smoothed = kalman_smoother(filtered)
+        for name, result in (("filtered_", filtered), ("trajectory_", smoothed)):
+            trajectory = trajectory_of(
+                data, self, times=sample_times(data), theta=result.states.T, theta_cov=result.covariances, sizes=sizes,
+                noise_variance=noise, drift_variance=noise * ratios, log_likelihood=filtered.log_likelihood,
+            )  # fmt: skip
+            setattr(self, name, trajectory)
+        return self.trajectory_.model
+
+    def _given(self, count: int) -> Array:
+        """Return the given drift variances after a check."""
+        given = np.asarray(self.drift_variance, dtype=np.float64)
+        if given.shape != (count,) or not np.all(given >= 0):
+            raise ModelError(f"drift_variance = {given}; {count} terms need as many values, none negative")
+        return given
+
+    def _most_likely(self, walk: _Walk, progress: Progress) -> Array:
+        """Return the likeliest drift variances over that of the noise, shape (n_terms,)."""
+        from scipy.optimize import minimize
+
+        n, m = walk.phi.shape
+        low, high = np.log(_NONE / n**2), np.log(_MOST)
+        groups = np.ones((m, 1)) if self.drift == "common" else np.eye(m)
+        search = _Search(walk, groups, 0.5 if self.variances == "posterior" else 0.0, progress)
+        try:
+            for start in np.log(_COARSE) - 2 * np.log(n):
+                search(np.full(groups.shape[1], min(start, high)))
+            minimize(search, search.best, jac=True, method="L-BFGS-B", bounds=[(low, high)] * groups.shape[1])
+        except KeyboardInterrupt:
+            if not np.isfinite(search.lowest):
+                raise
+            self.status_ = FitStatus.INTERRUPTED
+        return groups @ np.where(search.best <= low + 1e-9, 0.0, np.exp(search.best))
+
+
+class _Search:
+    """Minus the log likelihood of logarithmic drift variances, as a minimiser calls it; keeps the best.
+
+    Each logarithm times the exponent is added to the log likelihood.
+    """
+
+    def __init__(self, walk: _Walk, groups: Array, exponent: float, progress: Progress) -> None:
+        self.walk, self.groups, self.exponent, self.progress = walk, groups, exponent, progress
+        self.lowest, self.reached, self.best, self.steps = np.inf, -np.inf, np.zeros(groups.shape[1]), 0
+
+    def __call__(self, logs: Array) -> tuple[float, Array]:
+        ratios = np.exp(logs)
+        likelihood, score = self.walk.likelihood(self.groups @ ratios)
+        value = -likelihood - self.exponent * float(logs.sum())
+        if value < self.lowest:
+            self.lowest, self.best, self.reached = value, np.array(logs), likelihood
+        self.steps += 1
+        share = self.steps / (self.steps + _USUAL_STEPS)
+        self.progress(share, f"variances of the drift, log likelihood {self.reached:.6g}")
+        return value, -(score @ self.groups) * ratios - self.exponent
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Walk:
+    """A regression whose parameters walk: rows phi (n, m), outputs, steps between samples, and the start."""
+
+    phi: Array
+    target: Array
+    intervals: Array | None
+    start: Array
+    start_cov: Array
+
+    @classmethod
+    def of(cls, phi: Array, target: Array, intervals: Array | None) -> _Walk:
+        """Start from least squares; the covariance is relative to the variance of the noise."""
+        n, m = phi.shape
+        q, r = np.linalg.qr(phi)
+        if n <= m or np.linalg.cond(r) > 1 / (n * np.finfo(float).eps):
+            raise ModelError(f"the {m} terms depend on each other in the {n} samples of these recordings; take fewer")
+        root = np.linalg.solve(r, np.eye(m))
+        return cls(
+            phi=phi, target=target, intervals=intervals, start=root @ (q.T @ target),
+            start_cov=n / _PRIOR_SAMPLES * (root @ root.T),
+        )  # fmt: skip
+
+    def filtered(self, ratios: Array, noise_variance: float = 1.0) -> Filtered:
+        """Filter with given variances of the drift, relative to that of the noise."""
+        model = StateSpace(
+            rows=self.phi, noise_variance=np.array([noise_variance]), start=self.start,
+            start_cov=noise_variance * self.start_cov, process_cov=np.diag(noise_variance * ratios),
+            intervals=self.intervals,
+        )  # fmt: skip
+        return kalman_filter(model, self.target)
+
+    def likelihood(self, ratios: Array) -> tuple[float, Array]:
+        """Log likelihood at the best variance of the noise, and its gradient by the ratios."""
+        filtered = self.filtered(ratios)
+        back = adjoint(filtered)
+        weights = np.ones(len(self.phi) - 1) if self.intervals is None else self.intervals
+        squares = weights @ back.vectors[1:] ** 2 / filtered.variance_factor
+        return filtered.scaled_log_likelihood, 0.5 * (squares - weights @ np.einsum("kii->ki", back.matrices[1:]))
+
+
+def _intervals(data: Regression) -> Array | None:
+    """Return the numbers of sample intervals between the samples; None where there is no gap."""
+    if len(data.recordings) == 1:
+        return None
+    steps = np.diff(sample_times(data)) / data.recordings[0].sample_time
+    return np.asarray(np.maximum(np.round(steps), 1.0))

@@ -1,0 +1,268 @@
+"""Parameters that change with time: what their estimators share, and recursive least squares with forgetting."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Self
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from deatwin.ident.kalman import StateSpace, kalman_filter
+from deatwin.ident.narx.fixed import Fixed
+from deatwin.ident.narx.identifier import NarxIdentifier, Progress
+from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.operating import Array
+from deatwin.ident.narx.regression import Recordings, Regression, flatten
+from deatwin.ident.narx.terms import Term
+from deatwin.ident.narx.trajectory import ThetaTrajectory
+from deatwin.plant.errors import ModelError
+from deatwin.plant.recording import Experiment
+
+__all__ = ["Rls", "Structure", "VaryingParameters", "regressor_sizes", "sample_times", "trajectory_of"]
+
+Terms = Sequence[Term | str] | Mapping[str, Sequence[Term | str]]
+Structure = NarxModel | Terms
+"""A fixed structure: that of a model, or terms as `Fixed` takes them."""
+
+_INDEPENDENT = 1e-7  # least singular value, relative to the largest, of regressors that can start the recursion
+
+
+class VaryingParameters(NarxIdentifier):
+    """What the estimators of theta(t) share: a fixed structure, on the recordings of one experiment.
+
+    Attributes
+    ----------
+    trajectory_ : ThetaTrajectory
+        theta(t).
+    model_ : NarxModel
+        The model at the last sample.
+    """
+
+    terms: Structure
+
+    trajectory_: ThetaTrajectory
+
+    def fit(self, recordings: Recordings, *, progress: Progress | None = None) -> Self:
+        """Estimate the parameters along time.
+
+        Parameters
+        ----------
+        recordings : Recording, Experiment, or several
+            Recordings on one clock: the parameters go on from one to the next.
+        progress : callable, optional
+            Takes the share that is done and what is being done.
+
+        Returns
+        -------
+        VaryingParameters
+            The estimator itself.
+
+        Raises
+        ------
+        ModelError
+            If an argument makes no sense, or the terms depend on each other in these recordings.
+        DataError
+            If recordings overlap in time.
+        """
+        super().fit(Experiment(recordings=flatten(recordings)), progress=progress)
+        fitted = [one for one in self.equations_ if isinstance(one, VaryingParameters)]
+        if fitted:
+            self.trajectory_ = ThetaTrajectory.joined([one.trajectory_ for one in fitted])
+        return self
+
+    def _check(self) -> None:
+        Fixed(terms=self._written())._check()
+
+    def _regression(self, recordings: Recordings, output: int) -> Regression:
+        return Fixed(terms=self._written())._regression(recordings, output)
+
+    def _written(self) -> Terms:
+        """Return the terms as `Fixed` takes them."""
+        if not isinstance(self.terms, NarxModel):
+            return self.terms
+        pairs = list(zip(self.terms.terms, self.terms.equations, strict=True))
+        if self.terms.n_outputs == 1:
+            return self.terms.terms
+        return {f"y{row + 1}": [t for t, equation in pairs if equation == row] for row in range(self.terms.n_outputs)}
+
+    def __repr__(self) -> str:
+        terms = self._written()
+        if isinstance(terms, Mapping):
+            shown: object = {name: [str(term) for term in equation] for name, equation in terms.items()}
+        else:
+            shown = [str(term) for term in terms]
+        arguments = self.get_params() | {"terms": shown}
+        return f"{type(self).__name__}({', '.join(f'{name}={value!r}' for name, value in arguments.items())})"
+
+
+class Rls(VaryingParameters):
+    """Recursive least squares with exponential forgetting.
+
+    At each sample k theta minimises the sum over i of ``forgetting**(k - i) * (y(i) - phi(i)'theta)**2``. The recursion
+    starts from the least squares solution of a beginning just long enough for its regressors to be independent, and so
+    is exact: without forgetting it ends at the least squares estimate of the whole record. What an estimator of one
+    structure is for is theta(t); over a gap between recordings nothing is forgotten.
+
+    Parameters
+    ----------
+    terms : NarxModel, sequence of Term or str, or mapping of str to such sequences
+        The fixed structure: that of a model, or terms as ``["y(k-1)", "u(k-1)^2"]``; for several outputs those of each
+        equation, as ``{"y1": ["y1(k-1)"], "y2": ["y2(k-1)", "u(k-1)"]}``.
+    forgetting : float
+        Forgetting factor in (0, 1]: the past counts for 1 / (1 - forgetting) samples.
+
+    Attributes
+    ----------
+    trajectory_ : ThetaTrajectory
+        theta(t) from the end of that beginning on, with the covariance ``noise_variance`` times the inverse of the
+        weighted sum of phi phi'. With forgetting it measures what the samples in memory say; no law of the drift is
+        behind it.
+    model_ : NarxModel
+        The model at the last sample.
+
+    References
+    ----------
+    Ljung, Soderstrom, "Theory and Practice of Recursive Identification", MIT Press 1983, section 2.2.
+    """
+
+    def __init__(self, *, terms: Structure, forgetting: float = 0.999) -> None:
+        self.terms = terms
+        self.forgetting = forgetting
+
+    def _check(self) -> None:
+        super()._check()
+        if not 0 < self.forgetting <= 1:
+            raise ModelError(f"forgetting = {self.forgetting}; it must lie above 0 and not above 1")
+
+    def _learn(self, data: Regression, progress: Progress) -> NarxModel:
+        rows, target = data.matrix()
+        m, sizes = len(rows), regressor_sizes(rows)
+        phi = rows.T / sizes
+        count, theta, root, squares = _beginning(phi, target, self.forgetting)
+        # In the coordinates z, theta + root z, the start is standard normal: no recursion is better conditioned.
+        filtered = kalman_filter(
+            StateSpace(
+                rows=phi[count:] @ root, noise_variance=np.ones(1), start=np.zeros(m),
+                start_cov=np.eye(m) / self.forgetting, fading=self.forgetting,
+            ),
+            target[count:] - phi[count:] @ theta,
+        )  # fmt: skip
+        states = np.concatenate([np.zeros((1, m)), filtered.states])
+        covariances = np.concatenate([np.eye(m)[None], filtered.covariances])
+        progress(1.0, f"{m} parameters along {len(phi)} samples")
+        noise = (squares + filtered.variance_factor * filtered.n_measured) / (len(phi) - m)
+        self.trajectory_ = trajectory_of(
+            data, self, times=sample_times(data)[count - 1 :], theta=theta[:, None] + root @ states.T,
+            theta_cov=noise * (root @ covariances @ root.T), sizes=sizes, noise_variance=noise,
+        )  # fmt: skip
+        return self.trajectory_.model
+
+
+def _beginning(phi: Array, target: Array, forgetting: float) -> tuple[int, Array, Array, float]:
+    """Solve a beginning of the record whose weighted regressors are independent.
+
+    Returns its number of samples, theta, a root of (phi'W phi)^-1, and the weighted sum of squares that is left.
+    """
+    n, count = phi.shape
+    while count < n:
+        weights = np.sqrt(forgetting) ** np.arange(count - 1, -1, -1)
+        q, r = np.linalg.qr(weights[:, None] * phi[:count])
+        values = np.linalg.svd(r, compute_uv=False)
+        if values[-1] > _INDEPENDENT * values[0]:
+            theta = solve_triangular(r, q.T @ (weights * target[:count]))
+            left = weights * (target[:count] - phi[:count] @ theta)
+            return count, theta, solve_triangular(r, np.eye(phi.shape[1])), float(left @ left)
+        count *= 2
+    raise ModelError(
+        f"the {phi.shape[1]} terms depend on each other in the {n} samples of these recordings; take fewer terms, "
+        "or a longer memory"
+    )
+
+
+def regressor_sizes(rows: Array) -> Array:
+    """Return the root mean square of each regressor, shape (n_terms,).
+
+    Parameters
+    ----------
+    rows : ndarray, shape (n_terms, n)
+        Regressors.
+
+    Raises
+    ------
+    ModelError
+        If one is zero throughout.
+    """
+    sizes = np.sqrt(np.mean(rows**2, axis=1))
+    if not np.all(sizes > 0):
+        raise ModelError(f"term {int(np.argmin(sizes)) + 1} is zero throughout these recordings")
+    return np.asarray(sizes, dtype=np.float64)
+
+
+def sample_times(data: Regression) -> Array:
+    """Return the times of a regression's samples on the experiment's clock in s, shape (n_samples,).
+
+    Parameters
+    ----------
+    data : Regression
+        On recordings in the order of their times.
+    """
+    return np.concatenate([record.timepts[data.first :] for record in data.recordings])
+
+
+def trajectory_of(
+    data: Regression,
+    identifier: VaryingParameters,
+    *,
+    times: Array,
+    theta: Array,
+    theta_cov: Array,
+    sizes: Array,
+    noise_variance: float,
+    drift_variance: Array | None = None,
+    log_likelihood: float | None = None,
+) -> ThetaTrajectory:
+    """Return a trajectory in physical units.
+
+    Parameters
+    ----------
+    data : Regression
+        Of one equation, scaled.
+    identifier : VaryingParameters
+        The estimator, for the provenance.
+    times : ndarray, shape (n,)
+        In s.
+    theta : ndarray, shape (n_terms, n)
+        Parameters of the scaled regressors divided by their sizes.
+    theta_cov : ndarray, shape (n, n_terms, n_terms)
+        Their covariance.
+    sizes : ndarray, shape (n_terms,)
+        The sizes.
+    noise_variance : float
+        Of the scaled output.
+    drift_variance : ndarray, shape (n_terms,), optional
+        Of these parameters in a sample interval; zero by default.
+    log_likelihood : float, optional
+        Of the scaled outputs.
+
+    Returns
+    -------
+    ThetaTrajectory
+    """
+    last = data.model(
+        theta[:, -1] / sizes, theta_cov[-1] / np.outer(sizes, sizes), noise_variance, identifier=identifier
+    )
+    unit = data.term_scales / sizes
+    physical, physical_cov = theta * unit[:, None], theta_cov * np.outer(unit, unit)
+    for array in (physical, physical_cov):
+        array.setflags(write=False)
+    return ThetaTrajectory(
+        model=last,
+        timepts=times,
+        theta=physical,
+        theta_cov=physical_cov,
+        drift_variance=np.zeros(unit.size) if drift_variance is None else drift_variance * unit**2,
+        log_likelihood=None
+        if log_likelihood is None
+        else log_likelihood - data.n_samples * float(np.log(data.output_scale)),
+    )

@@ -1,0 +1,364 @@
+"""What is left of a NARX model: the five correlation tests of its residual, and its whiteness.
+
+References
+----------
+.. [1] Billings, Voon, "Correlation based model validity tests for non-linear models", Int. J. Control 44 (1986)
+   235-244, doi:10.1080/00207178608933593.
+.. [2] Ljung, Box, "On a measure of lack of fit in time series models", Biometrika 65 (1978) 297-303,
+   doi:10.1093/biomet/65.2.297.
+.. [3] Haugh, "Checking the independence of two covariance-stationary time series", J. Am. Stat. Assoc. 71 (1976)
+   378-385.
+.. [4] Sidak, "Rectangular confidence regions for the means of multivariate normal distributions", J. Am. Stat. Assoc.
+   62 (1967) 626-633, doi:10.1080/01621459.1967.10482935.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.narx.operating import read_only
+from deatwin.plant.drawing import axes_or_new
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["TESTS", "CorrelationTest", "Whiteness", "correlation", "correlation_tests", "whiteness_of"]
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+Series = Sequence[Array]
+"""One stretch of a signal for each recording, shape (n_r,) each."""
+
+TESTS: Mapping[str, str] = MappingProxyType({
+    "ee": r"\phi_{ee}(\tau)",
+    "ue": r"\phi_{ue}(\tau)",
+    "e(eu)": r"\phi_{e(eu)}(\tau)",
+    "(u2)'e": r"\phi_{(u^2)'e}(\tau)",
+    "(u2)'e2": r"\phi_{(u^2)'e^2}(\tau)",
+    "ee'": r"\phi_{ee'}(\tau)",
+})
+"""Name of each test and how it is written; the last is between the residuals of two outputs."""
+
+_ROUNDING = 1e-20  # relative power of the square of a two-level input, less its mean
+_SYMMETRIC = 1e-2  # a skewness below it changes no p-value
+_LEAST_TAIL = 1e-300  # so that the normal quantile of a tail stays finite
+_QUANTILE = 1.959963984540054  # of the normal law, 97.5 %
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CorrelationTest:
+    """A normalised correlation of the residual, which is zero up to chance when nothing is left to explain.
+
+    Parameters
+    ----------
+    name : str
+        One of `TESTS`.
+    output : int
+        Row of the output whose residual e it is.
+    other : int or None
+        Row of the input u, or of the other output; None where there is none.
+    lags : ndarray of int, shape (n_lags,)
+        The lags tau that are tested, in samples.
+    values : ndarray, shape (n_lags,)
+        The correlation at each lag, between -1 and 1.
+    n_samples : int
+        Number of residuals.
+    p_value : float
+        Chance of correlations at least as large when nothing is left to explain: twice the smaller one of those of
+        the sum of their squares and of their largest.
+    level : float
+        The test fails where ``p_value`` is below.
+    """
+
+    name: str
+    output: int
+    other: int | None
+    lags: Integers
+    values: Array
+    n_samples: int
+    p_value: float
+    level: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "values", read_only(self.values))
+
+    @property
+    def band(self) -> float:
+        """Half width of the 95 % band, 1.96 / sqrt(n_samples), in which a single correlation should lie."""
+        return _QUANTILE / float(np.sqrt(self.n_samples))
+
+    @property
+    def passed(self) -> bool:
+        """Whether the correlations are what chance gives."""
+        return self.p_value >= self.level
+
+    @property
+    def share_outside(self) -> float:
+        """Share of the lags outside of the band; 0.05 is expected."""
+        return float(np.mean(np.abs(self.values) > self.band))
+
+    @property
+    def largest(self) -> float:
+        """The correlation of largest magnitude."""
+        return float(self.values[np.argmax(np.abs(self.values))])
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the correlation over its lags with the 95 % band.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Where to draw; new axes otherwise.
+
+        Returns
+        -------
+        matplotlib Axes
+        """
+        axes = axes_or_new(ax)
+        outside = np.abs(self.values) > self.band
+        axes.axhspan(-self.band, self.band, color="0.88", zorder=0)
+        axes.axhline(0.0, color="0.5", linewidth=0.8)
+        for chosen, colour in ((~outside, "C0"), (outside, "C3")):
+            axes.vlines(self.lags[chosen], 0.0, self.values[chosen], color=colour, linewidth=1.2)
+            axes.plot(self.lags[chosen], self.values[chosen], "o", color=colour, markersize=3)
+        reach = 1.15 * max(1.5 * self.band, float(np.abs(self.values).max()))
+        axes.set_ylim(-reach, reach)
+        axes.set_xlabel(r"lag $\tau$ (samples)")
+        axes.set_ylabel(f"${TESTS[self.name]}$")
+        axes.set_title(f"{'passes' if self.passed else 'fails'}, p = {self.p_value:.2g}", loc="right", fontsize="small")
+        return axes
+
+
+@dataclass(frozen=True, kw_only=True)
+class Whiteness:
+    """Portmanteau test of Ljung and Box [2]_ of one output's residual.
+
+    Parameters
+    ----------
+    output : int
+        Row of the output.
+    statistic : float
+        N (N + 2) sum of phi_ee(tau)^2 / N_tau over the lags, N_tau of N products being summed at a lag.
+    dof : int
+        Number of lags: degrees of freedom of the chi-square law that the statistic follows for white noise. On
+        training data it tends to be smaller, for the parameters were fitted to them.
+    p_value : float
+        Chance of a larger statistic for white noise.
+    share_outside : float
+        Share of the lags outside of ±1.96 / sqrt(N).
+    usual_outside : tuple of float
+        The share for white noise lies in between in 95 % of all cases (binomial).
+    """
+
+    output: int
+    statistic: float
+    dof: int
+    p_value: float
+    share_outside: float
+    usual_outside: tuple[float, float]
+
+
+def correlation(delayed: Series, signal: Series, lags: Integers) -> Array:
+    """Return phi(tau) = sum_k a(k - tau) b(k) / sqrt(sum a^2 sum b^2), without products across recordings.
+
+    Parameters
+    ----------
+    delayed : sequence of ndarray, shape (n_r,) each
+        The signal a, one stretch for each recording; its mean is not removed.
+    signal : sequence of ndarray, shape (n_r,) each
+        The signal b, likewise.
+    lags : ndarray of int, shape (n_lags,)
+        Lags tau in samples; at a negative one a is ahead of b.
+
+    Returns
+    -------
+    ndarray, shape (n_lags,)
+        Between -1 and 1.
+    """
+    sums = np.zeros(len(lags))
+    for a, b in zip(delayed, signal, strict=True):
+        for i, lag in enumerate(lags.tolist()):
+            if abs(lag) < a.size:
+                sums[i] += a[: a.size - lag] @ b[lag:] if lag >= 0 else a[-lag:] @ b[:lag]
+    return np.asarray(sums / np.sqrt(_power(delayed) * _power(signal)), dtype=np.float64)
+
+
+def correlation_tests(
+    residuals: Sequence[Array], inputs: Sequence[Array], *, max_lag: int, level: float
+) -> tuple[CorrelationTest, ...]:
+    """Test the residuals of a model by the correlations of Billings and Voon [1]_.
+
+    With e the residual, u the input less its mean, and ' the removal of the mean: phi_ee for lags from 1, phi_ue,
+    phi_(u2)'e and phi_(u2)'e2 for lags of both signs, and phi_e(eu), between e(k) and e(k-1-tau) u(k-1-tau), for
+    lags from 0 to ``max_lag - 1``. The mean of e is not removed: it is a fault if there is one. The estimates at
+    different lags are correlated where u is slow, and wider spread where u and e are both coloured; what chance
+    gives takes that into account by Bartlett's formula [3]_, so that the tests with u test dependence on the input
+    and nothing else. Where both signals are skewed, as u^2 and e^2, their correlations are taken to follow a gamma law.
+
+    Parameters
+    ----------
+    residuals : sequence of ndarray, shape (n_outputs, n_r) each
+        Residuals of each recording.
+    inputs : sequence of ndarray, shape (n_inputs, n_r) each
+        Inputs at the same samples.
+    max_lag : int
+        Largest lag in samples.
+    level : float
+        Chance of failing when nothing is left.
+
+    Returns
+    -------
+    tuple of CorrelationTest
+        For each output phi_ee and, for each input that is not constant, the other four (two where only two levels,
+        as far above the mean as below, occur); at the end phi_ee' for each pair of outputs.
+    """
+    both, later = np.arange(-max_lag, max_lag + 1), np.arange(1, max_lag + 1)
+    n_outputs, n_inputs = residuals[0].shape[0], inputs[0].shape[0]
+    errors = [_row(residuals, i) for i in range(n_outputs)]
+    tests = []
+    for i, e in enumerate(errors):
+        tests.append(_tested("ee", i, None, later, later, e, e, level))
+        e2 = _centred([x**2 for x in e])
+        for j in range(n_inputs):
+            u = _centred(_row(inputs, j))
+            u2 = _centred([x**2 for x in u])
+            if not _varies(_row(inputs, j)):
+                continue
+            eu = [x * y for x, y in zip(e, u, strict=True)]
+            tests.append(_tested("ue", i, j, both, both, u, e, level))
+            tests.append(_tested("e(eu)", i, j, later - 1, later, eu, e, level))
+            if _power(u2) > _ROUNDING * _power([x**2 for x in u]) and _power(e2) > 0.0:
+                tests.append(_tested("(u2)'e", i, j, both, both, u2, e, level))
+                tests.append(_tested("(u2)'e2", i, j, both, both, u2, e2, level))
+    for i, j in combinations(range(n_outputs), 2):
+        tests.append(_tested("ee'", i, j, both[both != 0], both[both != 0], errors[j], errors[i], level))
+    return tuple(tests)
+
+
+def whiteness_of(residuals: Sequence[Array], output: int, *, max_lag: int) -> Whiteness:
+    """Test whether one output's residual is white.
+
+    Parameters
+    ----------
+    residuals : sequence of ndarray, shape (n_outputs, n_r) each
+        Residuals of each recording.
+    output : int
+        Row of the output.
+    max_lag : int
+        Number of lags.
+
+    Returns
+    -------
+    Whiteness
+    """
+    from scipy.stats import binom, chi2
+
+    e, lags = _row(residuals, output), np.arange(1, max_lag + 1)
+    n, values = sum(x.size for x in e), correlation(e, e, lags)
+    statistic = float(np.sum(_standardised(values, e, lags) ** 2)) * (n + 2) / n
+    low, high = binom.interval(0.95, max_lag, 0.05)
+    return Whiteness(
+        output=output, statistic=statistic, dof=max_lag, p_value=float(chi2.sf(statistic, max_lag)),
+        share_outside=float(np.mean(np.abs(values) > _QUANTILE / np.sqrt(n))),
+        usual_outside=(float(low) / max_lag, float(high) / max_lag),
+    )  # fmt: skip
+
+
+def _tested(
+    name: str, output: int, other: int | None, lags: Integers, shifts: Integers, a: Series, b: Series, level: float
+) -> CorrelationTest:
+    """Test the correlation of a, delayed by the shifts, with b."""
+    values = correlation(a, b, shifts)
+    spread = np.eye(1, shifts.size)[0]  # the law at the lags: independent, as e is white
+    if name in ("ue", "(u2)'e", "(u2)'e2"):
+        spread = _bartlett(a, b, shifts.size, int(shifts[-1]))
+    scores = _normal_scores(_standardised(values, b, shifts) / np.sqrt(spread[0]), _skewness(a) * _skewness(b))
+    return CorrelationTest(
+        name=name, output=output, other=other, lags=lags, values=values, n_samples=sum(x.size for x in b),
+        p_value=_p_value(scores, spread / spread[0]), level=level,
+    )  # fmt: skip
+
+
+def _standardised(values: Array, series: Series, lags: Integers) -> Array:
+    """Return the correlations with unit variance for white noise; shape (n_lags,)."""
+    n = sum(x.size for x in series)
+    products = sum(np.maximum(x.size - np.abs(lags), 0) for x in series)
+    return np.divide(n * values, np.sqrt(products), out=np.zeros(lags.size), where=products > 0)
+
+
+def _bartlett(a: Series, b: Series, count: int, reach: int) -> Array:
+    """Return N cov(phi_ab(tau), phi_ab(tau + d)) of independent a and b for d = 0 ... count - 1.
+
+    It is the sum over s of rho_b(s) rho_a(s + d); rho_b is tapered to zero beyond ``reach`` (Bartlett's window, which
+    keeps the result a covariance).
+    """
+    shifts = np.arange(-reach, reach + 1)
+    of_b = correlation(b, b, np.abs(shifts)) * (1.0 - np.abs(shifts) / (reach + 1))
+    of_a = correlation(a, a, np.arange(count + reach))
+    return np.array([of_b @ of_a[np.abs(shifts + d)] for d in range(count)])
+
+
+def _skewness(series: Series) -> float:
+    """Return the skewness of a signal over n^(1/4): that of a sum of n products is the product of two of them."""
+    x = np.concatenate(series)
+    x = x - x.mean()
+    square = x * x
+    return float(np.mean(square * x) / np.mean(square) ** 1.5) / x.size**0.25
+
+
+def _normal_scores(scores: Array, skewness: float) -> Array:
+    """Return the normal quantiles of scores that follow a Pearson law of type III, a gamma law, of some skewness.
+
+    A sum of products of two skewed signals, as u^2 and e^2, is still skewed at some hundred samples: its far tail,
+    which decides on the largest of many lags, then is several times that of the normal law.
+    """
+    from scipy.special import gammainc, gammaincc, ndtri
+
+    if abs(skewness) < _SYMMETRIC:
+        return scores
+    shape, turned = 4.0 / skewness**2, scores * np.sign(skewness)
+    place = np.maximum(shape + turned * np.sqrt(shape), 0.0)
+    lower, upper = (np.maximum(tail(shape, place), _LEAST_TAIL) for tail in (gammainc, gammaincc))
+    return np.asarray(np.where(turned < 0, ndtri(lower), -ndtri(upper)) * np.sign(skewness))
+
+
+def _p_value(scores: Array, spread: Array) -> float:
+    """Return the chance of scores as large, for a normal law with the Toeplitz correlation ``spread``.
+
+    Their sum of squares follows a chi-square law scaled to the right variance (Satterthwaite); the largest one is
+    bounded by Sidak's inequality [4]_, exact where the lags are independent.
+    """
+    from scipy.special import chdtrc, ndtr
+
+    count = scores.size
+    half_variance = count + 2 * float((count - np.arange(1, count)) @ spread[1:] ** 2)
+    dof = count**2 / half_variance
+    by_sum = float(chdtrc(dof, float(scores @ scores) * dof / count))
+    single = 2 * float(ndtr(-np.abs(scores).max()))
+    by_largest = -float(np.expm1(count * np.log1p(-min(single, 1 - 1e-16))))
+    return min(1.0, 2 * min(by_sum, by_largest))
+
+
+def _row(signals: Sequence[Array], row: int) -> list[Array]:
+    return [signal[row] for signal in signals]
+
+
+def _power(series: Series) -> float:
+    return float(sum(x @ x for x in series))
+
+
+def _varies(series: Series) -> bool:
+    return max(float(x.max()) for x in series) > min(float(x.min()) for x in series)
+
+
+def _centred(series: Series) -> list[Array]:
+    """Remove the mean over all recordings."""
+    mean = float(np.concatenate(series).mean())
+    return [x - mean for x in series]

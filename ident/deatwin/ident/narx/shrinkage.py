@@ -1,0 +1,224 @@
+"""Estimation with a penalty or a prior: ridge regression and Bayesian linear regression with its evidence.
+
+>>> import numpy as np
+>>> rng = np.random.default_rng(0)
+>>> rows = rng.normal(size=(2, 500))
+>>> target = np.array([1.0, -2.0]) @ rows + 0.1 * rng.normal(size=500)
+>>> Bayesian()(rows, target).theta.round(1).tolist()
+[1.0, -2.0]
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from math import exp, lgamma, log, pi
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.narx.bayes import Posterior, Priors, Statistics, posterior
+from deatwin.ident.narx.estimate import Centred, Estimate
+from deatwin.plant.errors import ModelError, nearest
+
+__all__ = ["Bayesian", "BayesianEstimate", "Ridge"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BayesianEstimate(Estimate):
+    """A posterior with its evidence.
+
+    Parameters
+    ----------
+    theta : ndarray, shape (n_terms,)
+        Posterior mean.
+    theta_cov : ndarray, shape (n_terms, n_terms)
+        Posterior covariance.
+    noise_variance : float
+        Posterior mean of the noise variance.
+    dof : float
+        Degrees of freedom of the Student-t posterior of theta.
+    log_evidence : float
+        ln p(y), the marginal likelihood in nats, of the outputs as they were given.
+    precision : float
+        Prior precision of the parameters relative to the noise's, for regressors of root mean square about 1.
+    """
+
+    log_evidence: float
+    precision: float
+
+
+@dataclass(frozen=True)
+class Ridge:
+    """Ridge regression: the least of ``mean((y - Z theta)^2) + penalty |theta|^2``.
+
+    Z are the regressors, each divided by its root mean square; a constant regressor is not penalised (the others
+    are centred then). ``theta_cov`` is the posterior covariance ``s^2 (Z'Z + n penalty)^-1`` of the Bayesian reading
+    of the penalty, which allows for the bias on average, with s^2 the residual sum of squares over n less the
+    effective number of parameters.
+
+    Parameters
+    ----------
+    penalty : float or str
+        Positive; or how it is chosen: "gcv", by generalised cross-validation, or "evidence", by the marginal
+        likelihood.
+
+    References
+    ----------
+    Golub, Heath, Wahba, "Generalized cross-validation as a method for choosing a good ridge parameter",
+    Technometrics 21 (1979) 215-223, doi:10.1080/00401706.1979.10489751.
+    """
+
+    penalty: float | str = "gcv"
+
+    def __post_init__(self) -> None:
+        known = ("gcv", "evidence")
+        if isinstance(self.penalty, str) and self.penalty not in known:
+            raise ModelError(
+                f"penalty = {self.penalty!r}{nearest(self.penalty, known)}; give a number, or gcv or evidence"
+            )
+        if not isinstance(self.penalty, str) and not self.penalty > 0:
+            raise ModelError(f"penalty = {self.penalty}; it must be positive")
+
+    def __call__(self, rows: Array, target: Array) -> Estimate:
+        """Estimate.
+
+        Parameters
+        ----------
+        rows : ndarray, shape (n_terms, n_samples)
+            Regressors; they may depend on each other.
+        target : ndarray, shape (n_samples,)
+            Output.
+        """
+        centred = Centred.of(rows, target)
+        sizes = np.sqrt(np.mean(centred.rows**2, axis=1))
+        sizes[sizes == 0] = 1.0
+        u, s, vt = np.linalg.svd((centred.rows / sizes[:, None]).T, full_matrices=False)
+        spectrum = _Spectrum(s**2 / target.size, u.T @ centred.target, centred.target, centred.freedom)
+        penalty = self.penalty
+        if isinstance(penalty, str):
+            penalty = _least({"gcv": spectrum.gcv, "evidence": spectrum.minus_evidence}[penalty])
+        theta = vt.T @ (s / target.size / (spectrum.powers + penalty) * spectrum.along) / sizes
+        variance = spectrum.residual(penalty) / spectrum.freedom(penalty)
+        # Directions that the samples do not show keep their prior variance.
+        inverse = np.eye(sizes.size) / penalty - vt.T * (1 / penalty - 1 / (spectrum.powers + penalty)) @ vt
+        cov = variance / target.size * inverse / np.outer(sizes, sizes)
+        return centred.complete(theta, cov, variance)
+
+
+@dataclass(frozen=True)
+class Bayesian:
+    """Bayesian linear regression: normal-gamma posterior in closed form, with its marginal likelihood.
+
+    ``theta | tau ~ N(0, 1/(tau alpha))`` and ``tau ~ Gam(a0, b0)``, one precision alpha for all regressors, each
+    divided by the power of two nearest to its root mean square.
+
+    Parameters
+    ----------
+    precision : float or None
+        alpha; None takes the one with the largest marginal likelihood.
+    priors : Priors
+        Of the noise; c0 and d0 are without effect.
+
+    References
+    ----------
+    Bishop, "Pattern Recognition and Machine Learning" (2006), sections 3.3 to 3.5.
+    """
+
+    precision: float | None = None
+    priors: Priors = field(default_factory=Priors)
+
+    def __post_init__(self) -> None:
+        if self.precision is not None and not self.precision > 0:
+            raise ModelError(f"precision = {self.precision}; it must be positive")
+
+    def __call__(self, rows: Array, target: Array) -> BayesianEstimate:
+        """Estimate.
+
+        Parameters
+        ----------
+        rows : ndarray, shape (n_terms, n_samples)
+            Regressors.
+        target : ndarray, shape (n_samples,)
+            Output; its size should be that which the prior of the noise is made for, about 1.
+        """
+        given = Statistics(
+            gram=rows @ rows.T, moment=rows @ target, power=float(target @ target), n_samples=target.size
+        )
+        sizes = given.sizes
+        data = given.divided(sizes)
+
+        def at(precision: float) -> tuple[Posterior, float]:
+            alpha = np.full(sizes.size, precision)
+            found = posterior(data, alpha, self.priors)
+            return found, _log_evidence(found, alpha, self.priors)
+
+        precision = self.precision or _least(lambda value: -at(value)[1])
+        found, evidence = at(precision)
+        return BayesianEstimate(
+            theta=found.mean / sizes,
+            theta_cov=found.covariance / np.outer(sizes, sizes),
+            noise_variance=found.noise_variance,
+            dof=2 * found.a,
+            log_evidence=evidence,
+            precision=precision,
+        )
+
+
+def _log_evidence(found: Posterior, alpha: Array, priors: Priors) -> float:
+    """Return ln p(y) at given precisions: the ratio of the normal-gamma law's normalising constants."""
+    a0, b0 = priors.a0, priors.b0
+    half_n = found.a - a0
+    return float(
+        -half_n * log(2 * pi)
+        + 0.5 * (np.log(alpha).sum() + found.log_det)
+        + a0 * log(b0)
+        - found.a * log(found.b)
+        + lgamma(found.a)
+        - lgamma(a0)
+    )
+
+
+class _Spectrum:
+    """What ridge regression needs of the singular value decomposition, as functions of the penalty."""
+
+    def __init__(self, powers: Array, along: Array, target: Array, samples: int) -> None:
+        self.powers, self.along, self.samples = powers, along, samples
+        # Never below rounding level, so that noise-free data have a logarithm.
+        floor = float(np.finfo(float).eps ** 2 * (target @ target))
+        self.outside = max(float(target @ target - along @ along), floor)
+
+    def shrunk(self, penalty: float) -> Array:
+        """Return the share that is kept of each direction."""
+        return np.asarray(self.powers / (self.powers + penalty), dtype=np.float64)
+
+    def freedom(self, penalty: float) -> float:
+        """Return the samples less the effective number of parameters."""
+        return float(self.samples - self.shrunk(penalty).sum())
+
+    def residual(self, penalty: float) -> float:
+        """Return the residual sum of squares."""
+        return self.outside + float(np.sum(((1 - self.shrunk(penalty)) * self.along) ** 2))
+
+    def gcv(self, penalty: float) -> float:
+        """Return ln of the generalised cross-validation score."""
+        return log(self.residual(penalty)) - 2 * log(self.freedom(penalty))
+
+    def minus_evidence(self, penalty: float) -> float:
+        """Return -2 ln p(y) at the best noise variance, up to a constant."""
+        left = 1 - self.shrunk(penalty)
+        square = self.outside + float(np.sum(left * self.along**2))
+        return self.samples * log(square) - float(np.log(left).sum())
+
+
+def _least(measure: Callable[[float], float]) -> float:
+    """Return the argument, within 1e-12 to 1e6, at which a measure is least: a grid, then Brent's method."""
+    from scipy.optimize import minimize_scalar
+
+    grid = np.linspace(log(1e-12), log(1e6), 90)
+    best = int(np.argmin([measure(exp(value)) for value in grid]))
+    low, high = grid[max(best - 1, 0)], grid[min(best + 1, grid.size - 1)]
+    found = minimize_scalar(lambda value: measure(exp(value)), bounds=(low, high), method="bounded")
+    return exp(float(found.x))

@@ -1,0 +1,223 @@
+"""Systems of known structure on which identifiers of NARX models are compared.
+
+>>> import numpy as np
+>>> from deatwin.ident.narx.systems import SYSTEMS
+>>> draw = SYSTEMS["S4"].draw(np.random.default_rng(0))
+>>> draw.recording.n_samples, draw.redraws
+(500, 0)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.terms import Term
+from deatwin.plant.errors import ModelError
+from deatwin.plant.recording import Recording
+
+__all__ = ["SYSTEMS", "BenchmarkSystem", "Draw"]
+
+Array = NDArray[np.float64]
+
+_MOST_REDRAWS = 100  # a system that needs more of them for one recording has no stable runs worth a name
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Draw:
+    """A recording of a system.
+
+    Parameters
+    ----------
+    recording : Recording
+        Of one input and one output, without units.
+    redraws : int
+        How many runs diverged before this one and were thrown away, with their input and noise.
+    """
+
+    recording: Recording
+    redraws: int
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BenchmarkSystem:
+    """A NARX or NARMAX system with its input and noise, and the candidates among which it is to be found.
+
+    Parameters
+    ----------
+    name : str
+        Short, as "S3".
+    equation : mapping of str to float
+        Parameter of each term, noise terms e(k-l) included; e(k) itself is always added.
+    draw_input : callable
+        Takes a generator and the number of samples n, returns the input, shape (n,).
+    noise_std : float
+        Standard deviation of the white normal e(k).
+    n_samples : int
+        Usual length of a recording.
+    output_lags, input_lags, degree : int
+        Of the candidates.
+    source : str
+        Where the system comes from, and what is chosen here.
+    sample_time : float
+        s.
+    """
+
+    name: str
+    equation: Mapping[str, float]
+    draw_input: Callable[[np.random.Generator, int], Array]
+    noise_std: float
+    n_samples: int = 500
+    output_lags: int = 4
+    input_lags: int = 4
+    degree: int = 3
+    source: str = ""
+    sample_time: float = 1.0
+
+    @cached_property
+    def model(self) -> NarxModel:
+        """The system itself, noise terms included."""
+        return NarxModel.from_terms(
+            self.equation, sample_time=self.sample_time, noise_variance=self.noise_std**2
+        )
+
+    @cached_property
+    def terms(self) -> tuple[Term, ...]:
+        """The true terms without those that hold noise, in the order of ``equation``."""
+        return tuple(Term.parse(text) for text in self._known)
+
+    @cached_property
+    def theta(self) -> Array:
+        """Their parameters, shape (n_terms,)."""
+        values = np.array(list(self._known.values()))
+        values.setflags(write=False)
+        return values
+
+    @cached_property
+    def noise_terms(self) -> tuple[Term, ...]:
+        """The true terms that hold noise, in the order of ``equation``; none where it is white."""
+        return tuple(Term.parse(text) for text in self.equation if text not in self._known)
+
+    def draw(self, rng: np.random.Generator, n_samples: int | None = None) -> Draw:
+        """Record the system from rest, y = 0 before the run, with new input and noise.
+
+        A run that diverges is replaced by another one and counted.
+
+        Parameters
+        ----------
+        rng : numpy.random.Generator
+            Of input and noise.
+        n_samples : int, optional
+            Length; by default the usual one.
+
+        Returns
+        -------
+        Draw
+
+        Raises
+        ------
+        ModelError
+            If 100 runs on end diverge.
+        """
+        n = n_samples or self.n_samples
+        for redraws in range(_MOST_REDRAWS):
+            inputs = self.draw_input(rng, n)
+            noise = self.noise_std * rng.standard_normal(n)
+            run = self._driven.simulate(
+                Recording.from_arrays([inputs, noise], np.zeros(n), self.sample_time)
+            )
+            if run.status.ok:
+                recording = Recording.from_arrays(
+                    inputs, run.outputs, self.sample_time,
+                    input_names=("u",), output_names=("y",), provenance={"system": self.name},
+                )  # fmt: skip
+                return Draw(recording=recording, redraws=redraws)
+        raise ModelError(f"{_MOST_REDRAWS} runs of {self.name} diverged one after the other: there is none to record")
+
+    @property
+    def _known(self) -> dict[str, float]:
+        return {text: value for text, value in self.equation.items() if "e(" not in text}
+
+    @cached_property
+    def _driven(self) -> NarxModel:
+        """The system with its noise as a second input: one free run serves with and without noise."""
+        as_input = {
+            text.replace("u(", "u1(").replace("e(", "u2("): value for text, value in self.equation.items()
+        }
+        return NarxModel.from_terms(as_input | {"u2(k)": 1.0}, sample_time=self.sample_time)
+
+
+def _uniform(largest: float) -> Callable[[np.random.Generator, int], Array]:
+    return lambda rng, n: rng.uniform(-largest, largest, n)
+
+
+def _normal(std: float) -> Callable[[np.random.Generator, int], Array]:
+    return lambda rng, n: std * rng.standard_normal(n)
+
+
+def _noisy_sine(rng: np.random.Generator, n: int) -> Array:
+    """Return 5 sin(2 pi 4.5 t), sampled at 20 Hz, and white noise of 0.1 on it."""
+    return np.asarray(5 * np.sin(2 * np.pi * 4.5 * np.arange(n) / 20) + 0.1 * rng.standard_normal(n))
+
+
+_BOOK = "W. R. Lacerda Junior, Nonlinear System Identification (SysIdentPy), chapter 4, and arXiv:2109.09917"
+_MAO_BILLINGS = {
+    "y(k-2)": -0.5, "y(k-1)u(k-1)": 0.7, "u(k-2)^2": 0.6, "y(k-1)^3": 0.2, "y(k-2)u(k-2)^2": -0.7
+}  # fmt: skip
+_BALDACCHINO = {"y(k-1)u(k-1)": 0.7, "y(k-2)": -0.5, "u(k-2)^2": 0.6, "y(k-2)u(k-2)^2": -0.7}
+
+SYSTEMS: Mapping[str, BenchmarkSystem] = MappingProxyType({
+    system.name: system
+    for system in (
+        BenchmarkSystem(
+            name="S1", equation={"y(k-1)": -1.7, "y(k-2)": -0.8, "u(k-1)": 1.0, "u(k-2)": 0.81},
+            draw_input=_uniform(2.0), noise_std=0.01, source=_BOOK,
+        ),
+        BenchmarkSystem(
+            name="S2", equation={"y(k-1)": 0.8, "u(k-1)": 0.4, "u(k-1)^2": 0.4, "u(k-1)^3": 0.4},
+            draw_input=_normal(0.3), noise_std=0.01, source=_BOOK,
+        ),
+        BenchmarkSystem(
+            name="S3", equation=_MAO_BILLINGS, draw_input=_uniform(1.0), noise_std=0.01,
+            source=f"{_BOOK}; the system of E1",
+        ),
+        BenchmarkSystem(
+            name="S4", equation=_BALDACCHINO, draw_input=_uniform(1.0), noise_std=0.04,
+            source=f"{_BOOK}, there after Baldacchino et al. (2013)",
+        ),
+        BenchmarkSystem(
+            name="S5", equation=_BALDACCHINO | {"e(k-1)": 0.2, "u(k-1)e(k-2)": -0.3},
+            draw_input=_uniform(1.0), noise_std=0.02, source=f"{_BOOK}; S4 with coloured noise",
+        ),
+        BenchmarkSystem(
+            name="S6", equation={"y(k-2)": 0.75, "u(k-1)": 0.25, "y(k-2)u(k-1)": -0.2},
+            draw_input=_normal(0.25), noise_std=0.02,
+            source=f"{_BOOK}; its equation 57 has u(k-2) where its table 12 has u(k-1), which is taken here",
+        ),
+        BenchmarkSystem(
+            name="E0", equation={"y(k-1)": 0.3, "u(k-1)": 0.1, "y(k-1)y(k-2)": 0.4},
+            draw_input=_uniform(5.0), noise_std=0.1,
+            source="W. R. Jacobs, Identification and Frequency Response Analysis with Application to Soft Smart "
+            "Actuators (thesis, Sheffield), section 6.4.2; its input is not known: uniform in ±5 is chosen, so that "
+            "500 samples tell the product of outputs from nothing (|t| about 10; in ±1 it would be 1.4)",
+        ),
+        BenchmarkSystem(
+            name="E1", equation=_MAO_BILLINGS, draw_input=_uniform(1.0), noise_std=0.004**0.5,
+            n_samples=1000, degree=4,
+            source="W. R. Jacobs, thesis as E0, section 6.5.1; locally stable only",
+        ),
+        BenchmarkSystem(
+            name="WK", equation={"y(k-1)": 0.5, "y(k-2)": -0.3, "u(k-2)": 0.1, "u(k-1)u(k-2)": 0.4},
+            draw_input=_noisy_sine, noise_std=0.2, sample_time=0.05,
+            source="R. N. Watanabe, Nonlinear-System-Identification-and-Frequency-Analysis, examples/example.py, with "
+            "u and y exchanged; the input is one sine and a little noise, so that many candidates are nearly collinear",
+        ),
+    )
+})  # fmt: skip
+"""By name."""

@@ -1,0 +1,334 @@
+"""Parameters of a NARX model along time, and the models that they make."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.narx.document import fields_of, to_document
+from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.operating import Array, read_only
+from deatwin.ident.narx.panels import panels_or_new
+from deatwin.ident.narx.response import NarxResponse
+from deatwin.ident.narx.terms import Term, Variable
+from deatwin.plant.documents import read_document, write_document
+from deatwin.plant.errors import ModelError
+from deatwin.plant.recording import Recording
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["ThetaTrajectory"]
+
+SCHEMA = "deatwin/theta/1"
+
+_QUANTILE = 1.959963984540054  # of the normal law, 97.5 %
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ThetaTrajectory:
+    """A NARX model of fixed terms whose parameters change with time.
+
+    Parameters
+    ----------
+    model : NarxModel
+        Terms, signals and noise variance; its own parameters are those at the last time.
+    timepts : ndarray, shape (n,)
+        Increasing times on the experiment's clock in s.
+    theta : ndarray, shape (n_terms, n)
+        Parameters in SI units (those of the signals).
+    theta_cov : ndarray, shape (n, n_terms, n_terms)
+        Their covariance at each time.
+    drift_variance : ndarray, shape (n_terms,)
+        Variance that the random walk of each parameter gains in one sample interval, in its squared unit; zero where
+        it was not modelled as one.
+    log_likelihood : float or None
+        Of the outputs under the variances; None where the estimator has none.
+
+    Raises
+    ------
+    ModelError
+        If shapes or values do not fit together.
+    """
+
+    model: NarxModel
+    timepts: Array
+    theta: Array
+    theta_cov: Array
+    drift_variance: Array
+    log_likelihood: float | None = None
+
+    def __post_init__(self) -> None:
+        m, n = len(self.model.terms), np.size(self.timepts)
+        shapes = {"timepts": (n,), "theta": (m, n), "theta_cov": (n, m, m), "drift_variance": (m,)}
+        for name, wanted in shapes.items():
+            values = np.asarray(getattr(self, name), dtype=np.float64)
+            if values.shape != wanted or not np.all(np.isfinite(values)):
+                raise ModelError(f"{name} has the shape {values.shape}; it must be {wanted}, and all of it finite")
+            object.__setattr__(self, name, values if not values.flags.writeable else read_only(values))
+        if n == 0 or np.any(np.diff(self.timepts) <= 0) or np.any(self.drift_variance < 0):
+            raise ModelError("timepts must increase, at least one of them, and drift_variance not be negative")
+
+    @classmethod
+    def joined(cls, parts: Sequence[ThetaTrajectory]) -> Self:
+        """Make one trajectory of those of each output's equation.
+
+        Parameters
+        ----------
+        parts : sequence of ThetaTrajectory
+            One for each output, in order; only times that all have are kept. Parameters of different equations are
+            uncorrelated.
+
+        Raises
+        ------
+        ModelError
+            If there is not one for each output.
+        """
+        times = parts[0].timepts
+        for part in parts[1:]:
+            times = np.intersect1d(times, part.timepts)
+        kept = [np.searchsorted(part.timepts, times) for part in parts]
+        sizes = [len(part.model.terms) for part in parts]
+        theta_cov = np.zeros((times.size, sum(sizes), sum(sizes)))
+        for part, chosen, stop, size in zip(parts, kept, np.cumsum(sizes), sizes, strict=True):
+            theta_cov[:, stop - size : stop, stop - size : stop] = part.theta_cov[chosen]
+        likelihoods = [part.log_likelihood for part in parts]
+        known = [value for value in likelihoods if value is not None]
+        return cls(
+            model=NarxModel.joined([part.model for part in parts]),
+            timepts=times,
+            theta=np.concatenate([part.theta[:, chosen] for part, chosen in zip(parts, kept, strict=True)]),
+            theta_cov=theta_cov,
+            drift_variance=np.concatenate([part.drift_variance for part in parts]),
+            log_likelihood=sum(known) if len(known) == len(parts) else None,
+        )
+
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        """The terms, of all equations."""
+        return self.model.terms
+
+    @property
+    def noise_variance(self) -> float | Array:
+        """Variance of e(k), square of the output's unit; one for each output where there are several."""
+        return self.model.noise_variance
+
+    @cached_property
+    def std(self) -> Array:
+        """Standard deviation of each parameter, shape (n_terms, n)."""
+        return read_only(np.sqrt(np.einsum("kii->ik", self.theta_cov)))
+
+    def at(self, time: float) -> NarxModel:
+        """Return the model with the parameters of one time, as if they stayed so.
+
+        Parameters
+        ----------
+        time : float
+            On the experiment's clock in s; the parameters are those of the nearest of ``timepts``.
+
+        Raises
+        ------
+        ModelError
+            If the time is before the first or after the last.
+        """
+        k = int(self._nearest(np.array([time]))[0])
+        return replace(self.model, theta=self.theta[:, k], theta_cov=self.theta_cov[k])
+
+    def thinned(self, step: int) -> Self:
+        """Return the trajectory at every so many times and at the last one: covariances of every sample are large.
+
+        Parameters
+        ----------
+        step : int
+            Keep the last of every ``step`` times, counted from the end.
+
+        Raises
+        ------
+        ModelError
+            If the step is below 1.
+        """
+        if step < 1:
+            raise ModelError(f"step = {step}; it must be at least 1")
+        kept = np.arange(self.timepts.size)[::-step][::-1]
+        return replace(
+            self, timepts=self.timepts[kept], theta=self.theta[:, kept], theta_cov=self.theta_cov[kept]
+        )
+
+    def predict(self, recording: Recording) -> NarxResponse:
+        """Predict each sample one step ahead from the measured past, each with the parameters of its time.
+
+        Parameters
+        ----------
+        recording : Recording
+            Measured inputs and outputs within the trajectory's times.
+
+        Returns
+        -------
+        NarxResponse
+
+        Raises
+        ------
+        ModelError
+            If the recording does not suit the model, or reaches beyond the trajectory.
+        """
+        return self._driven.predict(self._with_theta(recording))
+
+    def simulate(self, recording: Recording) -> NarxResponse:
+        """Run free with the parameters of each time; only the first measured lags and the inputs are used.
+
+        Parameters
+        ----------
+        recording : Recording
+            Inputs, and outputs of which the first lags start the run, within the trajectory's times.
+
+        Returns
+        -------
+        NarxResponse
+
+        Raises
+        ------
+        ModelError
+            If the recording does not suit the model, or reaches beyond the trajectory.
+        """
+        return self._driven.simulate(self._with_theta(recording))
+
+    def plot(self, axes: Sequence[Axes] | None = None) -> list[Axes]:
+        """Draw each parameter over time with its 95 % band.
+
+        Parameters
+        ----------
+        axes : sequence of matplotlib Axes, length n_terms, optional
+            Where to draw; a new figure otherwise.
+
+        Returns
+        -------
+        list of matplotlib Axes, length n_terms
+
+        Raises
+        ------
+        ModelError
+            If there are fewer axes than terms.
+        """
+        panels = panels_or_new(axes, len(self.terms), height=1.4, sharex=True)
+        for ax, term, theta, std in zip(panels, self.terms, self.theta, self.std, strict=True):
+            half = _QUANTILE * std
+            ax.fill_between(self.timepts, theta - half, theta + half, color="C0", alpha=0.25, linewidth=0)
+            ax.plot(self.timepts, theta, color="C0", linewidth=1.2)
+            ax.set_title(str(term), loc="left", fontsize="small")
+        panels[-1].set_xlabel("time (s)")
+        return panels
+
+    def to_xarray(self) -> Any:
+        """Return theta and theta_cov as an `xarray.Dataset` over term and time."""
+        import xarray
+
+        names = [str(term) for term in self.terms]
+        return xarray.Dataset(
+            {
+                "theta": (("term", "time"), self.theta),
+                "theta_cov": (("time", "term", "other_term"), self.theta_cov),
+                "drift_variance": (("term",), self.drift_variance),
+            },
+            coords={"time": ("time", self.timepts, {"units": "s"}), "term": names, "other_term": names},
+        )
+
+    def save(self, path: str | Path) -> None:
+        """Write the trajectory as JSON ("deatwin/theta/1"); thin a long one before.
+
+        Parameters
+        ----------
+        path : str or Path
+            File to write.
+        """
+        lower = np.tril_indices(len(self.terms))
+        write_document(path, {
+            "schema": SCHEMA,
+            "model": to_document(self.model),
+            "time_s": self.timepts.tolist(),
+            "theta": self.theta.tolist(),
+            "theta_cov_lower": self.theta_cov[:, lower[0], lower[1]].tolist(),
+            "drift_variance": self.drift_variance.tolist(),
+            "log_likelihood": self.log_likelihood,
+        })  # fmt: skip
+
+    @classmethod
+    def load(cls, path: str | Path) -> Self:
+        """Read a trajectory that `save` wrote.
+
+        Parameters
+        ----------
+        path : str or Path
+            File to read.
+
+        Raises
+        ------
+        ModelError
+            If the file is missing, not JSON, of another schema, or malformed.
+        """
+        return read_document(path, SCHEMA, lambda document: cls(**_fields_of(document)))
+
+    @cached_property
+    def _driven(self) -> NarxModel:
+        """The model with its parameters as further inputs: what marches a model marches it with theta(t) too."""
+        n_inputs, count = len(self.model.input_names), len(self.terms)
+        driven = [
+            Term.product([*term.expanded, Variable("u", n_inputs + m + 1, 0)]) for m, term in enumerate(self.terms)
+        ]
+        return replace(
+            self.model,
+            terms=tuple(driven),
+            theta=np.ones(count),
+            theta_cov=np.zeros((count, count)),
+            input_names=self._driven_names,
+            input_units=self.model.input_units + ("",) * count,
+        )
+
+    @property
+    def _driven_names(self) -> tuple[str, ...]:
+        return self.model.input_names + tuple(f"theta{m}" for m in range(1, len(self.terms) + 1))
+
+    def _with_theta(self, recording: Recording) -> Recording:
+        """Return the recording with the parameters at its samples as further inputs."""
+        first = self.model.table.max_lag
+        chosen = self._nearest(recording.timepts[first:])
+        theta = self.theta[:, np.concatenate([np.repeat(chosen[:1], recording.n_samples - chosen.size), chosen])]
+        return replace(
+            recording,
+            inputs=np.concatenate([recording.inputs, theta]),
+            input_names=self._driven_names,
+            input_units=recording.input_units + ("",) * len(self.terms),
+        )
+
+    def _nearest(self, times: Array) -> NDArray[np.intp]:
+        """Return the positions in ``timepts`` nearest to some times."""
+        slack = 0.5 * self.model.sample_time
+        if times.size == 0 or times.min() < self.timepts[0] - slack or times.max() > self.timepts[-1] + slack:
+            asked = f"{times.min():g} s to {times.max():g} s" if times.size else "no time at all"
+            raise ModelError(f"asked for {asked}; the parameters are known from {self.timepts[0]:g} s to "
+                             f"{self.timepts[-1]:g} s")  # fmt: skip
+        after = np.clip(np.searchsorted(self.timepts, times), 1, max(self.timepts.size - 1, 1))
+        if self.timepts.size == 1:
+            return np.zeros(times.size, dtype=np.intp)
+        return after - (times - self.timepts[after - 1] <= self.timepts[after] - times)
+
+
+def _fields_of(document: Mapping[str, Any]) -> dict[str, Any]:
+    model = NarxModel(**fields_of(document["model"]))
+    m, n = len(model.terms), len(document["time_s"])
+    lower = np.tril_indices(m)
+    theta_cov = np.zeros((n, m, m))
+    theta_cov[:, lower[0], lower[1]] = theta_cov[:, lower[1], lower[0]] = document["theta_cov_lower"]
+    return {
+        "model": model,
+        "timepts": read_only(document["time_s"]),
+        "theta": read_only(document["theta"]),
+        "theta_cov": theta_cov,
+        "drift_variance": read_only(document["drift_variance"]),
+        "log_likelihood": None if document["log_likelihood"] is None else float(document["log_likelihood"]),
+    }

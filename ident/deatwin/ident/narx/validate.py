@@ -1,0 +1,387 @@
+"""Validation of a NARX model on recordings: fit one step ahead and in free run, correlation tests, whiteness."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from enum import Enum
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.operating import read_only
+from deatwin.ident.narx.panels import panels_or_new
+from deatwin.ident.narx.regression import Recordings, flatten
+from deatwin.ident.narx.residual_tests import CorrelationTest, Whiteness, correlation_tests, whiteness_of
+from deatwin.ident.narx.response import NarxResponse
+from deatwin.plant.documents import read_document, write_document
+from deatwin.plant.errors import ModelError, nearest
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["Fit", "Validation", "ValidationStatus", "validate"]
+
+Array = NDArray[np.float64]
+
+SCHEMA = "deatwin/validation/1"
+
+_WITH_INPUT = ("ue", "(u2)'e", "(u2)'e2")
+_LEAST_SAMPLES = 4  # for each lag that is tested
+_ROUNDING = 1e-13  # residuals below this share of the largest output are rounding errors
+
+
+class ValidationStatus(Enum):
+    """What the validation says of the model; the value is the advice."""
+
+    PASSED = "nothing is left to explain: the residual is white and independent of the input"
+    NOISE = (
+        "the residual is predictable from its own past but not from the input alone: the terms without noise stand, "
+        "a noise model (terms in e) is missing"
+    )
+    STRUCTURE = "the residual depends on the input: terms are missing, or the lags or the degree are too small"
+    DIVERGED = "the free run diverges: choose another structure, or stay within the operating range"
+    EXACT = "the residual is rounding error: there is nothing to test"
+
+    @property
+    def ok(self) -> bool:
+        """Whether the model may be used as it is."""
+        return self in (ValidationStatus.PASSED, ValidationStatus.EXACT)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Fit:
+    """How well the outputs of a model agree with the measured ones, over all recordings together.
+
+    Parameters
+    ----------
+    mean_square : ndarray, shape (n_outputs,)
+        sum (y - yhat)^2 / N, in squared units of the outputs; infinite where a free run diverged.
+    nrmse : ndarray, shape (n_outputs,)
+        sqrt( sum (y - yhat)^2 / sum (y - mean y)^2 ).
+    """
+
+    mean_square: Array
+    nrmse: Array
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            object.__setattr__(self, item.name, read_only(getattr(self, item.name)))
+
+    @property
+    def percent(self) -> Array:
+        """100 (1 - nrmse), shape (n_outputs,); 100 is perfect, the mean of the output gives 0."""
+        return np.asarray(100.0 * (1.0 - self.nrmse), dtype=np.float64)
+
+    @property
+    def rms(self) -> Array:
+        """Root of `mean_square`, shape (n_outputs,), in the outputs' units."""
+        return np.asarray(np.sqrt(self.mean_square), dtype=np.float64)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Validation:
+    """What `validate` found.
+
+    Parameters
+    ----------
+    one_step : Fit
+        Of the prediction one step ahead from the measured past: its ``mean_square`` is the MSPE.
+    free_run : Fit
+        Of the simulation from the first measured lags and the inputs: its ``mean_square`` is the MSSE.
+    diverged : tuple of (int, float)
+        For each recording whose free run diverged its position and the time on its clock in s.
+    tests : tuple of CorrelationTest
+        The five correlation tests of each output and input, as far as the inputs move.
+    whiteness : tuple of Whiteness
+        One for each output.
+    n_samples : int
+        Number of residuals of an output.
+    level : float
+        Chance at which a single test fails when nothing is left to explain.
+    exact : bool
+        Whether the residual is but rounding error, so that there are no tests.
+    input_names, output_names, output_units : tuple of str
+        Names and units of the signals.
+    """
+
+    one_step: Fit
+    free_run: Fit
+    diverged: tuple[tuple[int, float], ...]
+    tests: tuple[CorrelationTest, ...]
+    whiteness: tuple[Whiteness, ...]
+    n_samples: int
+    level: float = 0.05
+    exact: bool = False
+    input_names: tuple[str, ...] = ("input",)
+    output_names: tuple[str, ...] = ("output",)
+    output_units: tuple[str, ...] = ("",)
+
+    @property
+    def mspe(self) -> Array:
+        """Mean squared prediction error of each output, one step ahead, in squared units; shape (n_outputs,)."""
+        return self.one_step.mean_square
+
+    @property
+    def msse(self) -> Array:
+        """Mean squared simulation error of each output, in free run, in squared units; shape (n_outputs,)."""
+        return self.free_run.mean_square
+
+    @property
+    def failed(self) -> tuple[CorrelationTest, ...]:
+        """The tests that fail at ``level / len(tests)``: if nothing is left, none does so with chance 1 - level."""
+        return tuple(test for test in self.tests if test.p_value < self.level / len(self.tests))
+
+    @property
+    def status(self) -> ValidationStatus:
+        """What the tests say together; a diverged free run comes first."""
+        if self.diverged:
+            return ValidationStatus.DIVERGED
+        if self.exact:
+            return ValidationStatus.EXACT
+        if any(test.name in _WITH_INPUT for test in self.failed):
+            return ValidationStatus.STRUCTURE
+        return ValidationStatus.NOISE if self.failed else ValidationStatus.PASSED
+
+    def test(self, name: str, *, output: int = 0, other: int = 0) -> CorrelationTest:
+        """Return one of the tests.
+
+        Parameters
+        ----------
+        name : str
+            "ee", "ue", "e(eu)", "(u2)'e", "(u2)'e2", or "ee'" between two outputs.
+        output : int
+            Row of the output.
+        other : int
+            Row of the input, or of the other output; without effect for "ee".
+
+        Raises
+        ------
+        ModelError
+            If there is none: an unknown name, or an input that is constant.
+        """
+        for test in self.tests:
+            if (test.name, test.output) == (name, output) and test.other in (None, other):
+                return test
+        known = list(dict.fromkeys(test.name for test in self.tests))
+        raise ModelError(
+            f"there is no test {name!r} of output {output} with {other}{nearest(name, known)}; "
+            f"there are {', '.join(known) or 'none'}, and none with an input that is constant"
+        )
+
+    def plot(self, axes: Sequence[Axes] | None = None, *, output: int = 0, input: int = 0) -> list[Axes]:
+        """Draw the five correlation tests of one output and one input, each with its 95 % band.
+
+        Parameters
+        ----------
+        axes : sequence of matplotlib Axes, length 5, optional
+            Where to draw, one below the other or side by side; a new figure otherwise.
+        output, input : int
+            Rows of the signals.
+
+        Returns
+        -------
+        list of matplotlib Axes
+            Five, or fewer where the input is constant.
+
+        Raises
+        ------
+        ModelError
+            If there are not as many axes as tests.
+        """
+        drawn = [t for t in self.tests if t.output == output and t.name != "ee'" and t.other in (None, input)]
+        panels = panels_or_new(axes, len(drawn), height=1.8)
+        for test, ax in zip(drawn, panels, strict=True):
+            test.plot(ax)
+            ax.set_xlabel("" if test is not drawn[-1] else ax.get_xlabel())
+        return panels
+
+    def __str__(self) -> str:
+        lines = [f"{self.n_samples} samples: {self.status.value}"]
+        for record, time in self.diverged:
+            lines.append(f"the free run of recording {record + 1} diverged at {time:g} s")
+        lines.append(f"{'output':16s}{'MSPE':>11s}{'NRMSE':>9s}{'fit %':>8s}{'MSSE':>13s}{'NRMSE':>9s}{'fit %':>8s}")
+        for i, name in enumerate(self.output_names):
+            one, free = self.one_step, self.free_run
+            lines.append(
+                f"{name[:15]:16s}{one.mean_square[i]:11.4g}{one.nrmse[i]:9.4f}{one.percent[i]:8.2f}"
+                f"{free.mean_square[i]:13.4g}{free.nrmse[i]:9.4f}{free.percent[i]:8.2f}"
+            )
+        lines.append(f"{'test':30s}{'largest':>9s}{'band':>8s}{'outside':>9s}{'p':>9s}")
+        for t in self.tests:
+            lines.append(
+                f"{self._label(t):30s}{t.largest:9.3f}{t.band:8.3f}{100 * t.share_outside:7.0f} %{t.p_value:9.2g}"
+                f"  {'passes' if t.passed else 'fails'}"
+            )
+        for w in self.whiteness:
+            lines.append(f"Ljung-Box, {self.output_names[w.output]}: {w.statistic:.1f} on {w.dof}, p = {w.p_value:.2g}")
+        return "\n".join(lines)
+
+    def _label(self, test: CorrelationTest) -> str:
+        """Return the name of a test with its signals, where there are several."""
+        names = [self.output_names[test.output]]
+        if test.other is not None:
+            names.append((self.output_names if test.name == "ee'" else self.input_names)[test.other])
+        several = len(self.output_names) + len(self.input_names) > 2
+        return f"phi {test.name}" + (f" ({', '.join(names)})" if several else "")
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the validation as plain data ("deatwin/validation/1"); what is infinite is null."""
+
+        def finite(values: Array) -> list[float | None]:
+            return [float(v) if math.isfinite(v) else None for v in values]
+
+        def fit(one: Fit) -> dict[str, Any]:
+            return {"mean_square": finite(one.mean_square), "nrmse": finite(one.nrmse)}
+
+        return {
+            "schema": SCHEMA,
+            "status": self.status.name.lower(),
+            "advice": self.status.value,
+            "n_samples": self.n_samples,
+            "level": self.level,
+            "exact": self.exact,
+            "inputs": list(self.input_names),
+            "outputs": [
+                {"name": name, "unit": unit} for name, unit in zip(self.output_names, self.output_units, strict=True)
+            ],
+            "one_step": fit(self.one_step),
+            "free_run": fit(self.free_run),
+            "diverged": [{"recording": record, "time_s": time} for record, time in self.diverged],
+            "tests": [
+                {
+                    "name": t.name, "output": t.output, "other": t.other, "lags": t.lags.tolist(),
+                    "values": t.values.tolist(), "n_samples": t.n_samples, "p_value": t.p_value, "level": t.level,
+                }
+                for t in self.tests
+            ],
+            "whiteness": [
+                {
+                    "output": w.output, "statistic": w.statistic, "dof": w.dof, "p_value": w.p_value,
+                    "share_outside": w.share_outside, "usual_outside": list(w.usual_outside),
+                }
+                for w in self.whiteness
+            ],
+        }  # fmt: skip
+
+    def save(self, path: str | Path) -> None:
+        """Write the validation as JSON ("deatwin/validation/1").
+
+        Parameters
+        ----------
+        path : str or Path
+            File to write.
+        """
+        write_document(path, self.to_json())
+
+    @classmethod
+    def load(cls, path: str | Path) -> Self:
+        """Read a validation that `save` wrote.
+
+        Parameters
+        ----------
+        path : str or Path
+            File to read.
+
+        Raises
+        ------
+        ModelError
+            If the file is missing, not JSON, of another schema, or malformed.
+        """
+        return read_document(path, SCHEMA, lambda document: cls(**_fields_of(document)))
+
+
+def validate(model: NarxModel, recordings: Recordings, *, max_lag: int = 25, level: float = 0.05) -> Validation:
+    """Compare a model with recordings one step ahead and in free run, and test what it leaves.
+
+    The tests use the residuals one step ahead. They say the most on recordings that were not used for training; on
+    training data the parameters have made the residual look a little smaller and whiter than it is. Correlations
+    never reach across two recordings. Long recordings show faults of no practical size: look at
+    ``CorrelationTest.largest`` too.
+
+    Parameters
+    ----------
+    model : NarxModel
+        The model.
+    recordings : Recording, Experiment, or several
+        Recordings in the model's units.
+    max_lag : int
+        Largest lag of the correlations in samples.
+    level : float
+        Chance at which a single test fails when nothing is left to explain.
+
+    Returns
+    -------
+    Validation
+
+    Raises
+    ------
+    ModelError
+        If a recording does not suit the model, or there are too few samples for the lags.
+    """
+    chosen = flatten(recordings)
+    predicted = [model.predict(record) for record in chosen]
+    simulated = [model.simulate(record) for record in chosen]
+    residuals = [response.residuals for response in predicted]
+    n_samples = sum(residual.shape[1] for residual in residuals)
+    if max_lag < 1 or n_samples < _LEAST_SAMPLES * max_lag or not 0 < level < 1:
+        raise ModelError(
+            f"max_lag = {max_lag}, level = {level}: {n_samples} residuals allow lags of 1 to "
+            f"{n_samples // _LEAST_SAMPLES}, and the level lies between 0 and 1"
+        )
+    largest = np.max([np.abs(record.outputs).max(axis=1) for record in chosen], axis=0)
+    exact = bool(np.any(np.sqrt(_fit(predicted).mean_square) <= _ROUNDING * largest))
+    inputs = [record.inputs[:, response.first :] for record, response in zip(chosen, predicted, strict=True)]
+    rows = range(model.n_outputs)
+    return Validation(
+        one_step=_fit(predicted),
+        free_run=_fit(simulated),
+        diverged=tuple((i, r.failed_at_s) for i, r in enumerate(simulated) if r.failed_at_s is not None),
+        tests=() if exact else correlation_tests(residuals, inputs, max_lag=max_lag, level=level),
+        whiteness=() if exact else tuple(whiteness_of(residuals, row, max_lag=max_lag) for row in rows),
+        n_samples=n_samples,
+        level=level,
+        exact=exact,
+        input_names=model.input_names,
+        output_names=model.output_names,
+        output_units=model.output_units,
+    )
+
+
+def _fit(responses: Sequence[NarxResponse]) -> Fit:
+    """Return the fit over all recordings; of a free run that diverged there is none."""
+    residuals = np.concatenate([response.residuals for response in responses], axis=1)
+    measured = np.concatenate([response.measured[:, response.first :] for response in responses], axis=1)
+    square = np.sum(residuals**2, axis=1)
+    if not all(response.status.ok for response in responses):
+        square = np.full(len(square), np.inf)
+    around = np.sum((measured - measured.mean(axis=1, keepdims=True)) ** 2, axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return Fit(mean_square=square / residuals.shape[1], nrmse=np.sqrt(square / around))
+
+
+def _fields_of(document: Mapping[str, Any]) -> dict[str, Any]:
+    def fit(one: Mapping[str, Any]) -> Fit:
+        return Fit(**{k: np.array([math.inf if v is None else v for v in one[k]]) for k in ("mean_square", "nrmse")})
+
+    return {
+        "one_step": fit(document["one_step"]),
+        "free_run": fit(document["free_run"]),
+        "diverged": tuple((int(item["recording"]), float(item["time_s"])) for item in document["diverged"]),
+        "tests": tuple(
+            CorrelationTest(**{**t, "lags": np.array(t["lags"], dtype=np.int64)}) for t in document["tests"]
+        ),
+        "whiteness": tuple(
+            Whiteness(**{**w, "usual_outside": tuple(w["usual_outside"])}) for w in document["whiteness"]
+        ),
+        "n_samples": int(document["n_samples"]),
+        "level": float(document["level"]),
+        "exact": bool(document["exact"]),
+        "input_names": tuple(document["inputs"]),
+        "output_names": tuple(signal["name"] for signal in document["outputs"]),
+        "output_units": tuple(signal["unit"] for signal in document["outputs"]),
+    }
