@@ -31,7 +31,7 @@ class FitStatus(Enum):
         return self is FitStatus.DONE
 
 
-class Identifier(ABC):
+class Identifier:
     """An estimator under scikit-learn's contract: arguments are stored untouched under their names."""
 
     @classmethod
@@ -79,7 +79,7 @@ class Identifier(ABC):
         return f"{type(self).__name__}({arguments})"
 
 
-class NarxIdentifier(Identifier):
+class NarxIdentifier(Identifier, ABC):
     """An estimator of NARX models under scikit-learn's contract.
 
     Arguments are stored untouched under their names, what is learned ends in ``_``, and ``fit`` returns the

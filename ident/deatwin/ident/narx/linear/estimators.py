@@ -1,0 +1,330 @@
+"""Estimators of linear models: ARX by least squares; ARMAX, output error and Box-Jenkins by prediction errors."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.narx.estimation import LeastSquares
+from deatwin.ident.narx.identifier import FitStatus, Identifier, Progress, silent
+from deatwin.ident.narx.linear.model import LinearModel
+from deatwin.ident.narx.linear.polynomials import Orders, per_input
+from deatwin.ident.narx.linear.search import Minimum, PredictionErrorLoss, minimise
+from deatwin.ident.narx.linear.start import starting_points
+from deatwin.ident.narx.regression import Recordings, Regression, flatten
+from deatwin.ident.narx.terms import Term, TermTable, Variable
+from deatwin.plant.errors import ModelError
+from deatwin.plant.recording import Recording
+
+__all__ = ["Armax", "Arx", "BoxJenkins", "LinearIdentifier", "OutputError"]
+
+Array = NDArray[np.float64]
+Counts = int | Sequence[int]
+
+
+class LinearIdentifier(Identifier, ABC):
+    """What the estimators of linear models share.
+
+    Attributes
+    ----------
+    model_ : LinearModel
+        What was learned, in physical units.
+    status_ : FitStatus
+        Whether the search was completed.
+    """
+
+    model_: LinearModel
+    status_: FitStatus
+
+    def fit(self, recordings: Recordings, *, progress: Progress | None = None) -> Self:
+        """Estimate the polynomials.
+
+        Ctrl-C ends the search: the best model so far is kept, and ``status_`` says so.
+
+        Parameters
+        ----------
+        recordings : Recording, Experiment, or several
+            Training data of one output and one sample time; each recording starts with a state of its own.
+        progress : callable, optional
+            Takes the share that is done and what is being done.
+
+        Returns
+        -------
+        LinearIdentifier
+            The estimator itself.
+
+        Raises
+        ------
+        ModelError
+            If an argument makes no sense, or the recordings do not suit.
+        """
+        from threadpoolctl import threadpool_limits
+
+        chosen = flatten(recordings)
+        if chosen[0].outputs.shape[0] != 1:
+            raise ModelError(
+                f"the recordings have {chosen[0].outputs.shape[0]} outputs; a linear model has one: "
+                "fit each output with recordings of its own"
+            )
+        orders = self._orders(chosen[0].inputs.shape[0])
+        data = _regression(chosen, orders)
+        self.status_ = FitStatus.DONE
+        with threadpool_limits(1):  # tall and narrow matrices: more threads only wait for each other
+            found = self._estimate(orders, data, progress or silent)
+        self.model_ = self._model(orders, data, found)
+        return self
+
+    @abstractmethod
+    def _orders(self, n_inputs: int) -> Orders:
+        """Return the orders for so many inputs, or raise ModelError."""
+
+    def _estimate(self, orders: Orders, data: Regression, progress: Progress) -> Minimum:
+        """Minimise the prediction errors from several starts and return the lowest minimum."""
+        scaled = [data.scaled(record) for record in data.recordings]
+        loss = PredictionErrorLoss(orders, [(inputs, outputs[0]) for inputs, outputs in scaled])
+        progress(0.0, "a long ARX model")
+        starts = starting_points(orders, loss.records)
+        found: list[Minimum] = []
+        for number, start in enumerate(starts):
+            progress(number / len(starts), f"search {number + 1} of {len(starts)}")
+            found.append(minimise(loss, start))
+            if not found[-1].complete:
+                self.status_ = FitStatus.INTERRUPTED
+                break
+        progress(1.0, "done")
+        return min(found, key=lambda one: one.noise_variance)
+
+    def _model(self, orders: Orders, data: Regression, found: Minimum) -> LinearModel:
+        """Return the model in physical units."""
+        scale = orders.scales(data.input_scales, data.output_scale)
+        p = orders.split(found.theta * scale)
+        cov = found.theta_cov * np.outer(scale, scale)
+        record = data.recordings[0]
+        return LinearModel(
+            **p._asdict(),
+            theta_cov=cov if orders.offset else np.pad(cov, (0, 1)),
+            noise_variance=found.noise_variance * data.output_scale**2,
+            sample_time=record.sample_time,
+            input_names=record.input_names,
+            output_names=record.output_names,
+            input_units=record.input_units,
+            output_units=record.output_units,
+            provenance=_provenance(self, data.recordings),
+        )
+
+
+class Arx(LinearIdentifier):
+    """A y(k) = sum_i B_i u_i(k) + e(k) + offset, by least squares (QR).
+
+    Parameters
+    ----------
+    na : int
+        Order of A.
+    nb : int or sequence of int
+        Number of coefficients of each B.
+    nk : int or sequence of int
+        Delay of each input in samples: the lag of the first coefficient of B.
+    offset : bool
+        Whether a constant is estimated too; without it, signals should be deviations from an operating point.
+
+    Attributes
+    ----------
+    model_ : LinearModel
+        The model; ``theta_cov`` is ``sigma^2 (P'P)^-1``.
+    status_ : FitStatus
+        Always done.
+    """
+
+    def __init__(self, *, na: int = 2, nb: Counts = 2, nk: Counts = 1, offset: bool = True) -> None:
+        self.na = na
+        self.nb = nb
+        self.nk = nk
+        self.offset = offset
+
+    def _orders(self, n_inputs: int) -> Orders:
+        return _orders(n_inputs, na=self.na, nb=self.nb, nk=self.nk, offset=self.offset)
+
+    def _estimate(self, orders: Orders, data: Regression, progress: Progress) -> Minimum:
+        found = LeastSquares()(*data.matrix())
+        sign = np.where([str(term).startswith("y") for term in data.table.terms], -1.0, 1.0)
+        return Minimum(found.theta * sign, found.theta_cov * np.outer(sign, sign), found.noise_variance, True)
+
+
+class Armax(LinearIdentifier):
+    """A y(k) = sum_i B_i u_i(k) + C e(k) + offset, by prediction-error minimisation.
+
+    The search (Gauss-Newton in a trust region, exact gradients) starts from the regression on the errors of
+    a long ARX model and from the ARX model with C = 1; the lower of the two minima is kept.
+
+    Parameters
+    ----------
+    na : int
+        Order of A.
+    nb : int or sequence of int
+        Number of coefficients of each B.
+    nc : int
+        Order of C.
+    nk : int or sequence of int
+        Delay of each input in samples.
+    offset : bool
+        Whether a constant is estimated too.
+
+    References
+    ----------
+    Ljung, System Identification: Theory for the User, 2nd ed., 1999, sections 4.2, 7.2, 9.3 and 10.2.
+    """
+
+    def __init__(self, *, na: int = 2, nb: Counts = 2, nc: int = 2, nk: Counts = 1, offset: bool = True) -> None:
+        self.na = na
+        self.nb = nb
+        self.nc = nc
+        self.nk = nk
+        self.offset = offset
+
+    def _orders(self, n_inputs: int) -> Orders:
+        return _orders(n_inputs, na=self.na, nb=self.nb, nc=self.nc, nk=self.nk, offset=self.offset)
+
+
+class OutputError(LinearIdentifier):
+    """y(k) = sum_i (B_i/F_i) u_i(k) + e(k) + offset, by prediction-error minimisation.
+
+    The search starts from an ARX model and from a long one that is condensed by the method of Steiglitz and
+    McBride; the lower of the two minima is kept. The state at the start of each recording is estimated too.
+    The plant is found without bias if the noise is not white, but then the covariance is not the right one:
+    see `BoxJenkins`.
+
+    Parameters
+    ----------
+    nb : int or sequence of int
+        Number of coefficients of each B.
+    nf : int or sequence of int
+        Order of each F.
+    nk : int or sequence of int
+        Delay of each input in samples.
+    offset : bool
+        Whether a constant is estimated too.
+
+    References
+    ----------
+    Ljung, System Identification: Theory for the User, 2nd ed., 1999, sections 4.2, 8.4, 9.3 and 10.2.
+    """
+
+    def __init__(self, *, nb: Counts = 2, nf: Counts = 2, nk: Counts = 1, offset: bool = True) -> None:
+        self.nb = nb
+        self.nf = nf
+        self.nk = nk
+        self.offset = offset
+
+    def _orders(self, n_inputs: int) -> Orders:
+        return _orders(n_inputs, nb=self.nb, nf=self.nf, nk=self.nk, offset=self.offset)
+
+
+class BoxJenkins(LinearIdentifier):
+    """y(k) = sum_i (B_i/F_i) u_i(k) + (C/D) e(k) + offset, by prediction-error minimisation.
+
+    The search starts as that of `OutputError`, with C and D from what the plant leaves.
+
+    Parameters
+    ----------
+    nb : int or sequence of int
+        Number of coefficients of each B.
+    nc : int
+        Order of C.
+    nd : int
+        Order of D.
+    nf : int or sequence of int
+        Order of each F.
+    nk : int or sequence of int
+        Delay of each input in samples.
+    offset : bool
+        Whether a constant is estimated too.
+
+    References
+    ----------
+    Ljung, System Identification: Theory for the User, 2nd ed., 1999, sections 4.2, 9.3 and 10.2.
+    """
+
+    def __init__(
+        self,
+        *,
+        nb: Counts = 2,
+        nc: int = 2,
+        nd: int = 2,
+        nf: Counts = 2,
+        nk: Counts = 1,
+        offset: bool = True,
+    ) -> None:
+        self.nb = nb
+        self.nc = nc
+        self.nd = nd
+        self.nf = nf
+        self.nk = nk
+        self.offset = offset
+
+    def _orders(self, n_inputs: int) -> Orders:
+        return _orders(n_inputs, nb=self.nb, nc=self.nc, nd=self.nd, nf=self.nf, nk=self.nk, offset=self.offset)
+
+
+def _orders(
+    n_inputs: int,
+    *,
+    nb: Counts,
+    nk: Counts,
+    offset: bool,
+    na: int = 0,
+    nc: int = 0,
+    nd: int = 0,
+    nf: Counts = 0,
+) -> Orders:
+    """Return checked orders."""
+    if n_inputs == 0:
+        raise ModelError("the recordings have no input: there is nothing that the output could answer to")
+    (na,), (nc,), (nd,) = (per_input(k, v, 1, 0) for k, v in (("na", na), ("nc", nc), ("nd", nd)))
+    return Orders(
+        na=na,
+        nb=per_input("nb", nb, n_inputs, 1),
+        nc=nc,
+        nd=nd,
+        nf=per_input("nf", nf, n_inputs, 0),
+        nk=per_input("nk", nk, n_inputs, 0),
+        offset=bool(offset),
+    )
+
+
+def _regression(recordings: tuple[Recording, ...], orders: Orders) -> Regression:
+    """Return the regression on the lagged signals of the orders, or raise ModelError where samples are too few."""
+    data = Regression.on(recordings, _arx_terms(orders))
+    for name, *rows in zip(recordings[0].input_names, *(record.inputs for record in recordings), strict=True):
+        if np.ptp(np.concatenate(rows)) == 0.0:
+            raise ModelError(f'the input "{name}" is constant: what the output owes to it cannot be told')
+    fewest = orders.first + orders.nd + sum(orders.nf) + 1
+    for number, record in enumerate(recordings, start=1):
+        if record.n_samples < fewest:
+            raise ModelError(f"recording {number} has {record.n_samples} samples; at least {fewest} are needed")
+    unknowns = orders.n_theta + len(recordings) * sum(orders.nf)
+    if data.n_samples - orders.nd * len(recordings) <= unknowns:
+        raise ModelError(f"{data.n_samples} usable samples are too few for {unknowns} unknowns")
+    return data
+
+
+def _arx_terms(orders: Orders) -> TermTable:
+    """The lagged signals that the orders speak of, in the order of the parameters."""
+    variables = [Variable("y", 0, k) for k in range(1, orders.na + 1)]
+    channels = range(1, len(orders.nb) + 1) if len(orders.nb) > 1 else (0,)
+    for channel, nb, nk in zip(channels, orders.nb, orders.nk, strict=True):
+        variables += [Variable("u", channel, k) for k in range(nk, nk + nb)]
+    constant = (Term(()),) if orders.offset else ()
+    return TermTable((*(Term.product([v]) for v in variables), *constant))
+
+
+def _provenance(identifier: LinearIdentifier, recordings: Sequence[Recording]) -> dict[str, str]:
+    files = [r.provenance["file"] for r in recordings if "file" in r.provenance]
+    return {
+        "identifier": repr(identifier),
+        "samples": str(sum(r.n_samples for r in recordings)),
+        "recordings": ", ".join(files) or str(len(recordings)),
+    }

@@ -1,0 +1,364 @@
+"""The linear model: polynomials with their covariance; prediction, free run, poles, frequency response."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from deatwin.ident.narx.linear.document import SCHEMA, fields_of, to_document
+from deatwin.ident.narx.linear.frequency import LinearFrequencyResponse, frequency_response
+from deatwin.ident.narx.linear.polynomials import Orders, Polynomials
+from deatwin.ident.narx.linear.run import free_run, one_step
+from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.operating import read_only
+from deatwin.ident.narx.response import NarxResponse, ResponseStatus
+from deatwin.ident.narx.terms import Term, Variable
+from deatwin.plant.documents import read_document, write_document
+from deatwin.plant.errors import ModelError
+from deatwin.plant.recording import Recording
+
+if TYPE_CHECKING:
+    from control import TransferFunction
+
+__all__ = ["LinearModel"]
+
+Array = NDArray[np.float64]
+_WARMUP_PER_STATE = 10  # noise on the state at the start of a free run falls with its square root
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LinearModel:
+    """A linear model of one output, A y(k) = sum_i (B_i/F_i) u_i(k) + (C/D) e(k) + offset.
+
+    Polynomials are in the backward shift q^-1, from q^0 on. ARX has C = D = F = 1, ARMAX D = F = 1, output
+    error A = C = D = 1, Box-Jenkins A = 1.
+
+    Parameters
+    ----------
+    a, c, d : array_like, shape (order + 1,)
+        Begin with 1.
+    b : sequence of array_like
+        One polynomial for each input, in output unit by input unit; zeros at its start are delay.
+    f : sequence of array_like, optional
+        One for each input, beginning with 1; 1 when not given.
+    offset : float
+        Constant on the right side, in the output's unit.
+    theta_cov : ndarray, shape (n_theta, n_theta), optional
+        Covariance of ``theta``; zero when not given. It holds if the residuals are white: a model whose
+        noise part is too simple is more uncertain than it says.
+    noise_variance : float
+        Variance of e(k), square of the output's unit.
+    sample_time : float
+        Sampling interval in s.
+    input_names, output_names, input_units, output_units : tuple of str
+        Names and units of the signals.
+    provenance : mapping of str to str
+        Where the model comes from.
+
+    Raises
+    ------
+    ModelError
+        If shapes or values do not fit together.
+
+    Examples
+    --------
+    >>> model = LinearModel(a=[1, -0.6], b=[[0, 0.3]], sample_time=1.0)
+    >>> print(model.to_narx())
+    y(k) = 0.6 y(k-1) + 0.3 u(k-1) + e(k)
+    """
+
+    a: Array
+    b: tuple[Array, ...]
+    sample_time: float
+    c: Array = field(default_factory=lambda: np.ones(1))
+    d: Array = field(default_factory=lambda: np.ones(1))
+    f: tuple[Array, ...] = ()
+    offset: float = 0.0
+    theta_cov: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    noise_variance: float = 0.0
+    input_names: tuple[str, ...] = ()
+    output_names: tuple[str, ...] = ("output",)
+    input_units: tuple[str, ...] = ()
+    output_units: tuple[str, ...] = ("",)
+    provenance: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        m = len(self.b)
+        for name in ("a", "c", "d"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+        object.__setattr__(self, "b", tuple(read_only(b) for b in self.b))
+        object.__setattr__(self, "f", tuple(read_only(f) for f in self.f or [[1.0]] * m))
+        names = ("input",) if m == 1 else tuple(f"input{i}" for i in range(1, m + 1))
+        object.__setattr__(self, "input_names", tuple(self.input_names) or names)
+        object.__setattr__(self, "input_units", tuple(self.input_units) or ("",) * m)
+        object.__setattr__(self, "provenance", MappingProxyType(dict(self.provenance)))
+        self._require_polynomials()
+        n = self.theta.size
+        cov = np.asarray(self.theta_cov, dtype=np.float64)
+        object.__setattr__(self, "theta_cov", read_only(cov if cov.size else np.zeros((n, n))))
+        if self.theta_cov.shape != (n, n) or not np.all(np.isfinite(self.theta_cov)):
+            raise ModelError(f"theta_cov must be finite and of shape ({n}, {n}); got {self.theta_cov.shape}")
+        if not self.sample_time > 0 or not self.noise_variance >= 0:
+            raise ModelError(
+                f"sample_time = {self.sample_time} must be positive, "
+                f"noise_variance = {self.noise_variance} not negative"
+            )
+
+    def _require_polynomials(self) -> None:
+        """Raise ModelError unless the polynomials are some."""
+        m = len(self.b)
+        if m == 0 or not len(self.f) == len(self.input_names) == len(self.input_units) == m:
+            raise ModelError(
+                f"{m} polynomials b need as many f, input names and units; got {len(self.f)}, "
+                f"{len(self.input_names)} and {len(self.input_units)}"
+            )
+        monic = {"a": self.a, "c": self.c, "d": self.d} | {f"f[{i}]": f for i, f in enumerate(self.f)}
+        for name, polynomial in monic.items():
+            if polynomial.ndim != 1 or polynomial.size == 0 or polynomial[0] != 1.0:
+                raise ModelError(f"the polynomial {name} = {polynomial} must begin with 1")
+        for i, b in enumerate(self.b):
+            if b.ndim != 1 or not np.any(b):
+                raise ModelError(f"the polynomial b[{i}] = {b} needs a coefficient that is not zero")
+        if not all(np.all(np.isfinite(p)) for p in (*monic.values(), *self.b, np.array(self.offset))):
+            raise ModelError("all coefficients must be finite")
+
+    @property
+    def polynomials(self) -> Polynomials:
+        """All coefficients."""
+        return Polynomials(self.a, self.b, self.c, self.d, self.f, self.offset)
+
+    @cached_property
+    def orders(self) -> Orders:
+        """The numbers of coefficients, and the delays."""
+        return Orders.of(self.polynomials)
+
+    @property
+    def theta(self) -> Array:
+        """The free coefficients in the order a, b_1, b_2, ..., f_1, f_2, ..., c, d, offset; shape (n_theta,)."""
+        return self.orders.join(self.polynomials)
+
+    @property
+    def poles(self) -> NDArray[np.complex128]:
+        """Roots of A and of each F: the poles from the inputs to the output, shape (n_states,)."""
+        return np.concatenate([np.roots(p).astype(np.complex128) for p in (self.a, *self.f)])
+
+    @property
+    def is_stable(self) -> bool:
+        """Whether all poles lie inside of the unit circle."""
+        return bool(np.all(np.abs(self.poles) < 1.0))
+
+    def __str__(self) -> str:
+        rows = {"A": self.a, "C": self.c, "D": self.d}
+        rows |= {f"B{i}": b for i, b in enumerate(self.b, start=1)}
+        rows |= {f"F{i}": f for i, f in enumerate(self.f, start=1)}
+        lines = [f"{name} = {_written(p)}" for name, p in sorted(rows.items()) if p.size > 1 or name[0] == "B"]
+        return "\n".join([*lines, f"offset = {self.offset:.6g}"])
+
+    def predict(self, recording: Recording) -> NarxResponse:
+        """Predict each sample one step ahead from the measured past.
+
+        Where F has states, the first ten samples for each of them set these, and are not counted as
+        predicted.
+
+        Parameters
+        ----------
+        recording : Recording
+            Measured inputs and output, in the model's units.
+
+        Returns
+        -------
+        NarxResponse
+            With ``.outputs`` of shape (1, n); the samples before ``.first`` are the measured ones.
+
+        Raises
+        ------
+        ModelError
+            If the recording does not suit the model, or C or an F is unstable.
+        """
+        warmup = self._warmup(recording, self.poles.size - (self.a.size - 1))
+        outputs, first = one_step(self.orders, self.polynomials, recording.inputs, recording.outputs[0], warmup)
+        return self._response(recording, outputs, first)
+
+    def simulate(self, recording: Recording, *, warmup: int | None = None) -> NarxResponse:
+        """Run the deterministic part free.
+
+        The state at the start is not measured: it is the one whose run is nearest, in least squares, to the
+        first ``warmup`` measured outputs. Nothing after them is used, and they are not counted as computed.
+
+        Parameters
+        ----------
+        recording : Recording
+            Inputs, and outputs of which the first samples start the run, in the model's units.
+        warmup : int, optional
+            Number of samples that set the state, at least as many as there are poles; ten for each pole when
+            not given, or as many as a third of the recording has. With one for each the run starts, as that
+            of a NARX model does, from those outputs as they are, noise included.
+
+        Returns
+        -------
+        NarxResponse
+            With ``.outputs`` of shape (1, n). If the run diverges, ``.status`` says so.
+
+        Raises
+        ------
+        ModelError
+            If the recording does not suit the model.
+        """
+        wanted = self._warmup(recording, self.poles.size) if warmup is None else warmup
+        if not self.poles.size <= wanted <= recording.n_samples - self.orders.input_lag - 1:
+            raise ModelError(
+                f"warmup = {wanted}; it must be at least the number of poles, {self.poles.size}, "
+                f"and leave something of the recording's {recording.n_samples} samples"
+            )
+        self._require(recording)
+        outputs, first, failed = free_run(
+            self.polynomials, self.orders.input_lag, recording.inputs, recording.outputs[0], wanted
+        )
+        if failed is None:
+            return self._response(recording, outputs, first)
+        return self._response(recording, outputs, first, ResponseStatus.DIVERGED, float(recording.timepts[failed]))
+
+    def frequency_response(self, omega: ArrayLike) -> LinearFrequencyResponse:
+        """Return the frequency response from each input to the output, with its covariance.
+
+        Parameters
+        ----------
+        omega : array_like, shape (n,)
+            Angular frequency in rad/s.
+
+        Returns
+        -------
+        LinearFrequencyResponse
+        """
+        return frequency_response(
+            self.orders, self.polynomials, self.theta_cov, np.asarray(omega, dtype=np.float64), self.sample_time
+        )
+
+    def to_control(self) -> TransferFunction:
+        """Return B_i/(A F_i) from each input to the output as a discrete system of python-control."""
+        pairs = [(b, np.convolve(self.a, f)) for b, f in zip(self.b, self.f, strict=True)]
+        return _transfer(pairs, self.sample_time, self.input_names, self.output_names)
+
+    def noise_to_control(self) -> TransferFunction:
+        """Return C/(A D), from the noise e to the output, as a discrete system of python-control."""
+        pair = (self.c, np.convolve(self.a, self.d))
+        return _transfer([pair], self.sample_time, ("e",), self.output_names)
+
+    def to_narx(self) -> NarxModel:
+        """Return an ARX or ARMAX model as a NARX or NARMAX model of degree 1.
+
+        Raises
+        ------
+        ModelError
+            If D or an F is not 1: such a model is not linear in lagged signals.
+        """
+        if self.d.size > 1 or any(f.size > 1 for f in self.f):
+            raise ModelError("only ARX and ARMAX models are NARX models: D and F must be 1")
+        channels = range(1, len(self.b) + 1) if len(self.b) > 1 else (0,)
+        variables = [Variable("y", 0, k) for k in range(1, self.a.size)]
+        for channel, b, nk in zip(channels, self.b, self.orders.nk, strict=True):
+            variables += [Variable("u", channel, k) for k in range(nk, b.size)]
+        variables += [Variable("e", 0, k) for k in range(1, self.c.size)]
+        sign = np.r_[-np.ones(self.a.size - 1), np.ones(self.theta.size - self.a.size + 1)]
+        terms = (*(Term.product([v]) for v in variables), Term(()))
+        keep = np.arange(len(terms)) if self.offset or self.theta_cov[-1, -1] else np.arange(len(variables))
+        return NarxModel(
+            terms=tuple(terms[i] for i in keep),
+            theta=(sign * self.theta)[keep],
+            theta_cov=(np.outer(sign, sign) * self.theta_cov)[np.ix_(keep, keep)],
+            noise_variance=self.noise_variance,
+            sample_time=self.sample_time,
+            input_names=self.input_names,
+            output_names=self.output_names,
+            input_units=self.input_units,
+            output_units=self.output_units,
+            provenance=self.provenance,
+        )
+
+    def save(self, path: str | Path) -> None:
+        """Write the model as JSON ("deatwin/linear/1"), beside the target first and then renamed.
+
+        Parameters
+        ----------
+        path : str or Path
+            File to write.
+        """
+        write_document(path, to_document(self))
+
+    @classmethod
+    def load(cls, path: str | Path) -> Self:
+        """Read a model that `save` wrote.
+
+        Parameters
+        ----------
+        path : str or Path
+            File to read.
+
+        Raises
+        ------
+        ModelError
+            If the file is missing, not JSON, of another schema, or malformed.
+        """
+        return read_document(path, SCHEMA, lambda document: cls(**fields_of(document)))
+
+    def _require(self, recording: Recording) -> None:
+        """Raise ModelError unless the recording suits."""
+        if not math.isclose(recording.sample_time, self.sample_time, rel_tol=1e-6):
+            raise ModelError(
+                f"the recording has a sample time of {recording.sample_time:g} s, the model of {self.sample_time:g} s"
+            )
+        if recording.inputs.shape[0] != len(self.b) or recording.outputs.shape[0] != 1:
+            raise ModelError(
+                f"the recording has {recording.inputs.shape[0]} inputs and "
+                f"{recording.outputs.shape[0]} outputs, the model {len(self.b)} and 1"
+            )
+        fewest = self.orders.first + self.orders.nd + self.poles.size + 1
+        if recording.n_samples < fewest:
+            raise ModelError(f"the recording has {recording.n_samples} samples; the model needs at least {fewest}")
+
+    def _warmup(self, recording: Recording, states: int) -> int:
+        self._require(recording)
+        return max(states, min(_WARMUP_PER_STATE * states, recording.n_samples // 3))
+
+    def _response(
+        self,
+        recording: Recording,
+        outputs: Array,
+        first: int,
+        status: ResponseStatus = ResponseStatus.OK,
+        failed_at_s: float | None = None,
+    ) -> NarxResponse:
+        return NarxResponse(
+            outputs=read_only(outputs[None]),
+            measured=recording.outputs,
+            timepts=recording.timepts,
+            first=first,
+            status=status,
+            failed_at_s=failed_at_s,
+            units=self.output_units,
+        )
+
+
+def _written(polynomial: Array) -> str:
+    parts = [f"{value:.6g}" + (f" q^-{k}" if k else "") for k, value in enumerate(polynomial) if value or not k]
+    return " + ".join(parts).replace("+ -", "- ")
+
+
+def _transfer(
+    pairs: Sequence[tuple[Array, Array]], dt: float, inputs: Sequence[str], outputs: Sequence[str]
+) -> TransferFunction:
+    import control
+
+    size = max(polynomial.size for pair in pairs for polynomial in pair)
+    padded = [[np.pad(p, (0, size - p.size)) for p in pair] for pair in pairs]
+    return control.tf(
+        [[num for num, _ in padded]], [[den for _, den in padded]], dt, inputs=list(inputs), outputs=list(outputs)
+    )

@@ -1,0 +1,209 @@
+"""The polynomials of a linear model, A y = sum_i (B_i/F_i) u_i + (C/D) e + offset, and their orders."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.plant.errors import ModelError
+
+__all__ = ["Orders", "Polynomials", "is_stable", "reflected"]
+
+Array = NDArray[np.float64]
+
+
+class Polynomials(NamedTuple):
+    """Coefficients of powers of the backward shift q^-1, from q^0 on; A, C, D and F begin with 1.
+
+    Parameters
+    ----------
+    a, c, d : ndarray, shape (order + 1,)
+        Polynomials that all inputs share.
+    b, f : tuple of ndarray
+        One for each input; b begins with a zero for each sample of delay.
+    offset : float
+        Constant on the right side, in the output's unit.
+    """
+
+    a: Array
+    b: tuple[Array, ...]
+    c: Array
+    d: Array
+    f: tuple[Array, ...]
+    offset: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Orders:
+    """Numbers of free coefficients, and where they stand in the parameter vector: a, b_i, f_i, c, d, offset.
+
+    Parameters
+    ----------
+    na, nc, nd : int
+        Orders of A, C and D.
+    nb, nf, nk : tuple of int
+        For each input the number of coefficients of B_i, the order of F_i, and the delay in samples.
+    offset : bool
+        Whether the constant is free.
+    """
+
+    na: int
+    nb: tuple[int, ...]
+    nc: int
+    nd: int
+    nf: tuple[int, ...]
+    nk: tuple[int, ...]
+    offset: bool
+
+    @classmethod
+    def of(cls, polynomials: Polynomials) -> Orders:
+        """Return the orders of polynomials; zeros at the start of b are delay.
+
+        Parameters
+        ----------
+        polynomials : Polynomials
+            Each b has at least one coefficient that is not zero.
+        """
+        delays = tuple(int(np.flatnonzero(b)[0]) for b in polynomials.b)
+        return cls(
+            na=polynomials.a.size - 1,
+            nb=tuple(b.size - nk for b, nk in zip(polynomials.b, delays, strict=True)),
+            nc=polynomials.c.size - 1,
+            nd=polynomials.d.size - 1,
+            nf=tuple(f.size - 1 for f in polynomials.f),
+            nk=delays,
+            offset=True,
+        )
+
+    @property
+    def input_lag(self) -> int:
+        """Largest lag of an input."""
+        return max((nk + nb - 1 for nk, nb in zip(self.nk, self.nb, strict=True)), default=0)
+
+    @property
+    def first(self) -> int:
+        """The first sample whose lagged outputs and inputs are all measured."""
+        return max(self.na, self.input_lag)
+
+    @property
+    def sizes(self) -> tuple[int, ...]:
+        """Lengths of the parts of the parameter vector."""
+        return (self.na, *self.nb, *self.nf, self.nc, self.nd, int(self.offset))
+
+    @property
+    def n_theta(self) -> int:
+        """Number of parameters."""
+        return sum(self.sizes)
+
+    def split(self, theta: Array) -> Polynomials:
+        """Return the polynomials that a parameter vector describes.
+
+        Parameters
+        ----------
+        theta : ndarray, shape (n_theta,)
+            Parameters.
+        """
+        a, *rest = np.split(theta, np.cumsum(self.sizes)[:-1])
+        m = len(self.nb)
+        c, d, offset = rest[2 * m :]
+        return Polynomials(
+            a=np.r_[1.0, a],
+            b=tuple(np.r_[np.zeros(nk), b] for nk, b in zip(self.nk, rest[:m], strict=True)),
+            c=np.r_[1.0, c],
+            d=np.r_[1.0, d],
+            f=tuple(np.r_[1.0, f] for f in rest[m : 2 * m]),
+            offset=float(offset[0]) if self.offset else 0.0,
+        )
+
+    def join(self, polynomials: Polynomials) -> Array:
+        """Return the parameter vector of polynomials, shape (n_theta,).
+
+        Parameters
+        ----------
+        polynomials : Polynomials
+            Of these orders.
+        """
+        p = polynomials
+        b = [b[nk:] for b, nk in zip(p.b, self.nk, strict=True)]
+        tail = [p.offset] if self.offset else []
+        return np.concatenate([p.a[1:], *b, *(f[1:] for f in p.f), p.c[1:], p.d[1:], tail])
+
+    def scales(self, input_scales: Array, output_scale: float) -> Array:
+        """Return the physical size of a parameter of 1 when the signals were divided by scales.
+
+        Parameters
+        ----------
+        input_scales : ndarray, shape (n_inputs,)
+            Divisors of the inputs, in their units.
+        output_scale : float
+            Divisor of the output, in its unit.
+
+        Returns
+        -------
+        ndarray, shape (n_theta,)
+        """
+        gains = [np.full(nb, output_scale / scale) for nb, scale in zip(self.nb, input_scales, strict=True)]
+        ones = np.ones(sum(self.nf) + self.nc + self.nd)
+        tail = [output_scale] if self.offset else []
+        return np.concatenate([np.ones(self.na), *gains, ones, tail])
+
+
+def per_input(name: str, value: int | Sequence[int], n_inputs: int, least: int) -> tuple[int, ...]:
+    """Return an order for each input.
+
+    Parameters
+    ----------
+    name : str
+        What it is called, for the error text.
+    value : int or sequence of int
+        One number for all inputs, or one for each.
+    n_inputs : int
+        How many inputs there are.
+    least : int
+        Smallest value that makes sense.
+
+    Raises
+    ------
+    ModelError
+        If the number does not suit.
+    """
+    values = tuple(value) if isinstance(value, Sequence | np.ndarray) else (value,) * n_inputs
+    if len(values) != n_inputs or any(not isinstance(v, int | np.integer) or v < least for v in values):
+        raise ModelError(
+            f"{name} = {value!r}; give an integer of at least {least}, or one for each of {n_inputs} input(s)"
+        )
+    return tuple(int(v) for v in values)
+
+
+def is_stable(polynomial: Array) -> bool:
+    """Whether all roots of a polynomial in q^-1 lie inside of the unit circle.
+
+    Parameters
+    ----------
+    polynomial : ndarray, shape (order + 1,)
+        Coefficients from q^0 on, the first one 1.
+    """
+    return polynomial.size == 1 or bool(np.abs(np.roots(polynomial)).max() < 1.0)
+
+
+def reflected(polynomial: Array, *, largest: float = 0.9999) -> Array:
+    """Return a polynomial whose roots outside of the unit circle are reflected into it.
+
+    Parameters
+    ----------
+    polynomial : ndarray, shape (order + 1,)
+        Coefficients from q^0 on, the first one 1.
+    largest : float
+        Roots of larger magnitude are drawn in to it, for a start on the edge is a bad start.
+    """
+    if polynomial.size == 1:
+        return polynomial
+    roots = np.roots(polynomial)
+    size = np.abs(roots)
+    inside = np.minimum(np.where(size > 1.0, 1.0 / np.maximum(size, 1.0), size), largest)
+    roots = np.where(size > 0.0, roots / np.where(size > 0.0, size, 1.0) * inside, roots)
+    return np.asarray(np.poly(roots).real, dtype=np.float64)

@@ -1,0 +1,140 @@
+"""Prediction errors of a linear model and their exact gradient, by filtering.
+
+With n = A y - sum_i w_i - offset and w_i = (B_i/F_i) u_i, the error is e = (D/C) n (Ljung, System
+Identification, 2nd ed., 1999, section 10.3). The state that a record starts with is unknown: what the inputs
+did before it acts on w_i as a pulse train of nf_i samples at its start. Of the noise, e is taken as zero
+before the first error, and D acts on measured n only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.narx.linear.polynomials import Orders, Polynomials
+
+__all__ = ["PredictionErrors", "lagged", "prediction_errors", "recursed"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class PredictionErrors:
+    """Errors of one record, and what they change with.
+
+    Parameters
+    ----------
+    errors : ndarray, shape (n,)
+        One-step prediction errors from sample ``first + nd`` of the record on.
+    theta_gradient : ndarray, shape (n_theta, n)
+        Their derivative with respect to the parameters.
+    start_gradient : ndarray, shape (sum of nf, n)
+        With respect to the state at the start.
+    """
+
+    errors: Array
+    theta_gradient: Array
+    start_gradient: Array
+
+
+def prediction_errors(
+    orders: Orders, polynomials: Polynomials, inputs: Array, output: Array, start: Array
+) -> PredictionErrors:
+    """Return the prediction errors of a record and their gradient.
+
+    Parameters
+    ----------
+    orders : Orders
+        Which coefficients are free.
+    polynomials : Polynomials
+        C and F stable.
+    inputs : ndarray, shape (n_inputs, n)
+        Inputs.
+    output : ndarray, shape (n,)
+        Output, in the unit of the offset.
+    start : ndarray, shape (sum of nf,)
+        Pulses at the first sample of each w_i that stand for its past, in the output's unit.
+    """
+    p, nd = polynomials, orders.nd
+
+    def whitened(rows: Array) -> Array:
+        n = rows.shape[-1]
+        moved = (p.d[k] * rows[..., nd - k : n - k] for k in range(nd + 1))
+        return recursed(p.c, np.asarray(sum(moved)))
+
+    past = lagged(output, range(orders.na + 1), orders.first)
+    noise = p.a @ past - p.offset
+    taps, pulses = [], []
+    by_f: list[Array] = []
+    for i, (u, f, pulse) in enumerate(zip(inputs, p.f, np.split(start, np.cumsum(orders.nf)[:-1]), strict=True)):
+        delay, nb, nf = orders.nk[i], orders.nb[i], orders.nf[i]
+        rows = lagged(u, range(delay, delay + nb), orders.first)
+        drive = p.b[i][delay:] @ rows
+        drive[:nf] += pulse
+        w = recursed(f, drive)
+        noise -= w
+        taps.append(-whitened(recursed(f, rows)))
+        by_f.append(whitened(recursed(f, _delayed(w, range(1, nf + 1)))))
+        pulses.append(-whitened(recursed(f, np.eye(nf, drive.size))))
+    errors = whitened(noise)
+    parts = [
+        whitened(past[1:]),
+        *taps,
+        *by_f,
+        -recursed(p.c, _delayed(errors, range(1, orders.nc + 1))),
+        recursed(p.c, np.array([noise[nd - k : noise.size - k] for k in range(1, nd + 1)]).reshape(nd, errors.size)),
+        *([-whitened(np.ones((1, noise.size)))] if orders.offset else []),
+    ]
+    return PredictionErrors(errors, np.concatenate(parts), np.concatenate(pulses))
+
+
+def lagged(signal: Array, lags: Sequence[int], first: int) -> Array:
+    """Return a signal at several lags from a sample on.
+
+    Parameters
+    ----------
+    signal : ndarray, shape (n,)
+        The signal.
+    lags : sequence of int
+        In samples, none above ``first``.
+    first : int
+        Sample at which lag 0 starts.
+
+    Returns
+    -------
+    ndarray, shape (n_lags, n - first)
+    """
+    n = signal.size
+    return np.array([signal[first - lag : n - lag] for lag in lags]).reshape(len(lags), n - first)
+
+
+def recursed(denominator: Array, rows: Array) -> Array:
+    """Return rows filtered by 1/denominator from rest.
+
+    Parameters
+    ----------
+    denominator : ndarray, shape (order + 1,)
+        Begins with 1.
+    rows : ndarray, shape (..., n)
+        Signals.
+
+    Returns
+    -------
+    ndarray, shape (..., n)
+    """
+    from scipy.signal import lfilter
+
+    if denominator.size == 1 or rows.size == 0:
+        return rows
+    return np.asarray(lfilter([1.0], denominator, rows, axis=-1), dtype=np.float64)
+
+
+def _delayed(signal: Array, lags: Sequence[int]) -> Array:
+    """Return a signal that is zero before its start at several lags, shape (n_lags, n)."""
+    rows = np.zeros((len(lags), signal.size))
+    for row, lag in zip(rows, lags, strict=True):
+        row[lag:] = signal[: signal.size - lag]
+    return rows

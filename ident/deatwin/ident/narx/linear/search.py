@@ -1,0 +1,169 @@
+"""The search for the smallest prediction errors, by Gauss-Newton steps in a trust region."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.narx.linear.polynomials import Orders, Polynomials, is_stable
+from deatwin.ident.narx.linear.prediction import PredictionErrors, prediction_errors
+from deatwin.ident.narx.linear.start import Record
+
+__all__ = ["Minimum", "PredictionErrorLoss", "minimise"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Minimum:
+    """What a search has found.
+
+    Parameters
+    ----------
+    theta : ndarray, shape (n_theta,)
+        Parameters.
+    theta_cov : ndarray, shape (n_theta, n_theta)
+        Their covariance, sigma^2 (J'J)^-1 with the states at the start of the records as further unknowns.
+    noise_variance : float
+        sigma^2, the sum of squares over the number of errors less that of unknowns.
+    complete : bool
+        False after an interrupt.
+    """
+
+    theta: Array
+    theta_cov: Array
+    noise_variance: float
+    complete: bool
+
+
+class PredictionErrorLoss:
+    """Prediction errors of several records as a function of the unknowns: theta, then each record's start.
+
+    Where C or an F is not stable, the errors are infinite: the search shrinks its step and stays inside.
+
+    Parameters
+    ----------
+    orders : Orders
+        Which coefficients are free.
+    records : sequence of (ndarray, ndarray)
+        Scaled inputs, (n_inputs, n), and output, (n,), of each record.
+    """
+
+    def __init__(self, orders: Orders, records: Sequence[Record]) -> None:
+        self.orders = orders
+        self.records = records
+        self.n_start = sum(orders.nf)
+        self.n_errors = sum(output.size - orders.first - orders.nd for _, output in records)
+        self.best: tuple[float, Array] = np.inf, np.empty(0)
+        self._last: tuple[Array, list[PredictionErrors]] = np.empty(0), []
+
+    @property
+    def n_unknowns(self) -> int:
+        """Number of parameters and of states at the start."""
+        return self.orders.n_theta + len(self.records) * self.n_start
+
+    def _each(self, unknowns: Array) -> list[PredictionErrors]:
+        """Errors and gradients of each record; those of the last point are kept, for both are asked for."""
+        if not np.array_equal(self._last[0], unknowns):
+            theta, starts = np.split(unknowns, [self.orders.n_theta])
+            p = self.orders.split(theta)
+            each = zip(self.records, starts.reshape(len(self.records), self.n_start), strict=True)
+            self._last = unknowns.copy(), [prediction_errors(self.orders, p, *r, start) for r, start in each]
+        return self._last[1]
+
+    def errors(self, unknowns: Array) -> Array:
+        """Return all errors, shape (n_errors,), and keep the unknowns if they are the best so far.
+
+        Parameters
+        ----------
+        unknowns : ndarray, shape (n_unknowns,)
+            Parameters and starts.
+        """
+        p = self.orders.split(unknowns[: self.orders.n_theta])
+        if not all(is_stable(polynomial) for polynomial in (p.c, *p.f)):
+            return np.full(self.n_errors, np.inf)
+        errors = np.concatenate([one.errors for one in self._each(unknowns)])
+        loss = float(errors @ errors)
+        if loss < self.best[0]:
+            self.best = loss, unknowns.copy()
+        return errors
+
+    def gradient(self, unknowns: Array) -> Array:
+        """Return the derivative of the errors, shape (n_errors, n_unknowns).
+
+        Parameters
+        ----------
+        unknowns : ndarray, shape (n_unknowns,)
+            Parameters and starts.
+        """
+        from scipy.linalg import block_diag
+
+        each = self._each(unknowns)
+        theta = np.concatenate([one.theta_gradient for one in each], axis=1)
+        return np.asarray(np.concatenate([theta, block_diag(*(one.start_gradient for one in each))]).T)
+
+    def started(self, polynomials: Polynomials) -> Array:
+        """Return the unknowns of polynomials with the best starts for them.
+
+        Parameters
+        ----------
+        polynomials : Polynomials
+            C and F stable.
+        """
+        zero = np.zeros(self.n_start)
+        starts = []
+        for record in self.records:
+            one = prediction_errors(self.orders, polynomials, *record, zero)
+            starts.append(-np.linalg.lstsq(one.start_gradient.T, one.errors, rcond=None)[0])
+        return np.concatenate([self.orders.join(polynomials), *starts])
+
+
+def minimise(loss: PredictionErrorLoss, start: Polynomials) -> Minimum:
+    """Search from one start.
+
+    Parameters
+    ----------
+    loss : PredictionErrorLoss
+        Errors and gradient.
+    start : Polynomials
+        C and F stable.
+
+    Returns
+    -------
+    Minimum
+        After an interrupt the best point so far.
+    """
+    from scipy.optimize import least_squares
+
+    unknowns, complete = loss.started(start), True
+    loss.best = float(np.sum(loss.errors(unknowns) ** 2)), unknowns
+    try:
+        least_squares(
+            loss.errors,
+            unknowns,
+            loss.gradient,
+            x_scale="jac",
+            ftol=1e-12,
+            xtol=1e-10,
+            gtol=1e-12,
+            max_nfev=200,
+        )
+    except KeyboardInterrupt:
+        complete = False
+    square, unknowns = loss.best
+    variance = square / (loss.n_errors - loss.n_unknowns)
+    root = _inverse_root(loss.gradient(unknowns))
+    n = loss.orders.n_theta
+    return Minimum(unknowns[:n], variance * (root @ root.T)[:n, :n], variance, complete)
+
+
+def _inverse_root(gradient: Array) -> Array:
+    """Return W with W W' = (J'J)^-1; what the data do not determine comes out as all but infinitely uncertain."""
+    norms = np.linalg.norm(gradient, axis=0)
+    norms[norms == 0.0] = 1.0
+    _, singular, right = np.linalg.svd(np.linalg.qr(gradient / norms, mode="r"))
+    smallest = np.finfo(float).eps * gradient.shape[1] * max(float(singular[0]), np.finfo(float).tiny)
+    return np.asarray(right.T / np.maximum(singular, smallest) / norms[:, None], dtype=np.float64)

@@ -1,0 +1,175 @@
+"""Where the search for the polynomials starts: a long ARX model first, then the structure that is wanted.
+
+A long ARX model is consistent whatever the noise is. What it says about plant and noise is then put into few
+coefficients by linear least squares: the noise by Hannan and Rissanen, Biometrika 69 (1982) 81-94,
+doi:10.1093/biomet/69.1.81, the plant by Steiglitz and McBride, IEEE Trans. Automat. Contr. 10 (1965) 461-464,
+doi:10.1109/TAC.1965.1098181.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.narx.linear.polynomials import Orders, Polynomials, reflected
+from deatwin.ident.narx.linear.prediction import lagged
+
+__all__ = ["Record", "starting_points"]
+
+Array = NDArray[np.float64]
+Record = tuple[Array, Array]
+"""Scaled inputs, (n_inputs, n), and output, (n,)."""
+
+_ONE = np.ones(1)
+_ONE.setflags(write=False)
+_ROUNDS = 20  # of Steiglitz and McBride; most converge in ten
+
+
+def starting_points(orders: Orders, records: Sequence[Record]) -> list[Polynomials]:
+    """Return polynomials from which the search can start, C and F stable.
+
+    Parameters
+    ----------
+    orders : Orders
+        Without A, or without any F and D: ARX and ARMAX, or output error and Box-Jenkins.
+    records : sequence of (ndarray, ndarray)
+        Inputs, (n_inputs, n), and output, (n,), of each record.
+    """
+    long = _arx(records, _lengthened(orders, _long(orders, records)))
+    if not any(orders.nf) and orders.nd == 0:
+        return [_extended(orders, records, _errors(long, records)), _simple(orders, records)]
+    plants = [_from_arx(orders, records), _condensed(orders, records, long)]
+    return [_with_noise(orders, records, plant) for plant in plants]
+
+
+def _long(orders: Orders, records: Sequence[Record]) -> int:
+    """Order of the long ARX model: several times what is wanted, as far as the samples allow."""
+    wanted = max(10, 3 * (orders.na + max(orders.nf, default=0) + orders.nc + orders.nd))
+    lengths = [output.size for _, output in records]
+    room = min(min(lengths) // 3 - max(orders.nk, default=0), sum(lengths) // (4 + 4 * len(orders.nb)))
+    return max(1, min(wanted, room))
+
+
+def _lengthened(orders: Orders, order: int) -> Orders:
+    """Orders of an ARX model with A and each B of at least an order."""
+    m = len(orders.nb)
+    return Orders(
+        na=order,
+        nb=tuple(max(order, nb) for nb in orders.nb),
+        nc=0,
+        nd=0,
+        nf=(0,) * m,
+        nk=orders.nk,
+        offset=orders.offset,
+    )
+
+
+def _solve(blocks: Sequence[Sequence[Array]], targets: Sequence[Array]) -> Array:
+    """Least squares over several records, each a list of blocks of rows; collinear rows share."""
+    rows = np.concatenate([np.concatenate(block) for block in blocks], axis=1)
+    return np.asarray(np.linalg.lstsq(rows.T, np.concatenate(targets), rcond=None)[0])
+
+
+def _rows(orders: Orders, record: Record, first: int) -> list[Array]:
+    """Regressors of A and of each B from a sample on."""
+    inputs, output = record
+    taps = [lagged(u, range(nk, nk + nb), first) for u, nk, nb in zip(inputs, orders.nk, orders.nb, strict=True)]
+    return [-lagged(output, range(1, orders.na + 1), first), *taps]
+
+
+def _ones(orders: Orders, record: Record, first: int) -> Array:
+    return np.ones((int(orders.offset), record[1].size - first))
+
+
+def _arx(records: Sequence[Record], orders: Orders) -> Polynomials:
+    """ARX model of given orders."""
+    first = orders.first
+    blocks = [[*_rows(orders, r, first), _ones(orders, r, first)] for r in records]
+    return orders.split(_solve(blocks, [output[first:] for _, output in records]))
+
+
+def _filtered(numerator: Array, denominator: Array, signal: Array) -> Array:
+    from scipy.signal import lfilter
+
+    return np.asarray(lfilter(numerator, denominator, signal), dtype=np.float64)
+
+
+def _errors(arx: Polynomials, records: Sequence[Record]) -> list[Array]:
+    """Errors of an ARX model, zero where its lags are not measured."""
+    first = max([arx.a.size, *(b.size for b in arx.b)]) - 1
+    errors = []
+    for inputs, output in records:
+        e = _filtered(arx.a, _ONE, output) - arx.offset
+        for u, b in zip(inputs, arx.b, strict=True):
+            e -= _filtered(b, _ONE, u)
+        e[:first] = 0.0
+        errors.append(e)
+    return errors
+
+
+def _extended(orders: Orders, records: Sequence[Record], errors: list[Array]) -> Polynomials:
+    """ARMAX: the errors of the long model stand for the noise of which C takes lags."""
+    first = max(orders.first, orders.nc)
+    blocks = [
+        [*_rows(orders, r, first), lagged(e, range(1, orders.nc + 1), first), _ones(orders, r, first)]
+        for r, e in zip(records, errors, strict=True)
+    ]
+    found = orders.split(_solve(blocks, [output[first:] for _, output in records]))
+    return found._replace(c=reflected(found.c))
+
+
+def _simple(orders: Orders, records: Sequence[Record]) -> Polynomials:
+    """ARMAX with C = 1."""
+    plain = Orders(**{**vars(orders), "nc": 0, "nd": 0})
+    zero = np.eye(1, orders.nc + 1)[0]
+    return _arx(records, plain)._replace(c=zero, d=np.eye(1, orders.nd + 1)[0])
+
+
+def _from_arx(orders: Orders, records: Sequence[Record]) -> Polynomials:
+    """Output error from an ARX model: each F is its A, made stable."""
+    wanted = _lengthened(orders, max(orders.nf))
+    arx = _arx(records, Orders(**{**vars(wanted), "nb": orders.nb}))
+    a = reflected(arx.a)
+    f = tuple(reflected(a[: nf + 1]) for nf in orders.nf)
+    return arx._replace(a=_ONE, f=f, offset=arx.offset / float(a.sum()))
+
+
+def _condensed(orders: Orders, records: Sequence[Record], long: Polynomials) -> Polynomials:
+    """Output error from the long ARX model: what it gives for each input alone, in few coefficients."""
+    a = reflected(long.a)
+    plants = []
+    for i, taps in enumerate(long.b):
+        pairs = [(inputs[i : i + 1], _filtered(taps, a, inputs[i])) for inputs, _ in records]
+        plants.append(_steiglitz_mcbride(pairs, orders.nb[i], orders.nf[i], orders.nk[i]))
+    b, f = zip(*plants, strict=True)
+    return Polynomials(a=_ONE, b=b, c=_ONE, d=_ONE, f=f, offset=long.offset / float(a.sum()))
+
+
+def _steiglitz_mcbride(pairs: list[Record], nb: int, nf: int, nk: int) -> tuple[Array, Array]:
+    """The b and f of the round whose free run is nearest to the outputs, of one input."""
+    orders = Orders(na=nf, nb=(nb,), nc=0, nd=0, nf=(0,), nk=(nk,), offset=False)
+    f = _ONE
+    best, found = np.inf, (np.zeros(nk + nb), np.eye(1, nf + 1)[0])
+    for _ in range(_ROUNDS if nf else 1):
+        arx = _arx([(_filtered(_ONE, f, u), _filtered(_ONE, f, y)) for u, y in pairs], orders)
+        b, f = arx.b[0], reflected(arx.a)
+        loss = sum(float(np.sum((y - _filtered(b, f, u[0])) ** 2)) for u, y in pairs)
+        if loss < best:
+            best, found = loss, (b, f)
+    return found
+
+
+def _with_noise(orders: Orders, records: Sequence[Record], plant: Polynomials) -> Polynomials:
+    """C and D from what the plant leaves."""
+    if orders.nc + orders.nd == 0:
+        return plant
+    noise: list[Record] = []
+    for inputs, output in records:
+        w = sum(_filtered(b, f, u) for u, b, f in zip(inputs, plant.b, plant.f, strict=True))
+        noise.append((np.empty((0, output.size)), output - w - plant.offset))
+    alone = Orders(na=orders.nd, nb=(), nc=orders.nc, nd=0, nf=(), nk=(), offset=False)
+    long = _arx(noise, _lengthened(alone, _long(alone, noise)))
+    arma = _extended(alone, noise, _errors(long, noise))
+    return plant._replace(c=arma.c, d=reflected(arma.a))

@@ -1,0 +1,44 @@
+"""Before a NARX model is fitted: what is in the recordings, which sections, which sampling time, which orders.
+
+Nothing is altered on the way: `inspect_recordings` names what it finds, `choose_sections` and `choose_sampling`
+choose and give their reasons, and only `decimate` makes new samples, when it is told to.
+"""
+
+from deatwin.ident.narx.preprocess.decimation import (
+    SamplingChoice,
+    SamplingStatus,
+    choose_sampling,
+    decimate,
+    removed_share,
+)
+from deatwin.ident.narx.preprocess.findings import Finding, FindingKind, inspect_recordings
+from deatwin.ident.narx.preprocess.orders import OrderChoice, OrderTrial, TrialStatus, choose_orders
+from deatwin.ident.narx.preprocess.sections import (
+    Sections,
+    SectionStatus,
+    StationarityTest,
+    Stretch,
+    choose_sections,
+    stationarity_tests,
+)
+
+__all__ = [
+    "Finding",
+    "FindingKind",
+    "OrderChoice",
+    "OrderTrial",
+    "SamplingChoice",
+    "SamplingStatus",
+    "SectionStatus",
+    "Sections",
+    "StationarityTest",
+    "Stretch",
+    "TrialStatus",
+    "choose_orders",
+    "choose_sampling",
+    "choose_sections",
+    "decimate",
+    "inspect_recordings",
+    "removed_share",
+    "stationarity_tests",
+]

@@ -1,0 +1,339 @@
+"""What a look at a recording should find before a model is fitted: named, and nothing altered."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import Enum
+from math import log
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.narx.preprocess.stationarity import (
+    ENOUGH_CORRELATION_TIMES,
+    chance_of_mean,
+    correlation_samples,
+    cut,
+)
+from deatwin.ident.narx.regression import Recordings, flatten
+from deatwin.plant.errors import DataError
+from deatwin.plant.recording import Recording, label
+
+__all__ = ["Finding", "FindingKind", "inspect_recordings"]
+
+Array = NDArray[np.float64]
+_SEGMENTS = 20  # whose means are tested for a trend and a drift
+_NEIGHBOURHOOD = 101  # samples over which the usual deviation of a reading is taken
+_RINGING = 10  # samples in which a lone reading has no company
+_FEWEST = 200  # samples below which nothing can be told from chance
+_LEVELS = 50  # a signal of fewer values is a command of steps: its holds are meant
+_PREFIXED = ("m", "V", "A", "s", "N", "F", "Pa", "W", "Hz")
+_PREFIXES = {-4: "p", -3: "n", -2: "µ", -1: "m", 0: "", 1: "k", 2: "M", 3: "G"}
+
+
+class FindingKind(Enum):
+    """What was found; the value is the advice."""
+
+    TREND = "include a slow input or time in the model, or fit a stationary section"
+    DRIFT = "fit a stationary section, or let parameters vary in time"
+    OUTLIERS = "look at these samples; leave them out if the reading was disturbed"
+    QUANTISATION = "the noise is not normal and not white: use a finer range"
+    CLIPPING = "leave these samples out, or model the limit"
+    CONSTANT = "the reading was stuck or the channel lost: leave the stretch out"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """Something in a recording that a model should not be fitted to unseen.
+
+    Parameters
+    ----------
+    kind : FindingKind
+        What it is.
+    recording : str
+        Which recording.
+    signal : str
+        Name of the input or output.
+    from_s, to_s : float
+        Where, on the recording's clock, in s.
+    size : float
+        How much, in the unit of the signal: total change of a trend, largest deviation of a drift or an outlier,
+        step of a quantised reading, the level of clipping or of a constant stretch.
+    unit : str
+        Unit of the signal.
+    count : int
+        Number of samples concerned.
+    text : str
+        One sentence.
+    """
+
+    kind: FindingKind
+    recording: str
+    signal: str
+    from_s: float
+    to_s: float
+    size: float
+    unit: str
+    count: int
+    text: str
+
+    def __str__(self) -> str:
+        return f"{self.recording}, {self.signal}: {self.text}"
+
+
+def inspect_recordings(recordings: Recordings, *, level: float = 0.01) -> tuple[Finding, ...]:
+    """Look for trends, drift, outliers, quantisation, clipping and constant stretches; nothing is altered.
+
+    Inputs are looked at for trends and drift only: a command may jump, rest and stay at a limit. Trends and drift
+    can be told from chance only where a twentieth of the recording is fifteen correlation times of the signal long;
+    elsewhere, as in slow staircases, nothing is said of them. Outliers are lone readings: a burst looks like motion.
+
+    Parameters
+    ----------
+    recordings : Recording, Experiment, or several
+        Each of at least 200 samples.
+    level : float
+        Probability with which chance alone makes a finding of each kind in a signal that is normal noise.
+
+    Returns
+    -------
+    tuple of Finding
+        In the order of recordings, signals and kinds; empty if there is nothing to tell.
+
+    Raises
+    ------
+    DataError
+        If a recording is too short, or the level makes no sense.
+    """
+    if not 0.0 < level < 1.0:
+        raise DataError(f"level = {level}; it must lie between 0 and 1")
+    found: list[Finding] = []
+    for record in flatten(recordings):
+        if record.n_samples < _FEWEST:
+            raise DataError(f"{label(record)}: {record.n_samples} samples are too few to look at; {_FEWEST} are needed")
+        found += _of_record(record, level)
+    return tuple(found)
+
+
+def _of_record(record: Recording, level: float) -> Iterator[Finding]:
+    for row, (name, unit) in enumerate(zip(record.input_names, record.input_units, strict=True)):
+        channel = _Channel(record, name, unit, record.inputs[row])
+        if np.ptp(channel.values) > 0.0:
+            yield from _slow(channel, level)
+    moves = _moves(record)
+    for row, (name, unit) in enumerate(zip(record.output_names, record.output_units, strict=True)):
+        channel = _Channel(record, name, unit, record.outputs[row])
+        if np.ptp(channel.values) > 0.0:
+            yield from _slow(channel, level)
+            yield from _outliers(channel, level)
+            yield from _quantisation(channel)
+            yield from _clipping(channel)
+        yield from _constant(channel, moves, level)
+
+
+@dataclass(frozen=True, eq=False)
+class _Channel:
+    """One signal of a recording."""
+
+    record: Recording
+    name: str
+    unit: str
+    values: Array
+
+    def finding(self, kind: FindingKind, where: NDArray[np.intp], size: float, text: str) -> Finding:
+        """Return a finding at some samples."""
+        times = self.record.timepts
+        return Finding(
+            kind=kind,
+            recording=label(self.record),
+            signal=self.name,
+            from_s=float(times[where[0]]),
+            to_s=float(times[where[-1]]),
+            size=float(size),
+            unit=self.unit,
+            count=int(where.size),
+            text=text,
+        )
+
+    def amount(self, value: float) -> str:
+        """Return a value with its unit as people write it."""
+        return _with_unit(value, self.unit)
+
+
+def _slow(channel: _Channel, level: float) -> Iterator[Finding]:
+    """A linear trend, and what the means of segments do beyond it and beyond chance.
+
+    Means of segments are nearly independent, however the samples are correlated, if the segments are long beside
+    the correlation time; if they are not, nothing is said.
+    """
+    from scipy.special import fdtrc, stdtr
+
+    y = channel.values
+    segments = cut(y, _SEGMENTS)
+    length = segments.shape[1]
+    if length < ENOUGH_CORRELATION_TIMES * correlation_samples(segments):
+        return
+    means = segments.mean(axis=1)
+    time, dof = np.arange(_SEGMENTS) - (_SEGMENTS - 1) / 2, _SEGMENTS - 2
+    slope = float(time @ means) / float(time @ time)
+    left = means - means.mean() - slope * time
+    floor = (1e-9 * float(np.abs(y).max())) ** 2  # rounding is no drift
+    spread, chance = max(float(left @ left) / dof, floor), max(float(chance_of_mean(segments).mean()), floor)
+    t_value = slope / np.sqrt(spread / float(time @ time))
+    total, duration = slope * y.size / length, channel.record.duration
+    if 2.0 * float(stdtr(dof, -abs(t_value))) < level:
+        text = (
+            f"a linear trend of {channel.amount(total)} over {duration:.4g} s (t = {t_value:.1f} on {dof} degrees "
+            f"of freedom, {abs(total) / float(y.std()):.2g} standard deviations of the signal)"
+        )
+        yield channel.finding(FindingKind.TREND, np.arange(y.size), total, text)
+    if float(fdtrc(dof, 2 * _SEGMENTS, spread / chance)) < level:
+        worst = int(np.argmax(np.abs(left)))
+        where = np.arange(worst * length, (worst + 1) * length)
+        text = (
+            f"a slow drift: means over {duration / _SEGMENTS:.3g} s wander by {channel.amount(np.sqrt(spread))} rms, "
+            f"of which chance makes {channel.amount(np.sqrt(chance))}; the farthest is {channel.amount(left[worst])} "
+            f"off, from {channel.record.timepts[where[0]]:.4g} s on"
+        )
+        yield channel.finding(FindingKind.DRIFT, where, left[worst], text)
+
+
+def _outliers(channel: _Channel, level: float) -> Iterator[Finding]:
+    """Lone readings far from the cubic through their four neighbours, measured by what is usual around.
+
+    A step of the signal, the ringing after it and the answer to a kink of an input are motion, not outliers.
+    """
+    from scipy.ndimage import maximum_filter, median_filter
+    from scipy.special import ndtri
+
+    y = channel.values
+    inner = np.arange(2, y.size - 2)
+    deviation, jump = np.zeros((2, y.size))
+    deviation[inner] = y[inner] - (4.0 * (y[inner - 1] + y[inner + 1]) - y[inner - 2] - y[inner + 2]) / 6.0
+    jump[inner] = np.abs(y[inner + 1] - y[inner - 1])
+    size = np.abs(deviation)
+    # What is usual around where the signal moves fast, what is usual on the whole elsewhere.
+    usual = 1.4826 * np.maximum(median_filter(size, _NEIGHBOURHOOD, mode="nearest"), np.median(size[inner]))
+    usual = np.maximum(usual, max(_resolution(y) / 2.0, 1e-12 * float(np.abs(y).max())))
+    # Bonferroni over the samples; the median of n correlated deviations is uncertain by about 2 / sqrt(n).
+    limit = -float(ndtri(level / (2.0 * y.size))) * (1.0 + 2.0 / np.sqrt(y.size))
+    # The outlier itself bends the cubics of its neighbours up to two samples away; farther off it has no company.
+    around = np.abs(np.arange(-_RINGING, _RINGING + 1)) > 2
+    company = maximum_filter(size, footprint=around)
+    lone = (size >= maximum_filter(size, 5)) & (size > 2.0 * company) & (size > 2.0 * jump)
+    far = np.flatnonzero((size > limit * usual) & lone & ~_kinks(channel.record))
+    if far.size:
+        worst = far[np.argmax(size[far])]
+        times = ", ".join(f"{channel.record.timepts[k]:.6g}" for k in far[:5]) + (", ..." if far.size > 5 else "")
+        text = (
+            f"{far.size} outlying reading(s), at {times} s; the largest is {channel.amount(deviation[worst])} off its "
+            f"neighbours, {size[worst] / usual[worst]:.3g} times the usual"
+        )
+        yield channel.finding(FindingKind.OUTLIERS, far, deviation[worst], text)
+
+
+def _kinks(record: Recording) -> NDArray[np.bool_]:
+    """Samples up to ten after an unusual bend of an input."""
+    found = np.zeros(record.n_samples, dtype=bool)
+    for u in record.inputs:
+        bend = np.abs(np.diff(u, n=2, prepend=u[:1], append=u[-1:]))
+        for k in np.flatnonzero(bend > 5.0 * 1.4826 * np.median(bend)):
+            found[k : k + _RINGING] = True
+    return found
+
+
+def _quantisation(channel: _Channel) -> Iterator[Finding]:
+    """A step between readings that adds a tenth or more to the variance of what is fast in them."""
+    y = channel.values
+    step = _resolution(y)
+    bend = np.diff(y, n=2)
+    noise = 1.4826 * float(np.median(np.abs(bend - np.median(bend)))) / np.sqrt(6.0)
+    if step**2 / 12.0 > 0.1 * noise**2:
+        text = (
+            f"readings come in steps of {channel.amount(step)} ({np.unique(y).size} levels); the noise is "
+            f"{channel.amount(noise)}"
+        )
+        yield channel.finding(FindingKind.QUANTISATION, np.arange(y.size), step, text)
+
+
+def _resolution(y: Array) -> float:
+    """The step of which all differences are multiples, 0 where there is none or readings seldom agree."""
+    steps = np.diff(np.unique(y))
+    steps = steps[steps > 1e-9 * np.ptp(y)]
+    if steps.size < 2 or steps.size > y.size / 2:
+        return 0.0
+    counts = steps / steps.min()
+    on_grid = np.all(np.abs(counts - np.round(counts)) < 0.02 * counts)
+    return float(steps.min()) if on_grid else 0.0
+
+
+def _clipping(channel: _Channel) -> Iterator[Finding]:
+    """Readings that pile up at the largest or smallest value, three and more in a row."""
+    y = channel.values
+    levels, counts = np.unique(y, return_counts=True)
+    if levels.size < _LEVELS:
+        return
+    for edge, inside, word in ((0, slice(1, 6), "smallest"), (-1, slice(-6, -1), "largest")):
+        at = y == levels[edge]
+        rows = [run for run in _runs(at) if run.size >= 3]
+        if rows and counts[edge] > 3 * counts[inside].max():
+            where = np.concatenate(rows)
+            yield channel.finding(
+                FindingKind.CLIPPING,
+                where,
+                levels[edge],
+                f"{where.size} readings in {len(rows)} stretch(es) stay at the {word} value, "
+                f"{channel.amount(levels[edge])}, between {channel.record.timepts[where[0]]:.6g} and "
+                f"{channel.record.timepts[where[-1]]:.6g} s: clipped",
+            )
+
+
+def _constant(channel: _Channel, moves: Array, level: float) -> Iterator[Finding]:
+    """One and the same reading for longer than its resolution explains, while an input moves."""
+    y = channel.values
+    same = np.diff(y) == 0.0
+    share = float(same.mean())
+    if share == 1.0:
+        yield channel.finding(
+            FindingKind.CONSTANT, np.arange(y.size), y[0], f"the reading is {channel.amount(y[0])} throughout"
+        )
+        return
+    # Of independent equal neighbours, a run of m comes n share^m times.
+    longest = 3 if share == 0.0 else max(3, int(np.ceil(log(level / y.size) / log(share))))
+    extremes = (y.min(), y.max())
+    for run in _runs(same):
+        where = np.r_[run, run[-1] + 1]
+        if (
+            run.size >= longest
+            and y[where[0]] not in extremes
+            and np.ptp(moves[:, where], axis=1).max(initial=0.0) > 0.02
+        ):
+            yield channel.finding(
+                FindingKind.CONSTANT,
+                where,
+                y[where[0]],
+                f"the reading stays at {channel.amount(y[where[0]])} for {where.size} samples, "
+                f"{channel.record.timepts[where[0]]:.6g} to {channel.record.timepts[where[-1]]:.6g} s, "
+                "while the input moves",
+            )
+
+
+def _moves(record: Recording) -> Array:
+    """Inputs as shares of their ranges, shape (n_inputs, n)."""
+    span = np.ptp(record.inputs, axis=1, keepdims=True)
+    return np.asarray(record.inputs / np.where(span > 0.0, span, np.inf), dtype=np.float64)
+
+
+def _runs(flags: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
+    """Positions of each run of True."""
+    where = np.flatnonzero(flags)
+    return [run for run in np.split(where, np.flatnonzero(np.diff(where) > 1) + 1) if run.size]
+
+
+def _with_unit(value: float, unit: str) -> str:
+    """Return a value with a prefix to its unit: 1.2e-5 m is 12 µm."""
+    if unit not in _PREFIXED or value == 0.0 or not np.isfinite(value):
+        return f"{value:.3g} {unit}".rstrip()
+    power = int(np.clip(np.floor(np.log10(abs(value)) / 3), -4, 3))
+    return f"{value / 1000.0**power:.3g} {_PREFIXES[power]}{unit}"

@@ -1,0 +1,284 @@
+"""Lags and degree of a NARX model by the free-run error on data that the fit has not seen."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from enum import Enum
+from itertools import product
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from deatwin.ident.narx.identifier import NarxIdentifier, Progress, silent
+from deatwin.ident.narx.regression import Recordings, flatten
+from deatwin.ident.narx.terms import Lags, lag_list
+from deatwin.ident.parallel import run_jobs
+from deatwin.plant.drawing import axes_or_new
+from deatwin.plant.errors import ModelError
+from deatwin.plant.recording import Recording
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["OrderChoice", "OrderTrial", "TrialStatus", "choose_orders"]
+
+_BLOCKS = 10  # of the squared errors, whose means tell how certain their mean is
+
+
+class TrialStatus(Enum):
+    """How a trial ended; the value is the advice."""
+
+    DONE = "done"
+    DIVERGED = "the free run over the held-out data diverged"
+    FAILED = "no model could be fitted: see the reason"
+    NOT_RUN = "interrupted before its turn"
+
+
+@dataclass(frozen=True, kw_only=True)
+class OrderTrial:
+    """One point of the grid.
+
+    Parameters
+    ----------
+    output_lags, input_lags : int or tuple of int
+        As the identifier takes them.
+    degree : int
+        Largest degree of the candidates.
+    n_terms : int
+        Terms of the fitted model; 0 where there is none.
+    error : float
+        Root mean square of the free-run error over the held-out data, in the output's unit; infinite where
+        there is none.
+    mean_square, standard_error : float
+        Its square, and the standard error of that by the means of ten blocks of the held-out data, whose
+        neighbours are nearly independent.
+    status : TrialStatus
+        How it ended.
+    reason : str
+        Of a failure.
+    """
+
+    output_lags: Lags
+    input_lags: Lags
+    degree: int
+    n_terms: int = 0
+    error: float = np.inf
+    mean_square: float = np.inf
+    standard_error: float = np.inf
+    status: TrialStatus = TrialStatus.NOT_RUN
+    reason: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class OrderChoice:
+    """The grid of lags and degrees, and the point that is chosen.
+
+    Parameters
+    ----------
+    trials : tuple of OrderTrial
+        All points, those that failed or were not run too.
+    unit : str
+        Unit of the errors.
+    """
+
+    trials: tuple[OrderTrial, ...]
+    unit: str = ""
+
+    @property
+    def done(self) -> tuple[OrderTrial, ...]:
+        """The trials that have an error."""
+        return tuple(trial for trial in self.trials if trial.status is TrialStatus.DONE)
+
+    @property
+    def best(self) -> OrderTrial:
+        """The trial of the smallest error.
+
+        Raises
+        ------
+        ModelError
+            If none has one.
+        """
+        if not self.done:
+            raise ModelError("no model of the grid ran free over the held-out data: there is nothing to choose")
+        return min(self.done, key=lambda trial: trial.mean_square)
+
+    @property
+    def chosen(self) -> OrderTrial:
+        """The smallest model whose squared error is within one standard error of the best one's.
+
+        The smallest has the fewest terms, then the lowest degree, then the fewest lags (Hastie, Tibshirani,
+        Friedman, The Elements of Statistical Learning, 2nd ed., 2009, section 7.10: the one-standard-error
+        rule).
+
+        Raises
+        ------
+        ModelError
+            If no trial has an error.
+        """
+        limit = self.best.mean_square + self.best.standard_error
+        return min((trial for trial in self.done if trial.mean_square <= limit), key=_size)
+
+    def __str__(self) -> str:
+        lines = ["output lags  input lags  degree  terms  free-run error"]
+        for trial in self.trials:
+            error = f"{trial.error:.4g} {self.unit}" if trial.status is TrialStatus.DONE else trial.status.name.lower()
+            mark = "  <- chosen" if self.done and trial is self.chosen else ""
+            lags = f"{trial.output_lags!s:>11}  {trial.input_lags!s:>10}"
+            lines.append(f"{lags}  {trial.degree:>6}  {trial.n_terms:>5}  {error}{mark}")
+        return "\n".join(lines)
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the free-run error over the output lags, a line for each degree, divergence as a cross on top.
+
+        Where several input lags were tried with the same output lags, the line takes the best of them.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Where to draw; new axes otherwise.
+
+        Returns
+        -------
+        matplotlib Axes
+        """
+        axes = axes_or_new(ax)
+        top = 2.0 * max((trial.error for trial in self.done), default=1.0)
+        for number, degree in enumerate(sorted({trial.degree for trial in self.trials})):
+            mine = [trial for trial in self.trials if trial.degree == degree]
+            places = sorted({_largest(trial.output_lags) for trial in mine})
+            errors = [min(t.error for t in mine if _largest(t.output_lags) == place) for place in places]
+            finite = np.isfinite(errors)
+            label = "linear" if degree == 1 else f"degree {degree}"
+            (line,) = axes.plot(np.array(places)[finite], np.array(errors)[finite], "o-", label=label)
+            lost = np.array(places)[~finite]
+            axes.plot(lost, np.full(lost.size, top * 1.4**number), "x", color=line.get_color())
+        if len(self.done) < len(self.trials):
+            axes.plot([], [], "x", color="0.4", label="diverged, or no model")
+        if self.done:
+            chosen = self.chosen
+            axes.plot(
+                _largest(chosen.output_lags),
+                chosen.error,
+                "o",
+                markersize=14,
+                fillstyle="none",
+                color="k",
+                label="chosen",
+            )
+        axes.set_yscale("log")
+        axes.locator_params(axis="x", integer=True)
+        axes.set_xlabel("largest output lag (samples)")
+        axes.set_ylabel(f"free-run error ({self.unit})" if self.unit else "free-run error")
+        axes.legend()
+        return axes
+
+
+def choose_orders(
+    identifier: NarxIdentifier,
+    training: Recordings,
+    validation: Recordings,
+    *,
+    output_lags: Iterable[Lags],
+    input_lags: Iterable[Lags] | None = None,
+    degrees: Iterable[int] = (1, 2, 3),
+    workers: int = 1,
+    progress: Progress | None = None,
+) -> OrderChoice:
+    """Fit a grid of lags and degrees and run each model free over held-out data.
+
+    All errors are over the same samples: those after the largest lag of the grid. Ctrl-C keeps what is done.
+
+    Parameters
+    ----------
+    identifier : NarxIdentifier
+        Whose other arguments are kept; a clone is fitted at each point.
+    training, validation : Recording, Experiment, or several
+        To fit, and to run free over; of one output.
+    output_lags : iterable of Lags
+        Those to try, each a number n for 1..n or a sequence.
+    input_lags : iterable of Lags, optional
+        Those to try with each output lag; the same as the output lag when not given.
+    degrees : iterable of int
+        Those to try.
+    workers : int
+        Processes; 1 runs in this one, -1 takes all cores.
+    progress : callable, optional
+        Takes the share that is done and what is being done.
+
+    Returns
+    -------
+    OrderChoice
+
+    Raises
+    ------
+    ModelError
+        If the grid is empty or the held-out data are too short for its lags.
+    """
+    own, other = list(output_lags), None if input_lags is None else list(input_lags)
+    pairs = [(lag, lag) for lag in own] if other is None else list(product(own, other))
+    grid = [OrderTrial(output_lags=y, input_lags=u, degree=d) for d in degrees for y, u in pairs]
+    if not grid:
+        raise ModelError("the grid is empty: give output lags and degrees")
+    held_out = flatten(validation)
+    first = max(max(_largest(trial.output_lags), _largest(trial.input_lags)) for trial in grid)
+    if any(record.n_samples < first + 2 * _BLOCKS for record in held_out):
+        raise ModelError(
+            f"a held-out recording is shorter than the {first + 2 * _BLOCKS} samples that lags up to {first} need"
+        )
+    tell, train = progress or silent, flatten(training)
+    done: list[OrderTrial] = []
+    chunk = 1 if workers == 1 else 8 * max(workers, 2)  # what an interrupt can cost
+    try:
+        for start in range(0, len(grid), chunk):
+            jobs = [(identifier, trial, train, held_out, first) for trial in grid[start : start + chunk]]
+            done += run_jobs(_try, jobs, workers=workers)
+            tell(len(done) / len(grid), f"{len(done)} of {len(grid)} models")
+    except KeyboardInterrupt:
+        if not done:
+            raise
+    return OrderChoice(trials=(*done, *grid[len(done) :]), unit=held_out[0].output_units[0])
+
+
+def _try(
+    identifier: NarxIdentifier,
+    trial: OrderTrial,
+    training: tuple[Recording, ...],
+    validation: tuple[Recording, ...],
+    first: int,
+) -> OrderTrial:
+    """Fit one point of the grid and run it free."""
+    point = {"output_lags": trial.output_lags, "input_lags": trial.input_lags, "degree": trial.degree}
+    clone = type(identifier)(**(identifier.get_params() | point))
+    try:
+        model = clone.fit(training).model_
+    except (ModelError, np.linalg.LinAlgError) as error:
+        return replace(trial, status=TrialStatus.FAILED, reason=str(error))
+    runs = [model.simulate(record) for record in validation]
+    fitted = replace(trial, n_terms=len(model.terms), status=TrialStatus.DIVERGED)
+    if not all(run.status.ok for run in runs):
+        return fitted
+    squares = np.concatenate([(run.measured - run.outputs)[0, first:] ** 2 for run in runs])
+    mean_square = float(squares.mean())
+    return replace(
+        fitted,
+        error=float(np.sqrt(mean_square)),
+        mean_square=mean_square,
+        standard_error=_standard_error(squares),
+        status=TrialStatus.DONE,
+    )
+
+
+def _standard_error(squares: np.ndarray) -> float:
+    """Standard error of the mean of a correlated sequence, by the means of blocks."""
+    means = [block.mean() for block in np.array_split(squares, _BLOCKS)]
+    return float(np.std(means, ddof=1) / np.sqrt(_BLOCKS))
+
+
+def _largest(lags: Lags) -> int:
+    return max(lag_list(lags, smallest=0), default=0)
+
+
+def _size(trial: OrderTrial) -> tuple[int, int, int]:
+    counts: Sequence[int] = [len(lag_list(lags, smallest=0)) for lags in (trial.output_lags, trial.input_lags)]
+    return trial.n_terms, trial.degree, sum(counts)

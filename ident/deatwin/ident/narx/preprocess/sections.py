@@ -1,0 +1,350 @@
+"""Training and validation sections: the stretches of recordings that pass a test of stationarity."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import Enum
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from deatwin.ident.narx.preprocess.stationarity import (
+    ENOUGH_CORRELATION_TIMES,
+    STATISTICS,
+    TESTS,
+    SegmentMeans,
+    correlation_samples,
+    cut,
+    segment_means,
+)
+from deatwin.ident.narx.regression import Recordings, flatten
+from deatwin.plant.drawing import axes_or_new
+from deatwin.plant.errors import DataError
+from deatwin.plant.recording import Recording, label
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["SectionStatus", "Sections", "StationarityTest", "Stretch", "choose_sections", "stationarity_tests"]
+
+Statistics = dict[str, tuple[SegmentMeans, ...]]
+_FEWEST_SEGMENTS = 10  # with fewer, no order of them is improbable enough to be called non-stationary
+
+
+class SectionStatus(Enum):
+    """What the choice rests on; the value is the advice."""
+
+    STATIONARY = "whole recordings pass the test of stationarity"
+    PART = "only a part of the recordings passes the test: what is left out is in the table"
+    NOTHING = (
+        "no stretch passes the test: the sections are the halves of the longest recording, "
+        "and a model of constant parameters is in doubt"
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class StationarityTest:
+    """One test of one statistic of one signal.
+
+    Parameters
+    ----------
+    signal : str
+        Name of the input or output.
+    statistic : str
+        "mean", "variance" or "fast variance" (of the steps from sample to sample) of the segments.
+    test : str
+        "trend", "change" or "spread" of it over the segments.
+    p_value : float
+        Probability that the statistic of independent segments of a stationary signal shows as much.
+    """
+
+    signal: str
+    statistic: str
+    test: str
+    p_value: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stretch:
+    """Consecutive segments of a recording.
+
+    Parameters
+    ----------
+    record : int
+        Number of the recording, from 0.
+    first, last : int
+        Samples ``first`` to ``last - 1``.
+    p_value : float
+        Smallest of all tests, times their number (Bonferroni), at most 1.
+    """
+
+    record: int
+    first: int
+    last: int
+    p_value: float
+
+    @property
+    def n_samples(self) -> int:
+        """Length in samples."""
+        return self.last - self.first
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Sections:
+    """Sections for training and validation, and why these.
+
+    Parameters
+    ----------
+    recordings : tuple of Recording
+        All that was given.
+    training, validation : Recording
+        The sections; their clock is that of the recordings.
+    stretches : tuple of Stretch
+        All stretches that passed, the longest first.
+    tests : tuple of tuple of StationarityTest
+        For each whole recording its tests.
+    segment_s : tuple of float
+        For each recording the length of a segment in s.
+    correlation_time_s : tuple of float
+        For each recording the longest correlation time within its segments, in s. Segments should be fifteen
+        times as long: with ten, twice as many stationary records fail as ``level`` says.
+    level : float
+        Share of stationary recordings that fail.
+    status : SectionStatus
+        What the choice rests on.
+    """
+
+    recordings: tuple[Recording, ...]
+    training: Recording
+    validation: Recording
+    stretches: tuple[Stretch, ...]
+    tests: tuple[tuple[StationarityTest, ...], ...]
+    segment_s: tuple[float, ...]
+    correlation_time_s: tuple[float, ...]
+    level: float
+    status: SectionStatus
+
+    @property
+    def segments_are_long(self) -> bool:
+        """Whether all segments are fifteen times as long as the correlation time, as the tests need it."""
+        pairs = zip(self.segment_s, self.correlation_time_s, strict=True)
+        return all(segment >= ENOUGH_CORRELATION_TIMES * correlation for segment, correlation in pairs)
+
+    def __str__(self) -> str:
+        lines = [
+            f"{kind}: {section.start:.6g} to {section.end:.6g} s ({section.n_samples} samples)"
+            for kind, section in (("training", self.training), ("validation", self.validation))
+        ]
+        for number, (record, tests) in enumerate(zip(self.recordings, self.tests, strict=True), start=1):
+            worst = min(tests, key=lambda one: one.p_value)
+            total = min(1.0, worst.p_value * len(tests))
+            verdict = "passes" if total >= self.level else "fails"
+            lines.append(
+                f"recording {number}, {record.start:.6g} to {record.end:.6g} s: {verdict} as a whole, p = {total:.3g} "
+                f"({worst.statistic} of {worst.signal}, {worst.test})"
+            )
+        if not self.segments_are_long:
+            lines.append("the segments are short beside the correlation time: take fewer of them")
+        return "\n".join([*lines, self.status.value])
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the first output of the recordings with the two sections marked.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Where to draw; new axes otherwise.
+
+        Returns
+        -------
+        matplotlib Axes
+        """
+        axes = axes_or_new(ax)
+        for record in self.recordings:
+            axes.plot(record.timepts, record.outputs[0], color="0.4", linewidth=0.6)
+        for section, colour, use in (
+            (self.training, "tab:blue", "training"),
+            (self.validation, "tab:orange", "validation"),
+        ):
+            axes.axvspan(section.start, section.end, color=colour, alpha=0.25, linewidth=0, label=use)
+        record = self.recordings[0]
+        axes.set_xlabel("time (s)")
+        axes.set_ylabel(f"{record.output_names[0]} ({record.output_units[0]})")
+        axes.legend(loc="upper right")
+        return axes
+
+
+def stationarity_tests(recording: Recording, *, n_segments: int = 20) -> tuple[StationarityTest, ...]:
+    """Test whether mean, variance and fast variance of each signal stay the same over a recording.
+
+    Constant signals are not tested.
+
+    Parameters
+    ----------
+    recording : Recording
+        Inputs and outputs.
+    n_segments : int
+        Number of segments, at least 10; each should be fifteen times as long as the correlation time.
+
+    Returns
+    -------
+    tuple of StationarityTest
+        Three for each statistic of each signal.
+
+    Raises
+    ------
+    DataError
+        If the segments are too few, or shorter than 8 samples.
+    """
+    return _tests(recording, _statistics(recording, n_segments))
+
+
+def choose_sections(
+    recordings: Recordings, *, n_segments: int = 20, level: float = 0.05, validation_share: float = 0.3
+) -> Sections:
+    """Choose training and validation sections by a test of stationarity.
+
+    Each recording is cut into segments. The longest run of at least ten segments whose statistics pass all
+    tests is a stationary stretch, less its outermost segments where others follow; then the longest of what is
+    left, and so on. The longest stretch is for
+    training; the next one is for validation if it is long enough, else the end of the longest one is.
+
+    Parameters
+    ----------
+    recordings : Recording, Experiment, or several
+        What there is.
+    n_segments : int
+        Number of segments of each recording, at least 10.
+    level : float
+        Share of stationary stretches that fail, over all tests together (Bonferroni).
+    validation_share : float
+        Share of the samples that is for validation, between 0 and 1.
+
+    Returns
+    -------
+    Sections
+
+    Raises
+    ------
+    DataError
+        If the segments are too few or too short, or a share makes no sense.
+    """
+    if not 0.0 < level < 1.0 or not 0.0 < validation_share < 1.0:
+        raise DataError(f"level = {level} and validation_share = {validation_share} must lie between 0 and 1")
+    chosen = flatten(recordings)
+    statistics = [_statistics(record, n_segments) for record in chosen]
+    stretches = sorted(
+        (
+            stretch
+            for number, (record, each) in enumerate(zip(chosen, statistics, strict=True))
+            for stretch in _stretches(number, record, each, n_segments, level)
+        ),
+        key=lambda one: -one.n_samples,
+    )
+    training, validation = _divide(chosen, stretches, validation_share)
+    whole = [stretch.n_samples for stretch in stretches if stretch.n_samples == chosen[stretch.record].n_samples]
+    return Sections(
+        recordings=chosen,
+        training=training,
+        validation=validation,
+        stretches=tuple(stretches),
+        tests=tuple(_tests(record, each) for record, each in zip(chosen, statistics, strict=True)),
+        segment_s=tuple((r.n_samples // n_segments) * r.sample_time for r in chosen),
+        correlation_time_s=tuple(_correlation_time(record, n_segments) for record in chosen),
+        level=level,
+        status=SectionStatus.NOTHING
+        if not stretches
+        else SectionStatus.STATIONARY
+        if len(whole) == len(chosen)
+        else SectionStatus.PART,
+    )
+
+
+def _statistics(recording: Recording, n_segments: int) -> Statistics:
+    """Statistics of the segments of each signal that moves, by its name."""
+    length = recording.n_samples // max(n_segments, 1)
+    if n_segments < _FEWEST_SEGMENTS or length < 8:
+        raise DataError(
+            f"{label(recording)}: {recording.n_samples} samples in {n_segments} segments: "
+            f"at least {_FEWEST_SEGMENTS} segments of at least 8 samples are needed"
+        )
+    names = recording.input_names + recording.output_names
+    signals = np.concatenate([recording.inputs, recording.outputs])
+    return {
+        name: segment_means(signal, n_segments)
+        for name, signal in zip(names, signals, strict=True)
+        if np.ptp(signal) > 0.0
+    }
+
+
+def _tests(recording: Recording, statistics: Statistics) -> tuple[StationarityTest, ...]:
+    if not statistics:
+        raise DataError("all signals of the recording are constant: there is nothing to test")
+    return tuple(
+        StationarityTest(signal=name, statistic=statistic, test=test, p_value=p_value(means))
+        for name, each in statistics.items()
+        for statistic, means in zip(STATISTICS, each, strict=True)
+        for test, p_value in TESTS.items()
+    )
+
+
+def _stretches(
+    number: int, record: Recording, statistics: Statistics, n_segments: int, level: float
+) -> Iterator[Stretch]:
+    """Yield stationary stretches, none of which overlap, the longest first."""
+    length = record.n_samples // n_segments
+    free = [(0, n_segments)]
+    while free:
+        begin, end = max(free, key=lambda gap: gap[1] - gap[0])
+        free.remove((begin, end))
+        found = _longest(record, statistics, begin, end, level)
+        if found is None:
+            continue
+        first, last, p_value = found
+        free += [(begin, first), (last, end)]
+        # What makes the neighbours fail may begin within the outermost segment.
+        first, last = first + (first > 0), last - (last < n_segments)
+        yield Stretch(
+            record=number,
+            first=first * length,
+            last=record.n_samples if last == n_segments else last * length,
+            p_value=p_value,
+        )
+
+
+def _longest(
+    record: Recording, statistics: Statistics, begin: int, end: int, level: float
+) -> tuple[int, int, float] | None:
+    """Return the longest run of segments that passes, the first of equals, with its p-value."""
+    for count in range(end - begin, _FEWEST_SEGMENTS - 1, -1):
+        for first in range(begin, end - count + 1):
+            part = {
+                name: tuple(means.part(first, first + count) for means in each) for name, each in statistics.items()
+            }
+            tests = _tests(record, part)
+            p_value = min(1.0, len(tests) * min(test.p_value for test in tests))
+            if p_value >= level:
+                return first, first + count, p_value
+    return None
+
+
+def _divide(recordings: tuple[Recording, ...], stretches: list[Stretch], share: float) -> tuple[Recording, Recording]:
+    """Return training and validation sections."""
+    if not stretches:
+        record = max(recordings, key=lambda one: one.n_samples)
+        half = record.n_samples // 2
+        return record.section(0, half), record.section(half, record.n_samples)
+    best, *rest = stretches
+    record = recordings[best.record]
+    if rest and rest[0].n_samples >= share / (1.0 - share) * best.n_samples:
+        other = rest[0]
+        return record.section(best.first, best.last), recordings[other.record].section(other.first, other.last)
+    cut = best.last - round(share * best.n_samples)
+    return record.section(best.first, cut), record.section(cut, best.last)
+
+
+def _correlation_time(record: Recording, n_segments: int) -> float:
+    """Longest correlation time of the signals, in s."""
+    signals = np.concatenate([record.inputs, record.outputs])
+    return max(correlation_samples(cut(signal, n_segments)) for signal in signals) * record.sample_time

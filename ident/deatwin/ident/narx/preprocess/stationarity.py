@@ -1,0 +1,213 @@
+"""Tests of stationarity on the segments of a signal: for a trend, a change, and any spread beyond chance.
+
+A signal is stationary as far as a model of constant parameters is concerned if its mean, its variance and its
+power at high frequency stay the same. Each of these is the mean of a sequence over a segment: of y, of
+(y - mean)^2, of (y(k) - y(k-1))^2.
+
+References
+----------
+Bendat and Piersol, Random Data, 4th ed., 2010, sections 4.5.2 (reverse arrangements) and 10.3.1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = [
+    "ENOUGH_CORRELATION_TIMES",
+    "STATISTICS",
+    "TESTS",
+    "SegmentMeans",
+    "chance_of_mean",
+    "correlation_samples",
+    "cut",
+    "segment_means",
+]
+
+Array = NDArray[np.float64]
+STATISTICS = ("mean", "variance", "fast variance")
+ENOUGH_CORRELATION_TIMES = 15.0
+"""Length of a segment beside the correlation time from which on the tests keep their level."""
+_SMALLEST_GROUP = 3  # segments before or after a change
+
+
+@dataclass(frozen=True, eq=False)
+class SegmentMeans:
+    """A statistic of each segment, and how much chance makes of it.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n_segments,)
+        The means, or for the two variances three times their cube roots over that of their mean.
+    chance : ndarray, shape (n_segments,)
+        For each segment an estimate of the sampling variance of its value, with 2 degrees of freedom: the
+        periodogram at the lowest frequency that the segment resolves, over its length.
+    """
+
+    values: Array
+    chance: Array
+
+    def part(self, first: int, last: int) -> SegmentMeans:
+        """Return the segments ``first`` to ``last - 1``.
+
+        Parameters
+        ----------
+        first, last : int
+            Numbers of segments.
+        """
+        return SegmentMeans(self.values[first:last], self.chance[first:last])
+
+
+def segment_means(signal: Array, n_segments: int) -> tuple[SegmentMeans, ...]:
+    """Return the statistics of the segments of a signal, in the order of `STATISTICS`.
+
+    Parameters
+    ----------
+    signal : ndarray, shape (n,)
+        Any signal; what does not fill the last segment is left out at the end.
+    n_segments : int
+        Number of segments of equal length.
+    """
+    segments = cut(signal, n_segments)
+    mean = segments.mean(axis=1, keepdims=True)
+    squares = (segments - mean) ** 2, np.diff(segments, axis=1) ** 2
+    return (SegmentMeans(mean[:, 0], chance_of_mean(segments)), *(_relative(square) for square in squares))
+
+
+def _relative(square: Array) -> SegmentMeans:
+    """Three times the cube root (Wilson and Hilferty): nearly normal, with the relative variance of the mean."""
+    power = square.mean(axis=1, keepdims=True)
+    power = np.maximum(power, np.finfo(float).eps * max(float(power.max()), np.finfo(float).tiny))
+    return SegmentMeans(3.0 * np.cbrt(power[:, 0] / power.mean()), chance_of_mean(square / power))
+
+
+def cut(signal: Array, n_segments: int) -> Array:
+    """Return the segments of a signal, shape (n_segments, length); what does not fill the last is left out.
+
+    Parameters
+    ----------
+    signal : ndarray, shape (n,)
+        Any signal.
+    n_segments : int
+        Number of segments.
+    """
+    length = signal.size // n_segments
+    return signal[: n_segments * length].reshape(n_segments, length)
+
+
+def chance_of_mean(segments: Array) -> Array:
+    """Return the sampling variance of the mean of each segment, as its slowest oscillation tells it.
+
+    Parameters
+    ----------
+    segments : ndarray, shape (n_segments, length)
+        Long beside the correlation time.
+
+    Returns
+    -------
+    ndarray, shape (n_segments,)
+        Each with 2 degrees of freedom.
+    """
+    length = segments.shape[1]
+    slowest = np.fft.rfft(segments, axis=1)[:, 1]
+    return np.asarray(np.abs(slowest) ** 2 / length**2, dtype=np.float64)
+
+
+def correlation_samples(segments: Array) -> float:
+    """Return the integral time scale within segments, up to the first zero of the autocorrelation, in samples.
+
+    Parameters
+    ----------
+    segments : ndarray, shape (n_segments, length)
+        Of one signal.
+
+    Returns
+    -------
+    float
+        1 for white noise, 0 for a constant.
+    """
+    length = segments.shape[1]
+    left = segments - segments.mean(axis=1, keepdims=True)
+    power = np.abs(np.fft.rfft(left, 2 * length, axis=1)) ** 2
+    products = np.fft.irfft(power.mean(axis=0))[:length]
+    if products[0] <= 0.0:
+        return 0.0
+    correlation = products / products[0] * length / np.arange(length, 0, -1)
+    zero = int(np.argmax(correlation <= 0.0)) or length
+    return 1.0 + 2.0 * float(correlation[1:zero].sum())
+
+
+def trend_p_value(data: SegmentMeans) -> float:
+    """Return the two-sided p-value of the reverse arrangements: pairs whose earlier value is the larger one.
+
+    Exact whatever the law of independent values.
+
+    Parameters
+    ----------
+    data : SegmentMeans
+        Of the segments.
+    """
+    values = data.values
+    larger = (np.sign(values[:, None] - values[None, :]) + 1.0) / 2.0  # a tie counts half
+    count = float(np.sum(np.triu(larger, k=1)))
+    law = _inversion_law(values.size)
+    mean = values.size * (values.size - 1) / 4
+    return float(law[np.abs(np.arange(law.size) - mean) >= abs(count - mean) - 1e-9].sum())
+
+
+def change_p_value(data: SegmentMeans) -> float:
+    """Return the p-value of the largest difference between the segments before and after a time.
+
+    That of the two-sample t test at the best time, times the number of times (Bonferroni).
+
+    Parameters
+    ----------
+    data : SegmentMeans
+        Of the segments.
+    """
+    from scipy.special import stdtr
+
+    n = data.values.size
+    cuts = np.arange(_SMALLEST_GROUP, n - _SMALLEST_GROUP + 1)
+    before = np.cumsum(data.values)[cuts - 1] / cuts
+    after = (data.values.sum() - before * cuts) / (n - cuts)
+    between = (before - after) ** 2 * cuts * (n - cuts) / n
+    within = np.maximum(data.values.var() * n - between, np.finfo(float).tiny)
+    ratio = np.sqrt(between / (within / (n - 2)))
+    return min(1.0, 2 * float(stdtr(n - 2, -ratio.max())) * cuts.size)
+
+
+def spread_p_value(data: SegmentMeans) -> float:
+    """Return the p-value of the variance of the values over what chance makes of it (F test).
+
+    Parameters
+    ----------
+    data : SegmentMeans
+        Of the segments.
+    """
+    from scipy.special import fdtrc
+
+    n = data.values.size
+    ratio = data.values.var(ddof=1) / max(float(data.chance.mean()), np.finfo(float).tiny)
+    return float(fdtrc(n - 1, 2 * n, ratio))
+
+
+TESTS: Mapping[str, Callable[[SegmentMeans], float]] = MappingProxyType(
+    {"trend": trend_p_value, "change": change_p_value, "spread": spread_p_value}
+)
+
+
+@lru_cache(maxsize=64)
+def _inversion_law(n: int) -> Array:
+    """Probabilities of 0, 1, ... inversions of a random permutation of n."""
+    law = np.ones(1)
+    for k in range(2, n + 1):
+        law = np.convolve(law, np.full(k, 1.0 / k))
+    law.setflags(write=False)
+    return law

@@ -1,0 +1,237 @@
+"""LinearModel: prediction, free run, frequency response, its forms elsewhere, and its file."""
+
+import json
+from importlib.resources import files
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from deatwin.ident.narx import ResponseStatus
+from deatwin.ident.narx.linear import Arx, LinearModel
+from deatwin.plant.errors import ModelError
+from deatwin.plant.recording import Recording
+
+
+def full_model():
+    """Two inputs, every polynomial, delays 1 and 0."""
+    cov = np.random.default_rng(3).normal(size=(11, 11)) * 1e-2
+    return LinearModel(
+        a=[1, -0.4],
+        b=([0, 1.0, 0.5], [0.3]),
+        c=[1, 0.3, 0.1],
+        d=[1, -0.7],
+        f=([1, -1.2, 0.5], [1, 0.6]),
+        offset=0.25,
+        theta_cov=cov @ cov.T,
+        noise_variance=0.04,
+        sample_time=0.1,
+        input_names=("command", "temperature"),
+        output_names=("displacement",),
+        input_units=("V", "K"),
+        output_units=("m",),
+        provenance={"file": "a.csv"},
+    )
+
+
+def by_filters(model, u, e):
+    w = sum(lfilter(b, f, row) for b, f, row in zip(model.b, model.f, u, strict=True))
+    return lfilter([1.0], model.a, w + lfilter(model.c, model.d, e) + model.offset)
+
+
+def draw(seed=0, n=400, noise=0.0):
+    rng = np.random.default_rng(seed)
+    u, e = rng.normal(size=(2, n)), noise * rng.normal(size=n)
+    return Recording.from_arrays(u, by_filters(full_model(), u, e), 0.1), e
+
+
+def test_the_parameter_vector_holds_what_is_free_in_order():
+    model = full_model()
+    np.testing.assert_array_equal(model.theta, [-0.4, 1.0, 0.5, 0.3, -1.2, 0.5, 0.6, 0.3, 0.1, -0.7, 0.25])
+    assert model.orders.nk == (1, 0) and model.orders.nb == (2, 1)
+
+
+def test_free_run_finds_the_state_at_the_start_of_a_section():
+    recording, _ = draw()
+    section = recording.section(100, 400)
+    for warmup, first in ((4, 6), (None, 2 + 40)):  # 4 poles, input lag 2
+        run = full_model().simulate(section, warmup=warmup)
+        assert run.first == first and run.status.ok
+        # exact but for rounding, amplified by the condition of the state's least squares (about 1e3)
+        assert np.abs(run.residuals).max() < 1e-10
+        np.testing.assert_array_equal(run.outputs[:, :first], section.outputs[:, :first])
+
+
+def test_only_the_warmup_of_the_output_is_used():
+    recording, _ = draw(noise=0.1)
+    spoilt = recording.outputs.copy()
+    spoilt[:, 42:] = 99.0
+    other = Recording.from_arrays(recording.inputs, spoilt, 0.1)
+    a, b = full_model().simulate(recording), full_model().simulate(other)
+    np.testing.assert_array_equal(a.outputs[:, a.first :], b.outputs[:, a.first :])
+
+
+def test_an_arx_run_is_that_of_the_narx_model_from_the_same_outputs():
+    rng = np.random.default_rng(1)
+    u, e = rng.normal(size=(2, 300))
+    y = lfilter([0, 1, 0.5], [1, -1.5, 0.7], u) + lfilter([1.0], [1, -1.5, 0.7], 0.1 * e)
+    recording = Recording.from_arrays(u, y, 0.1)
+    model = Arx(na=2, nb=2).fit(recording).model_
+    own = model.simulate(recording, warmup=2)
+    narx = model.to_narx().simulate(recording.section(2, 300))
+    assert own.first == 4
+    np.testing.assert_allclose(own.outputs[0, 4:], narx.outputs[0, 2:], atol=1e-11)
+
+
+def test_armax_is_a_narmax_model():
+    model = LinearModel(a=[1, -0.5], b=[[0, 1.0]], c=[1, 0.4], offset=0.3, sample_time=1.0)
+    narx = model.to_narx()
+    assert str(narx) == "y(k) = 0.5 y(k-1) + 1 u(k-1) + 0.4 e(k-1) + 0.3 1 + e(k)"
+    rng = np.random.default_rng(2)
+    u, e = rng.normal(size=(2, 200))
+    recording = Recording.from_arrays(u, lfilter([0, 1.0], [1, -0.5], u) + lfilter([1, 0.4], [1, -0.5], e), 1.0)
+    np.testing.assert_allclose(
+        model.predict(recording).outputs, narx.predict(recording).outputs, rtol=1e-12, atol=1e-13
+    )
+    with pytest.raises(ModelError, match="D and F"):
+        full_model().to_narx()
+
+
+def test_one_step_predictions_leave_the_noise():
+    recording, e = draw(noise=0.2)
+    run = full_model().predict(recording)
+    # 3 states of F are set by 30 errors, with a deviation of about the noise's over sqrt(10); what is left of a
+    # wrong state dies out with the slowest pole, |0.71|^k, and C's, 0.32^k
+    assert run.first == 2 + 1 + 30
+    np.testing.assert_allclose(run.residuals[0, 80:], e[run.first + 80 :], atol=1e-8)
+
+
+def test_an_unstable_run_is_a_status_with_its_time():
+    model = LinearModel(a=[1, -1.2], b=[[0, 1.0]], sample_time=1.0)
+    rng = np.random.default_rng(3)
+    run = model.simulate(Recording.from_arrays(rng.normal(size=400), rng.normal(size=400), 1.0, start=7.0))
+    assert run.status is ResponseStatus.DIVERGED and 7.0 < run.failed_at_s < 7.0 + 100.0
+    assert np.all(np.isfinite(run.outputs)) and not model.is_stable
+    unstable = LinearModel(a=[1], b=[[0, 1.0]], f=[[1, -1.2]], sample_time=1.0)
+    with pytest.raises(ModelError, match="C or F"):
+        unstable.predict(Recording.from_arrays(rng.normal(size=50), rng.normal(size=50), 1.0))
+
+
+def test_poles():
+    poles = np.sort_complex(full_model().poles)
+    wanted = np.sort_complex(np.r_[0.4, -0.6, np.roots([1, -1.2, 0.5])])
+    np.testing.assert_allclose(poles, wanted, atol=1e-14)
+
+
+def test_python_control_gives_the_same_responses():
+    control = pytest.importorskip("control")
+    model = full_model()
+    omega = np.array([0.1, 1.0, 10.0, 30.0])
+    system, noise = model.to_control(), model.noise_to_control()
+    assert system.dt == 0.1 and system.ninputs == 2 and system.input_labels == ["command", "temperature"]
+    np.testing.assert_allclose(system(np.exp(1j * omega * 0.1))[0], model.frequency_response(omega).values, rtol=1e-12)
+    u, e = np.random.default_rng(4).normal(size=(2, 60))
+    t = 0.1 * np.arange(60)
+    _, y = control.forced_response(control.ss(system[0, 0]), t, u)
+    np.testing.assert_allclose(y, lfilter(model.b[0], np.convolve(model.a, model.f[0]), u), atol=1e-12)
+    _, v = control.forced_response(control.ss(noise), t, e)
+    np.testing.assert_allclose(v, lfilter(model.c, np.convolve(model.a, model.d), e), atol=1e-12)
+
+
+def test_covariance_of_the_frequency_response_against_draws_of_the_parameters():
+    model, omega = full_model(), np.array([0.5, 5.0, 20.0])
+    cov = model.theta_cov * 1e-4  # so small that the response is linear in the parameters
+    rng = np.random.default_rng(5)
+    draws = rng.multivariate_normal(model.theta, cov, size=4000)
+    values = []
+    shift = np.exp(-0.1j * omega)
+    for theta in draws:
+        p = model.orders.split(theta)
+        a = np.polyval(p.a[::-1], shift)
+        values.append(
+            [np.polyval(b[::-1], shift) / (a * np.polyval(f[::-1], shift)) for b, f in zip(p.b, p.f, strict=True)]
+        )
+    values = np.array(values)
+    small = LinearModel(
+        a=model.a, b=model.b, c=model.c, d=model.d, f=model.f, offset=model.offset, theta_cov=cov, sample_time=0.1
+    )
+    found = small.frequency_response(omega).covariance
+    for i in range(2):
+        for w in range(3):
+            seen = np.cov(np.stack([values[:, i, w].real, values[:, i, w].imag]))
+            # a covariance from 4000 draws deviates by sqrt(2/4000) of its scale; four of them
+            scale = np.sqrt(np.outer(np.diag(seen), np.diag(seen)))
+            assert np.all(np.abs(found[i, w] - seen) < 4 * np.sqrt(2 / 4000) * scale)
+
+
+def test_file(tmp_path):
+    model, path = full_model(), tmp_path / "linear.json"
+    model.save(path)
+    again = LinearModel.load(path)
+    np.testing.assert_array_equal(again.theta, model.theta)
+    np.testing.assert_array_equal(again.theta_cov, model.theta_cov)
+    for name in ("input_names", "output_names", "input_units", "output_units", "sample_time", "noise_variance"):
+        assert getattr(again, name) == getattr(model, name)
+    assert dict(again.provenance) == {"file": "a.csv"}
+
+
+def test_file_follows_its_schema(tmp_path):
+    jsonschema = pytest.importorskip("jsonschema")
+    schema = json.loads((files("deatwin.ident") / "schemas" / "linear.schema.json").read_text(encoding="utf-8"))
+    path = tmp_path / "linear.json"
+    full_model().save(path)
+    document = json.loads(path.read_text(encoding="utf-8"))
+    jsonschema.Draft202012Validator(schema).validate(document)
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.Draft202012Validator(schema).validate(document | {"a": [2.0]})
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (lambda d: d.pop("b"), "key 'b' is missing"),
+        (lambda d: d.update(a=[2.0]), "must begin with 1"),
+        (lambda d: d.update(b="x"), "not a valid"),
+        (lambda d: d.update(theta_cov=[[1.0]]), "theta_cov"),
+        (lambda d: d.update(schema="deatwin/narx/1"), "schema"),
+    ],
+)
+def test_a_malformed_file_is_one_clear_error(tmp_path, change, says):
+    path = tmp_path / "linear.json"
+    full_model().save(path)
+    document = json.loads(path.read_text(encoding="utf-8"))
+    change(document)
+    path.write_text(json.dumps(document), encoding="utf-8")
+    with pytest.raises(ModelError, match=says) as caught:
+        LinearModel.load(path)
+    assert "linear.json" in str(caught.value)
+
+
+def test_what_does_not_suit_is_refused():
+    model = full_model()
+    rng = np.random.default_rng(6)
+    for recording, says in [
+        (Recording.from_arrays(rng.normal(size=(2, 60)), rng.normal(size=60), 0.2), "sample time"),
+        (Recording.from_arrays(rng.normal(size=60), rng.normal(size=60), 0.1), "inputs"),
+        (Recording.from_arrays(rng.normal(size=(2, 5)), rng.normal(size=5), 0.1), "samples"),
+    ]:
+        with pytest.raises(ModelError, match=says):
+            model.simulate(recording)
+    with pytest.raises(ModelError, match="warmup = 2"):
+        model.simulate(draw()[0], warmup=2)
+    for arguments, says in [
+        ({"a": [1], "b": [[0, 0]]}, "not zero"),
+        ({"a": [1], "b": []}, "0 polynomials"),
+        ({"a": [1], "b": [[1]], "f": ([1], [1])}, "as many f"),
+        ({"a": [1, np.nan], "b": [[1]]}, "finite"),
+        ({"a": [1], "b": [[1]], "noise_variance": -1.0}, "noise_variance"),
+    ]:
+        with pytest.raises(ModelError, match=says):
+            LinearModel(sample_time=1.0, **arguments)
+
+
+def test_it_prints_and_is_read_only():
+    text = str(full_model())
+    assert "A = 1 - 0.4 q^-1" in text and "B1 = 0 + 1 q^-1 + 0.5 q^-2" in text and "offset = 0.25" in text
+    with pytest.raises(ValueError):
+        full_model().b[0][0] = 1.0
