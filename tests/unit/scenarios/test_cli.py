@@ -126,13 +126,14 @@ def test_pull_in_ends_with_one_line(on_bench: Path, capsys: pytest.CaptureFixtur
     assert not Path("never.csv").exists()
 
 
-@pytest.mark.parametrize("method", ["svb", "frols"])
+@pytest.mark.parametrize("method", ["svb", "frols", "lasso", "semp"])
 def test_identify_then_frequency(on_bench: Path, capsys: pytest.CaptureFixture[str], method: str) -> None:
     columns = ["--input-column", "stretch", "--output-column", "force_N"]
     assert main(["identify", "pulls.csv", *columns, "--method", method, "--out", "narx.json", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["terms"]
     assert 0 < found["unseen"][0]["one_step"] < 0.1
+    assert found["complete"] and found["unseen"][0]["validation"]
     assert main(["identify", "pulls.csv", *columns, "--method", method, "--out", "narx.json"]) == 0
     assert "free run" in capsys.readouterr().out
     assert main(["frequency", "narx.json", "--out", "response"]) == 0

@@ -15,12 +15,14 @@ from deatwin.ident.narx.noise import Narmax
 from deatwin.ident.narx.operating import OperatingRange
 from deatwin.ident.narx.random_walk import ThetaSmoother
 from deatwin.ident.narx.recursive import Rls
+from deatwin.ident.narx.residual_tests import CorrelationTest
 from deatwin.ident.narx.response import NarxResponse, ResponseStatus
+from deatwin.ident.narx.semp import Semp
 from deatwin.ident.narx.shrinkage import Ridge
 from deatwin.ident.narx.svb import SvbNarx
 from deatwin.ident.narx.terms import Term, TermTable, Variable, generate_terms
 from deatwin.ident.narx.trajectory import ThetaTrajectory
-from deatwin.ident.narx.validate import CorrelationTest, Validation, ValidationStatus, validate
+from deatwin.ident.narx.validate import Validation, ValidationStatus, validate
 from deatwin.plant.recording import Experiment, Recording
 
 __all__ = [
@@ -41,6 +43,7 @@ __all__ = [
     "ResponseStatus",
     "Ridge",
     "Rls",
+    "Semp",
     "SvbNarx",
     "Term",
     "TermTable",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypedDict
 
 import typer
 
@@ -12,10 +12,20 @@ from deatwin.scenarios.options import AllowGaps, InputColumn, Json, OutputColumn
 from deatwin.scenarios.voice import Voice
 
 if TYPE_CHECKING:
-    from deatwin.ident.narx import Frols, NarxModel, SvbNarx
+    from deatwin.ident.narx import NarxIdentifier, NarxModel
     from deatwin.plant.recording import Recording
 
 __all__ = ["Method", "identify"]
+
+
+
+class Candidates(TypedDict):
+    """Which terms compete."""
+
+    output_lags: int
+    input_lags: range
+    degree: int
+
 
 HELD_OUT = 0.3
 """Share at the end of each recording that judges the model and is not fitted."""
@@ -26,15 +36,22 @@ class Method(StrEnum):
 
     SVB = "svb"
     FROLS = "frols"
+    LASSO = "lasso"
+    SEMP = "semp"
 
 
 Recordings = Annotated[list[Path], typer.Argument(metavar="REC...", help="Recordings of one sample time.")]
 ModelFile = Annotated[Path, typer.Option("--out", metavar="NARX.json", help="The model.")]
-MethodOption = Annotated[Method, typer.Option(help="svb: sparse variational Bayes; frols: forward regression.")]
+MethodOption = Annotated[
+    Method,
+    typer.Option(
+        help="svb: sparse variational Bayes; frols: forward regression; lasso; semp: least free-run error (slower)."
+    ),
+]
 FirstInputLag = Annotated[
     int, typer.Option(min=0, help="First lag of the input: 0 where a reading ends its row, as on the rig, else 1.")
 ]
-MaxTerms = Annotated[int, typer.Option(min=1, help="Largest number of terms (frols only).")]
+MaxTerms = Annotated[int, typer.Option(min=1, help="Largest number of terms (not for svb).")]
 
 
 def identify(
@@ -69,30 +86,48 @@ def identify(
         )
     ]
     require_excitation(records)
-    identifier = _identifier(method, output_lags, range(first_input_lag, input_lags + 1), degree, max_terms)
+    lags: Candidates = {
+        "output_lags": output_lags, "input_lags": range(first_input_lag, input_lags + 1), "degree": degree
+    }  # fmt: skip
+    identifier = _identifier(method, lags, max_terms)
     with voice.progress("choosing terms") as progress:
         progress(0.0, "choosing terms")
         pieces = [_split(record) for record in records]
-        model = _with_band(identifier.fit([fitted for fitted, _ in pieces]).model_, records)
+        identifier.fit([fitted for fitted, _ in pieces], progress=progress)
+    model = _with_band(identifier.model_, records)
     errors = [_errors(model, unseen) for _, unseen in pieces]
     model.save(out)
+    _say(voice, model, errors, _labels(records))
+    if not identifier.status_.ok:
+        voice.say(identifier.status_.value)
+    voice.say(f"model: {out}")
+    terms = {str(term): float(value) for term, value in zip(model.terms, model.theta, strict=True)}
+    voice.result({"out": str(out), "terms": terms, "complete": identifier.status_.ok, "unseen": errors})
+    if not identifier.status_.ok:
+        raise typer.Exit(130)
+
+
+def _identifier(method: Method, lags: Candidates, max_terms: int) -> NarxIdentifier:
+    from deatwin.ident.narx import Frols, Lasso, Semp, SvbNarx
+
+    if method is Method.SVB:
+        return SvbNarx(**lags)
+    if method is Method.FROLS:
+        return Frols(**lags, max_terms=max_terms)
+    if method is Method.LASSO:
+        return Lasso(**lags, max_terms=max_terms)
+    return Semp(**lags, max_terms=max_terms)
+
+
+def _say(voice: Voice, model: NarxModel, errors: list[dict[str, Any]], labels: list[str]) -> None:
+    """Terms with their intervals, and how the model does on what it has not seen."""
     unit = f" {model.output_units[0]}" if model.output_units[0] else ""
     for term, value, variance in zip(model.terms, model.theta, model.theta_cov.diagonal(), strict=True):
         voice.say(f"{value:>14.6g} ± {1.96 * variance**0.5:<12.3g} {term}")
-    for path, error in zip(_labels(records), errors, strict=True):
+    for label, error in zip(labels, errors, strict=True):
         free = f"{error['free_run']:.4g}{unit}" if error["finished"] else f"{error['free_run']:.4g}{unit} (diverged)"
-        voice.say(f"{path}, unseen part: one step {error['one_step']:.4g}{unit} rms, free run {free} rms")
-    voice.say(f"model: {out}")
-    terms = {str(term): float(value) for term, value in zip(model.terms, model.theta, strict=True)}
-    voice.result({"out": str(out), "terms": terms, "unseen": errors})
-
-
-def _identifier(method: Method, output_lags: int, input_lags: range, degree: int, max_terms: int) -> SvbNarx | Frols:
-    from deatwin.ident.narx import Frols, SvbNarx
-
-    if method is Method.SVB:
-        return SvbNarx(output_lags=output_lags, input_lags=input_lags, degree=degree)
-    return Frols(output_lags=output_lags, input_lags=input_lags, degree=degree, max_terms=max_terms)
+        voice.say(f"{label}, unseen part: one step {error['one_step']:.4g}{unit} rms, free run {free} rms")
+        voice.say(f"  {error['validation']}")
 
 
 def _with_band(model: NarxModel, records: list[Recording]) -> NarxModel:
@@ -124,7 +159,20 @@ def _errors(model: NarxModel, unseen: Recording) -> dict[str, Any]:
         "free_run": free.rms_error,
         "finished": free.status.ok,
         "unit": model.output_units[0],
+        **_tested(model, unseen),
     }
+
+
+def _tested(model: NarxModel, unseen: Recording) -> dict[str, Any]:
+    """The correlation tests, where the unseen part is long enough for them."""
+    from deatwin.ident.narx import validate
+    from deatwin.plant.errors import ModelError
+
+    try:
+        found = validate(model, unseen)
+    except ModelError as error:
+        return {"validation": f"no correlation tests: {error}", "failed_tests": None}
+    return {"validation": found.status.value, "failed_tests": [test.name for test in found.failed]}
 
 
 def _labels(records: list[Recording]) -> list[str]:

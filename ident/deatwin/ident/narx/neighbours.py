@@ -1,0 +1,159 @@
+"""Models that differ from a chosen one by a single term, refitted all together by least squares."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+
+from deatwin.ident.narx.regression import Regression
+
+__all__ = ["CompressedRegression", "Neighbours"]
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+# A candidate whose squared norm falls by this factor when the chosen terms are taken out depends on them.
+_DEPENDENT = 1e-12
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Neighbours:
+    """Models that differ from a chosen one by a single term.
+
+    Parameters
+    ----------
+    candidate : ndarray of int, shape (n_models,)
+        The term that each has more, or less, than the chosen one.
+    chosen : ndarray of int, shape (n_models, n_terms)
+        The terms of each.
+    theta : ndarray, shape (n_models, n_terms)
+        Their least-squares parameters.
+    f_ratio : ndarray, shape (n_models,)
+        By how much the sum of squared one-step errors differs because of that term, over the variance of the errors of
+        the larger model. If the term is false and the larger model true, it follows, for long records, the F
+        distribution with 1 and `freedom` degrees.
+    freedom : int
+        Number of samples less terms of the larger model.
+    """
+
+    candidate: Integers
+    chosen: Integers
+    theta: Array
+    f_ratio: Array
+    freedom: int
+
+    def only(self, kept: NDArray[np.bool_]) -> Neighbours:
+        """Return some of them.
+
+        Parameters
+        ----------
+        kept : ndarray of bool, shape (n_models,)
+            Which.
+        """
+        return Neighbours(
+            candidate=self.candidate[kept], chosen=self.chosen[kept], theta=self.theta[kept],
+            f_ratio=self.f_ratio[kept], freedom=self.freedom,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CompressedRegression:
+    """A regression turned by an orthogonal matrix so that few rows are left: least squares on any terms is the same.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (n_terms, n_rows)
+        Regressors, at most n_terms + 1 numbers each.
+    target : ndarray, shape (n_rows,)
+        Output.
+    n_samples : int
+        Number of samples before.
+    """
+
+    rows: Array
+    target: Array
+    n_samples: int
+
+    @classmethod
+    def of(cls, data: Regression) -> CompressedRegression:
+        """Compress by QR, block by block: no digits are lost to a Gram matrix.
+
+        Parameters
+        ----------
+        data : Regression
+            The candidates.
+        """
+        triangle = np.empty((0, len(data.table.terms) + 1))
+        for rows, target in data.blocks():
+            triangle = np.linalg.qr(np.vstack([triangle, np.column_stack([rows.T, target])]), mode="r")
+        columns = np.ascontiguousarray(triangle.T)
+        return cls(rows=columns[:-1], target=columns[-1], n_samples=data.n_samples)
+
+    def larger(self, chosen: Sequence[int]) -> Neighbours:
+        """Return the models with one candidate more; candidates that depend on the chosen terms are left out.
+
+        With the chosen terms Q R and a candidate p = Q c + w, w orthogonal to Q, the candidate's parameter is w'y/w'w
+        and those of the others solve R theta = Q'y - c w'y/w'w.
+
+        Parameters
+        ----------
+        chosen : sequence of int
+            Terms of the chosen model.
+        """
+        basis, triangle = np.linalg.qr(self.rows[list(chosen)].T)
+        along = self.rows @ basis
+        across = self.rows - along @ basis.T
+        across -= (across @ basis) @ basis.T
+        norms = np.einsum("ij,ij->i", across, across)
+        free = norms > _DEPENDENT * np.einsum("ij,ij->i", self.rows, self.rows)
+        free[list(chosen)] = False
+        candidate = np.flatnonzero(free)
+        added = (across[free] @ self.target) / norms[free]
+        moments = basis.T @ self.target
+        others = solve_triangular(triangle, moments[:, None] - along[free].T * added) if len(chosen) else along[free].T
+        left = self.target - basis @ moments
+        freedom = self.n_samples - len(chosen) - 1
+        falls = added**2 * norms[free]
+        return Neighbours(
+            candidate=candidate,
+            chosen=np.column_stack([np.tile(np.asarray(chosen, dtype=np.int64), (candidate.size, 1)), candidate]),
+            theta=np.column_stack([others.T, added]),
+            f_ratio=falls * freedom / np.maximum(left @ left - falls, self._rounding),
+            freedom=freedom,
+        )
+
+    def smaller(self, chosen: Sequence[int]) -> Neighbours:
+        """Return the models with one of the chosen terms less.
+
+        With the chosen terms Q R and G = (R'R)^-1, term i is taken out by theta - G_i theta_i / G_ii.
+
+        Parameters
+        ----------
+        chosen : sequence of int
+            Terms of the chosen model, at least two.
+        """
+        basis, triangle = np.linalg.qr(self.rows[list(chosen)].T)
+        moments = basis.T @ self.target
+        theta = solve_triangular(triangle, moments)
+        root = solve_triangular(triangle, np.eye(len(chosen)))
+        inverse = root @ root.T
+        left = self.target - basis @ moments
+        freedom = self.n_samples - len(chosen)
+        without = ~np.eye(len(chosen), dtype=bool)
+        shape = (len(chosen), len(chosen) - 1)
+        return Neighbours(
+            candidate=np.array(chosen, dtype=np.int64),
+            chosen=np.tile(np.asarray(chosen, dtype=np.int64), (len(chosen), 1))[without].reshape(shape),
+            theta=(theta - inverse / np.diag(inverse)[:, None] * theta[:, None])[without].reshape(shape),
+            f_ratio=theta**2 / np.diag(inverse) * freedom / max(float(left @ left), self._rounding),
+            freedom=freedom,
+        )
+
+    @property
+    def _rounding(self) -> float:
+        """Sum of squared errors that rounding alone may leave."""
+        return float((np.finfo(float).eps * len(self.rows)) ** 2 * (self.target @ self.target)) or 1.0
