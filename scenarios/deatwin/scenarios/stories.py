@@ -83,8 +83,24 @@ STORIES: Mapping[str, Story] = MappingProxyType({
             line="the thesis' six actuators: recordings, drifts, figures 2.5 to 2.8",
         ),
         Story(
+            name="fleet-models", minutes=1, module="deatwin.scenarios.fleet_models",
+            line="the six actuators identified: SEMP beside SVB, validated, and what drift and hysteresis undo",
+        ),
+        Story(
             name="prestretch-sweep", minutes=0.3, module="deatwin.scenarios.prestretch",
             line="what prestretch does: each claim that is made for it, with a number",
+        ),
+        Story(
+            name="svb-benchmark", minutes=8, module="deatwin.scenarios.svb_benchmark",
+            line="how often the true NARX structure is found: all methods on systems whose equations are known",
+        ),
+        Story(
+            name="regression-lessons", minutes=0.5, module="deatwin.scenarios.regression_lessons",
+            line="ridge and LASSO constraints, bias and variance, Occam's razor: each lesson with a check",
+        ),
+        Story(
+            name="real-data", minutes=1, module="deatwin.scenarios.real_data",
+            line="free runs on public recordings: Silverbox, buck converter, cascaded tanks, EMPS",
         ),
     )
 })  # fmt: skip

@@ -5,10 +5,11 @@ n samples,
 
     p(tau) ~ 1/tau,    theta | tau ~ N(theta^, n/tau (Phi'Phi)^-1),
 
-a law as wide as one sample would leave it. Nothing in it is to be chosen, and it depends neither on units nor on the
-size of the regressors. Its width is the noise's: a prior whose width is learned from the size of all effects together
-(a mixture of g-priors) asks more of a small term the larger the others are, and NARX models have small nonlinear terms
-beside large linear ones.
+a law as wide as one sample would leave it, centred by the data themselves. Its evidence is Schwarz's criterion, with
+ln(1 + n) for ln n. Nothing in it is to be chosen, and it depends neither on units nor on the size of the regressors.
+Its width is the noise's: a prior whose width is learned from the size of all effects together (a mixture of g-priors)
+asks more of a small term the larger the others are, and NARX models have small nonlinear terms beside large linear
+ones.
 
 References
 ----------
@@ -61,9 +62,9 @@ def log_evidence(share: Array | float, n_terms: int, n_samples: int) -> Array:
 def log_prior(n_terms: int, n_candidates: int) -> float:
     """Return ln p(structure): every number of terms is equally probable, and so are all structures of one number.
 
-    Each term that competes makes the others less probable, so that the odds against any false term among hundreds of
-    candidates are those among few. Structures of more than half of the candidates, of which there would be ever fewer of
-    one number, are given the probability of those of half: a further term never comes as a gain.
+    Each candidate makes the others less probable, so that the odds against any false term among hundreds are those
+    among few. Beyond half of the candidates there are fewer structures of one number the larger it is; they are given
+    the probability of those of half, or else a further term would come as a gain.
 
     Parameters
     ----------

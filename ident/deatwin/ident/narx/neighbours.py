@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
+from scipy.linalg import qr, solve_triangular
 
 from deatwin.ident.narx.regression import Regression
 
@@ -27,11 +27,13 @@ class Neighbours:
     Parameters
     ----------
     candidate : ndarray of int, shape (n_models,)
-        The term that each has more, or less, than the chosen one.
+        The term that each has more, or less, than the chosen one, or than that without one of its terms.
     chosen : ndarray of int, shape (n_models, n_terms)
         The terms of each.
     theta : ndarray, shape (n_models, n_terms)
         Their least-squares parameters.
+    squares : ndarray, shape (n_models,)
+        Their sums of squared one-step errors, square of the scaled output.
     f_ratio : ndarray, shape (n_models,)
         By how much the sum of squared one-step errors differs because of that term, over the variance of the errors of
         the larger model. If the term is false and the larger model true, it follows, for long records, the F
@@ -43,6 +45,7 @@ class Neighbours:
     candidate: Integers
     chosen: Integers
     theta: Array
+    squares: Array
     f_ratio: Array
     freedom: int
 
@@ -56,7 +59,7 @@ class Neighbours:
         """
         return Neighbours(
             candidate=self.candidate[kept], chosen=self.chosen[kept], theta=self.theta[kept],
-            f_ratio=self.f_ratio[kept], freedom=self.freedom,
+            squares=self.squares[kept], f_ratio=self.f_ratio[kept], freedom=self.freedom,
         )  # fmt: skip
 
 
@@ -87,11 +90,24 @@ class CompressedRegression:
         data : Regression
             The candidates.
         """
-        triangle = np.empty((0, len(data.table.terms) + 1))
+        triangle: Array = np.empty((0, len(data.table.terms) + 1))
         for rows, target in data.blocks():
-            triangle = np.linalg.qr(np.vstack([triangle, np.column_stack([rows.T, target])]), mode="r")
+            triangle = _triangle(np.vstack([triangle, np.column_stack([rows.T, target])]))
         columns = np.ascontiguousarray(triangle.T)
         return cls(rows=columns[:-1], target=columns[-1], n_samples=data.n_samples)
+
+    def fit(self, chosen: Sequence[int]) -> tuple[Array, float]:
+        """Return the parameters of a model, shape (n_terms,), and its sum of squared one-step errors.
+
+        Parameters
+        ----------
+        chosen : sequence of int
+            Its terms, independent.
+        """
+        basis, triangle = np.linalg.qr(self.rows[list(chosen)].T)
+        moments = basis.T @ self.target
+        left = self.target - basis @ moments
+        return solve_triangular(triangle, moments), max(float(left @ left), self._rounding)
 
     def larger(self, chosen: Sequence[int]) -> Neighbours:
         """Return the models with one candidate more; candidates that depend on the chosen terms are left out.
@@ -118,11 +134,13 @@ class CompressedRegression:
         left = self.target - basis @ moments
         freedom = self.n_samples - len(chosen) - 1
         falls = added**2 * norms[free]
+        squares = np.maximum(left @ left - falls, self._rounding)
         return Neighbours(
             candidate=candidate,
             chosen=np.column_stack([np.tile(np.asarray(chosen, dtype=np.int64), (candidate.size, 1)), candidate]),
             theta=np.column_stack([others.T, added]),
-            f_ratio=falls * freedom / np.maximum(left @ left - falls, self._rounding),
+            squares=squares,
+            f_ratio=falls * freedom / squares,
             freedom=freedom,
         )
 
@@ -142,18 +160,46 @@ class CompressedRegression:
         root = solve_triangular(triangle, np.eye(len(chosen)))
         inverse = root @ root.T
         left = self.target - basis @ moments
+        squares = max(float(left @ left), self._rounding)
         freedom = self.n_samples - len(chosen)
+        rises = theta**2 / np.diag(inverse)
         without = ~np.eye(len(chosen), dtype=bool)
         shape = (len(chosen), len(chosen) - 1)
         return Neighbours(
             candidate=np.array(chosen, dtype=np.int64),
             chosen=np.tile(np.asarray(chosen, dtype=np.int64), (len(chosen), 1))[without].reshape(shape),
             theta=(theta - inverse / np.diag(inverse)[:, None] * theta[:, None])[without].reshape(shape),
-            f_ratio=theta**2 / np.diag(inverse) * freedom / max(float(left @ left), self._rounding),
+            squares=squares + rises,
+            f_ratio=rises * freedom / squares,
             freedom=freedom,
+        )
+
+    def exchanged(self, chosen: Sequence[int]) -> Neighbours:
+        """Return the models with one of the chosen terms exchanged for a candidate, which is the one that they name.
+
+        Parameters
+        ----------
+        chosen : sequence of int
+            Terms of the chosen model.
+        """
+        rests = [[other for other in chosen if other != term] for term in chosen]
+        found = [self.larger(rest) for rest in rests]
+        parts = [models.only(models.candidate != term) for models, term in zip(found, chosen, strict=True)]
+        return Neighbours(
+            **{
+                name: np.concatenate([getattr(part, name) for part in parts])
+                for name in ("candidate", "chosen", "theta", "squares", "f_ratio")
+            },
+            freedom=parts[0].freedom,
         )
 
     @property
     def _rounding(self) -> float:
         """Sum of squared errors that rounding alone may leave."""
         return float((np.finfo(float).eps * len(self.rows)) ** 2 * (self.target @ self.target)) or 1.0
+
+
+def _triangle(matrix: Array) -> Array:
+    """Return R of the QR decomposition."""
+    (triangle,) = qr(matrix, mode="r", overwrite_a=True, check_finite=False)
+    return np.asarray(triangle[: matrix.shape[1]], dtype=np.float64)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.narx.estimate import least_squares
+from deatwin.ident.narx.forward import forward_selection
 from deatwin.ident.narx.free_run import March
 from deatwin.ident.narx.identifier import FitStatus, NarxIdentifier, Progress
 from deatwin.ident.narx.model import NarxModel
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 __all__ = ["Semp", "SempStep"]
 
 Array = NDArray[np.float64]
+Booleans = NDArray[np.bool_]
 
 _DIVERGED = 1e3  # times the largest output, as for the free run of a trained model
 # Ten to thirty sections are enough to know the variance of a mean, and long enough to be independent of each other
@@ -34,14 +36,14 @@ _STEPS = 4  # times max_terms: a search that still turns terms over then goes no
 
 @dataclass(frozen=True, kw_only=True)
 class SempStep:
-    """One step of the search: a term added, and those pruned thereupon.
+    """One step of the search: a term added or exchanged, and those pruned thereupon.
 
     Parameters
     ----------
-    added : Term
-        The term that was added.
+    added : tuple of Term
+        What was added: one term; all new ones where the search went on from the model of forward regression.
     pruned : tuple of Term
-        The terms that were then taken out.
+        The terms that were taken out, by the exchange and by pruning.
     terms : tuple of Term
         The terms after the step.
     srr : float
@@ -51,7 +53,7 @@ class SempStep:
         Mean squared simulation error after the step, square of the output's unit.
     """
 
-    added: Term
+    added: tuple[Term, ...]
     pruned: tuple[Term, ...]
     terms: tuple[Term, ...]
     srr: float
@@ -70,13 +72,17 @@ class Semp(NarxIdentifier):
     term than by the true one. Two tests therefore stand beside the published rules, and are switched off by
     ``level=0.5, significance=None``:
 
-    - Simulation errors are compared by a paired t test on the sums over about twenty sections of the record. Only what
-      is better at this level counts as better; among candidates that simulate as well as the best of them, the one that
-      lowers the one-step error most is added. It may not make the free run worse than that of the best model so far.
-    - A term is a candidate only if it lowers the one-step error significantly (F test, the level divided by the number
-      of candidates that compete), and is pruned when it does so no longer and the free run is not worse without it.
+    - Simulation errors are compared by a paired t test on the sums over about twenty sections of the records. Only
+      what is better at this level counts as better; of the candidates that simulate as well as the best of them, the
+      one that lowers the one-step error most is added, if the free run is no worse with it.
+    - A term is a candidate only if it lowers the one-step error significantly (F test, its level divided by the number
+      of candidates that compete), and is pruned when it does so no longer and the free run is no worse without it.
 
-    The search ends when no candidate is left, at ``max_terms``, or when the largest SRR is below ``threshold``.
+    Additions end when no candidate is left, at ``max_terms``, or when the SRR is below ``threshold``. Then, which is
+    not published either and is switched off by ``max_exchanges=0``, a term is exchanged for a candidate that makes the
+    free run better, or the one-step error smaller and the free run no worse; and once the search goes on from that
+    model of the forward regression that simulates best, if it does so better than the present one: a resonance, for
+    one, cannot always be found by adding single terms to what simulates well.
 
     Parameters
     ----------
@@ -94,6 +100,8 @@ class Semp(NarxIdentifier):
         One-sided level of the test between simulation errors, above 0; 0.5 takes every difference as real.
     significance : float, optional
         Probability with which any of the false candidates of a step enters a true model; None for no test.
+    max_exchanges : int
+        How often a term may be exchanged for a candidate when no addition is left; 0 for the published search.
 
     Attributes
     ----------
@@ -104,14 +112,14 @@ class Semp(NarxIdentifier):
     path_ : tuple of SempStep
         The steps of the search.
     srr_ : ndarray, shape (n_steps,)
-        Simulation error reduction ratio of each addition, dimensionless.
+        Simulation error reduction ratio of each step before pruning, dimensionless.
     msse_ : ndarray, shape (n_steps,)
         Mean squared simulation error after each step, square of the output's unit.
 
     References
     ----------
     Piroddi, Spinelli, "An identification algorithm for polynomial NARX models based on simulation error minimization",
-    Int. J. Control 76 (2003) 1767-1781, doi:10.1080/00207170310001635419. The tests are not from there.
+    Int. J. Control 76 (2003) 1767-1781, doi:10.1080/00207170310001635419. Tests and exchanges are not from there.
     """
 
     def __init__(
@@ -123,8 +131,9 @@ class Semp(NarxIdentifier):
         rule: Rule | None = None,
         max_terms: int = 15,
         threshold: float | None = None,
-        level: float = 0.05,
+        level: float = 0.01,
         significance: float | None = 0.01,
+        max_exchanges: int = 20,
     ) -> None:
         self.output_lags = output_lags
         self.input_lags = input_lags
@@ -134,10 +143,13 @@ class Semp(NarxIdentifier):
         self.threshold = threshold
         self.level = level
         self.significance = significance
+        self.max_exchanges = max_exchanges
 
     def _check(self) -> None:
         if self.max_terms < 1:
             raise ModelError(f"max_terms = {self.max_terms}; it must be at least 1")
+        if self.max_exchanges < 0:
+            raise ModelError(f"max_exchanges = {self.max_exchanges}; it must not be negative")
         if not 0 < self.level <= 0.5:
             raise ModelError(f"level = {self.level}; it must lie above 0 and not above 0.5")
         if self.significance is not None and not 0 < self.significance < 1:
@@ -170,7 +182,9 @@ class Semp(NarxIdentifier):
         return kept.model(found.theta, found.theta_cov, found.noise_variance, identifier=self)
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the simulation error reduction ratio of each addition, and the threshold.
+        """Draw the simulation error reduction ratio of each step on a logarithmic axis, and the threshold.
+
+        A step that made the simulation error larger, as the tests allow within its uncertainty, has no point.
 
         Parameters
         ----------
@@ -186,7 +200,10 @@ class Semp(NarxIdentifier):
         axes.semilogy(steps, np.where(self.srr_ > 0, self.srr_, np.nan), "o-", label="SRR")
         if self.threshold is not None:
             axes.axhline(self.threshold, color="tab:red", linestyle="--", label="threshold")
-        labels = [f"+ {step.added}" + "".join(f"\n− {term}" for term in step.pruned) for step in self.path_]
+        labels = [
+            "\n".join([*(f"+ {term}" for term in step.added), *(f"− {term}" for term in step.pruned)])
+            for step in self.path_
+        ]
         axes.set_xticks(steps, labels, rotation=60, ha="right", fontsize="small")
         axes.set_ylabel("simulation error reduction ratio")
         axes.legend(loc="upper right")
@@ -217,27 +234,31 @@ class _Search:
         self.sections = np.maximum(1, np.rint(wanted * lengths / lengths.sum())).astype(int)
         self.path: list[SempStep] = []
         self.chosen: list[int] = []
-        self.errors = self.best = np.array([self.power])  # of the present model, and of that which simulates best so far
+        self.squares = self.power  # of the one-step errors
+        self.errors = np.array([self.power])
+        self.exchanges = 0
+        self.restarted = False
         self.seen = {frozenset[int]()}
 
     def advance(self) -> bool:
-        """Add a term and prune; tell whether that led to a new model."""
-        if max(len(self.chosen), len(self.path) / _STEPS) >= self.settings.max_terms:
+        """Change the model and prune it; tell whether that was possible."""
+        if len(self.path) >= _STEPS * self.settings.max_terms:
             return False
-        before = self.errors
-        added = self._add()
-        if added is None:
+        before, old = self.errors, self.chosen
+        if self._add() or self._exchange():
+            rival = before
+        elif self._restart():
+            rival = self.errors
+        else:
             return False
-        srr = float(before.sum() - self.errors.sum()) / self.power
-        pruned = self._prune(before)
-        if frozenset(self.chosen) in self.seen:
-            return False
+        srr, added = float(before.sum() - self.errors.sum()) / self.power, self.chosen
+        self._prune(rival)
         self.seen.add(frozenset(self.chosen))
         terms = self.data.table.terms
         self.path.append(
             SempStep(
-                added=terms[added],
-                pruned=tuple(terms[i] for i in pruned),
+                added=tuple(terms[i] for i in added if i not in old),
+                pruned=tuple(terms[i] for i in dict.fromkeys([*old, *added]) if i not in self.chosen),
                 terms=tuple(terms[i] for i in self.chosen),
                 srr=srr,
                 msse=float(self.errors.sum()) / self.data.n_samples * self.data.output_scale**2,
@@ -245,80 +266,120 @@ class _Search:
         )
         return True
 
-    def _add(self) -> int | None:
-        """Add the candidate whose model simulates best; return it, or None."""
+    def _add(self) -> bool:
+        """Add the candidate whose model simulates best."""
+        if len(self.chosen) >= self.settings.max_terms:
+            return False
         models = self.regression.larger(self.chosen)
-        if self.chosen:
-            models = models.only(models.f_ratio >= self._critical(models))
-        models, errors = self._simulated(models)
-        if not models.candidate.size:
-            return None
-        totals = errors.sum(axis=1)
-        first = int(np.argmin(totals))
-        equal = ~self._worse(errors, errors[first])
-        if self.chosen:
-            equal &= ~self._worse(errors, self.best) & (totals != self.errors.sum())
-        if not equal.any():
-            return None
-        choice = int(np.argmax(np.where(equal, models.f_ratio, -1.0)))
-        threshold = self.settings.threshold
-        if self.chosen and threshold is not None and self.errors.sum() - totals[choice] < threshold * self.power:
-            return None
-        self._take(models, errors, choice)
-        return int(models.candidate[choice])
+        if not self.chosen:
+            models, errors = self._simulated(models)
+            sound = errors.sum(axis=1) < self.power
+            return self._take_best(models, errors, sound if sound.any() else ~sound)
+        models, errors = self._simulated(models.only(models.f_ratio >= self._critical(models.freedom)))
+        enough = self._as_good(errors)
+        if self.settings.threshold is not None:
+            enough &= self.errors.sum() - errors.sum(axis=1) >= self.settings.threshold * self.power
+        return self._take_best(models, errors, enough)
 
-    def _prune(self, before: Array) -> list[int]:
-        """Take out terms that are idle, or without which the model simulates better than before; return them."""
-        pruned: list[int] = []
+    def _exchange(self) -> bool:
+        """Exchange a term for a candidate, to simulate better, or as well with a smaller one-step error."""
+        if not self.chosen or self.exchanges >= self.settings.max_exchanges:
+            return False
+        self.exchanges += 1
+        models = self.regression.exchanged(self.chosen)
+        models, errors = self._simulated(models.only(models.f_ratio >= self._critical(models.freedom)))
+        closer = self._as_good(errors) & (models.squares < self.squares)
+        return self._take_best(models, errors, closer | self._worse(self.errors, errors))
+
+    def _restart(self) -> bool:
+        """Go on from the model of forward regression that simulates best, if it does so better than the present one."""
+        if not self.settings.max_exchanges or self.restarted:
+            return False
+        self.restarted = True
+        steps = forward_selection(self.regression.rows.copy(), self.regression.target, self.settings.max_terms)
+        order: list[int] = []
+        best, best_errors, left = order, np.array([np.inf]), self.power
+        for step in steps:
+            freedom = self.data.n_samples - len(order) - 1
+            if (left - step.residual) * freedom < self._critical(freedom) * step.residual:
+                break
+            order, left = [*order, step.candidate], step.residual
+            theta, _ = self.regression.fit(order)
+            (errors,) = self._errors(np.array([order]), theta[None])
+            if errors.sum() < best_errors.sum():
+                best, best_errors = order, errors
+        if not best or frozenset(best) in self.seen or not self._worse(self.errors, best_errors):
+            return False
+        self.chosen, self.errors, self.squares = best, best_errors, self.regression.fit(best)[1]
+        return True
+
+    def _prune(self, rival: Array) -> None:
+        """Take out terms that are idle, or without which the model simulates better than a rival, that before."""
         while len(self.chosen) > 1:
             models, errors = self._simulated(self.regression.smaller(self.chosen))
-            new = np.array([frozenset(chosen.tolist()) not in self.seen for chosen in models.chosen], dtype=bool)
-            idle = new & (models.f_ratio < self._critical(models)) & ~self._worse(errors, self.best)
-            better = new & self._worse(before, errors)
+            idle = (models.f_ratio < self._critical(models.freedom)) & self._as_good(errors)
+            better = self._worse(rival, errors)
             if idle.any():
-                choice = int(np.argmin(np.where(idle, models.f_ratio, np.inf)))
+                self._take(models, errors, int(np.argmin(np.where(idle, models.f_ratio, np.inf))))
             elif better.any():
-                choice = int(np.argmin(np.where(better, errors.sum(axis=1), np.inf)))
+                self._take(models, errors, int(np.argmin(np.where(better, errors.sum(axis=1), np.inf))))
             else:
-                break
-            pruned.append(int(models.candidate[choice]))
-            self._take(models, errors, choice)
-        return pruned
+                return
+
+    def _take_best(self, models: Neighbours, errors: Array, allowed: Booleans) -> bool:
+        """Go on to the model that simulates best, of equally good ones to that with the least one-step error."""
+        if not allowed.any():
+            return False
+        totals = np.where(allowed, errors.sum(axis=1), np.inf)
+        equal = allowed & ~self._worse(errors, errors[np.argmin(totals)])
+        self._take(models, errors, int(np.argmin(np.where(equal, models.squares, np.inf))))
+        return True
 
     def _take(self, models: Neighbours, errors: Array, choice: int) -> None:
         """Go on to one of the models."""
         self.chosen = models.chosen[choice].tolist()
-        if len(self.best) != errors.shape[1] or errors[choice].sum() < self.best.sum():
-            self.best = errors[choice]
         self.errors = errors[choice]
+        self.squares = float(models.squares[choice])
 
     def _simulated(self, models: Neighbours) -> tuple[Neighbours, Array]:
-        """Run models free; return those that do not diverge, and their errors, shape (n_models, n_sections)."""
-        errors = np.concatenate(
-            [
-                march.squared_errors(models.chosen, models.theta, limit=_DIVERGED, sections=sections)
-                for march, sections in zip(self.marches, self.sections, strict=True)
-            ],
-            axis=1,
-        )
-        finite = np.isfinite(errors).all(axis=1)
+        """Run new models free; return those that do not diverge, and their errors, shape (n_models, n_sections)."""
+        if models.chosen.shape[1] in map(len, self.seen):
+            new = [frozenset(chosen) not in self.seen for chosen in models.chosen.tolist()]
+            models = models.only(np.array(new, dtype=bool))
+        errors = self._errors(models.chosen, models.theta)
+        finite: Booleans = np.isfinite(errors.sum(axis=1))
         return models.only(finite), errors[finite]
 
-    def _worse(self, errors: Array, than: Array) -> NDArray[np.bool_]:
+    def _errors(self, chosen: NDArray[np.int64], theta: Array) -> Array:
+        """Run models free; return their errors, shape (n_models, n_sections)."""
+        runs = zip(self.marches, self.sections.tolist(), strict=True)
+        return np.concatenate(
+            [march.squared_errors(chosen, theta, limit=_DIVERGED, sections=sections) for march, sections in runs],
+            axis=1,
+        )
+
+    def _as_good(self, errors: Array) -> Booleans:
+        """Whether errors are not larger than those of the present model, nor than those of no model.
+
+        The test finds nothing in a run that goes wild in one section alone; such a run is worse than none.
+        """
+        return ~self._worse(errors, self.errors) & (errors.sum(axis=1) < self.power)
+
+    def _worse(self, errors: Array, than: Array) -> Booleans:
         """Whether errors are larger, by a paired t test over the sections."""
-        from scipy import stats
+        from scipy.special import stdtrit
 
         difference = errors - than
         n = difference.shape[-1]
         spread = difference.std(axis=-1, ddof=1) / np.sqrt(n)
-        worse: NDArray[np.bool_] = difference.mean(axis=-1) > stats.t.isf(self.settings.level, n - 1) * spread
+        worse: Booleans = difference.mean(axis=-1) > -stdtrit(n - 1, self.settings.level) * spread
         return worse
 
-    def _critical(self, models: Neighbours) -> float:
+    def _critical(self, freedom: int) -> float:
         """Return the F ratio that the best of the false candidates exceeds with the given probability."""
-        from scipy import stats
+        from scipy.special import stdtrit
 
         if self.settings.significance is None:
             return 0.0
-        competing = len(self.regression.rows) - (self.regression.n_samples - models.freedom - 1)
-        return float(stats.f.isf(self.settings.significance / competing, 1, models.freedom))
+        competing = len(self.regression.rows) - (self.data.n_samples - freedom - 1)
+        return float(stdtrit(freedom, self.settings.significance / competing / 2)) ** 2  # F of 1 and n is t^2 of n

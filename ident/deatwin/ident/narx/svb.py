@@ -2,19 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.narx.bayes import Posterior, Priors, Statistics, fit_relevance
-from deatwin.ident.narx.identifier import NarxIdentifier, Progress
+from deatwin.ident.narx.bayes import Priors, RelevanceFit, Statistics, fit_relevance
+from deatwin.ident.narx.evidence import Move, climb, log_odds
+from deatwin.ident.narx.identifier import FitStatus, NarxIdentifier, Progress
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.regression import Regression
+from deatwin.ident.narx.svb_plots import draw_bounds, draw_relevance
 from deatwin.ident.narx.terms import Lags, Rule, Term
-from deatwin.plant.errors import ModelError
+from deatwin.plant.errors import ModelError, nearest
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["CleanUpMove", "PruningStep", "SvbNarx"]
 
 Array = NDArray[np.float64]
+
+_CLEAN_UPS = ("none", "evidence")
+_PRUNING = 0.9  # share of the progress that is pruning where a clean-up follows
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -30,7 +42,7 @@ class PruningStep:
     relevance : ndarray, shape (n_terms,)
         1 / E[alpha] of each, for regressors of root mean square about 1.
     threshold : float
-        Terms whose relevance lies below are pruned next.
+        Terms whose relevance does not exceed it are pruned next.
     bounds : tuple of float
         Lower bound after each update.
     """
@@ -46,15 +58,58 @@ class PruningStep:
         """Converged lower bound in nats."""
         return self.bounds[-1]
 
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the relevance of each term, with the threshold and those that it prunes.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Where to draw; new axes otherwise.
+
+        Returns
+        -------
+        matplotlib Axes
+        """
+        return draw_relevance(self, ax)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CleanUpMove:
+    """One move of the clean-up.
+
+    Parameters
+    ----------
+    removed, added : Term or None
+        What it changed: one of them, or both for an exchange; None and None for the step where it began.
+    terms : tuple of Term
+        The terms after it.
+    log_odds : float
+        ln p(structure | y) after it, less that of the structure without any term, in nats.
+    """
+
+    removed: Term | None
+    added: Term | None
+    terms: tuple[Term, ...]
+    log_odds: float
+
 
 class SvbNarx(NarxIdentifier):
     """Sparse variational Bayesian NARX: relevance determination, pruning, choice by the largest lower bound.
 
     With ``y | theta, tau ~ N(Phi theta, 1/tau)``, ``theta | tau, alpha ~ N(0, 1/(tau alpha))`` and gamma
     priors, the variational posterior of all candidates is iterated to convergence; the terms with the least
-    relevance ``1/E[alpha]`` are pruned, those below ``min + (max - min)/resolution`` on a logarithmic scale;
-    and so on, each step starting from the last relevances, down to one term. The step with the largest lower
-    bound is the model (all models being equally probable beforehand).
+    relevance ``1/E[alpha]`` are pruned, those up to ``min + (max - min)/resolution`` on a logarithmic scale;
+    and so on down to one term. Each step starts afresh from the prior mean of the relevances, so that a term
+    that others stood in for gets its weight back once they are gone. The step with the largest lower bound is
+    the model (all models being equally probable beforehand). Candidates that are zero throughout take no part.
+
+    The bound does not count how many candidates compete: among hundreds, a false term raises it by chance now and
+    then. ``clean_up="evidence"``, which is not part of the published algorithm, goes on from
+    there: beginning with the most probable of the last steps, from the one of the largest bound on, it removes,
+    adds or exchanges one term at a time, always to the most probable structure, until no such move makes it more
+    probable. Structures are compared by their exact evidence under a unit-information prior and by a prior that
+    counts the candidates; see `deatwin.ident.narx.evidence`. The posterior of the parameters is the variational one
+    in either case.
 
     The priors have a size of their own, so that the choice depends on units and on the size of the
     regressors: small ones would be neither supported nor refused by the bound. Hence signals are divided by
@@ -68,7 +123,9 @@ class SvbNarx(NarxIdentifier):
     degree : int
         Largest degree of a candidate.
     rule : callable, optional
-        Takes a `Term` and says whether it is a candidate; see `deatwin.ident.narx.rules`.
+        Takes a `Term` and says whether it is a candidate.
+    clean_up : str
+        "none" for the published algorithm, "evidence" for the clean-up after it.
     resolution : float
         The larger, the fewer terms a step prunes; above 1.
     a0, b0, c0, d0 : float
@@ -92,6 +149,8 @@ class SvbNarx(NarxIdentifier):
         1 / E[alpha] of its terms, in the scaling above.
     path_ : tuple of PruningStep
         All steps, from all candidates down to one term.
+    moves_ : tuple of CleanUpMove
+        Of the clean-up, from where it began; empty without one.
 
     References
     ----------
@@ -107,6 +166,7 @@ class SvbNarx(NarxIdentifier):
         input_lags: Lags = 2,
         degree: int = 2,
         rule: Rule | None = None,
+        clean_up: str = "none",
         resolution: float = 100.0,
         a0: float = 1e-2,
         b0: float = 1e-4,
@@ -119,6 +179,7 @@ class SvbNarx(NarxIdentifier):
         self.input_lags = input_lags
         self.degree = degree
         self.rule = rule
+        self.clean_up = clean_up
         self.resolution = resolution
         self.a0 = a0
         self.b0 = b0
@@ -128,64 +189,128 @@ class SvbNarx(NarxIdentifier):
         self.max_iterations = max_iterations
 
     def _check(self) -> None:
-        if self.resolution <= 1 or self.max_iterations < 1 or min(self.a0, self.b0, self.c0, self.d0) <= 0:
+        if self.clean_up not in _CLEAN_UPS:
             raise ModelError(
-                "resolution must be above 1, max_iterations at least 1 and a0, b0, c0, d0 positive"
+                f"clean_up = {self.clean_up!r}{nearest(self.clean_up, _CLEAN_UPS)}; known are {', '.join(_CLEAN_UPS)}"
             )
+        if self.resolution <= 1 or self.max_iterations < 1 or min(self.a0, self.b0, self.c0, self.d0) <= 0:
+            raise ModelError("resolution must be above 1, max_iterations at least 1 and a0, b0, c0, d0 positive")
 
     def _learn(self, data: Regression, progress: Progress) -> NarxModel:
         if data.n_samples < 3:
             raise ModelError(f"{data.n_samples} usable samples are too few; at least 3 are needed")
         gram, moment, power = data.gram()
         statistics = Statistics(gram=gram, moment=moment, power=power, n_samples=data.n_samples)
+        if not gram.any():
+            raise ModelError("every candidate is zero throughout the recordings: there is nothing to choose from")
         sizes = statistics.sizes
-        steps, best = self._prune(data, statistics.divided(sizes))
-        self.path_ = tuple(steps)
-        chosen = max(steps, key=lambda step: step.lower_bound)
-        self.lower_bound_ = chosen.lower_bound
-        self.relevance_ = chosen.relevance
-        sizes = sizes[chosen.indices]
-        model = data.only(chosen.indices).model(
-            best.mean / sizes,
-            best.covariance / np.outer(sizes, sizes),
-            best.noise_variance,
+        statistics = statistics.divided(sizes)
+        self.path_ = self._pruned(data, statistics, progress)
+        best = max(range(len(self.path_)), key=lambda s: self.path_[s].lower_bound)
+        chosen = self.path_[best].indices
+        moves: list[Move] = []
+        if self.clean_up == "evidence" and self.status_.ok:
+            moves = self._climbed(statistics, self.path_[best:], progress)
+            chosen = moves[-1].chosen if moves else chosen
+        self.moves_ = tuple(_in_terms(move, data.table.terms) for move in moves)
+        fit = self._fit(statistics.only(chosen))
+        self.lower_bound_, self.relevance_ = fit.bounds[-1], 1 / fit.alpha
+        found, scales = fit.posterior, sizes[chosen]
+        model = data.only(chosen).model(
+            found.mean / scales,
+            found.covariance / np.outer(scales, scales),
+            found.noise_variance,
             identifier=self,
-            theta_dof=2 * best.a,
+            theta_dof=2 * found.a,
         )
         self.terms_ = model.terms
+        progress(1.0, f"{len(model.terms)} terms, lower bound {self.lower_bound_:.6g}")
         return model
 
-    def _prune(self, data: Regression, statistics: Statistics) -> tuple[list[PruningStep], Posterior]:
-        """Fit and prune down to one term; return all steps and the posterior of the best."""
-        priors = Priors(a0=self.a0, b0=self.b0, c0=self.c0, d0=self.d0)
-        indices = np.arange(statistics.moment.size)
-        alpha = np.full(indices.size, priors.c0 / priors.d0)
+    def _pruned(self, data: Regression, statistics: Statistics, progress: Progress) -> tuple[PruningStep, ...]:
+        """Return the steps of the pruning; an interrupt keeps those that are done."""
         steps: list[PruningStep] = []
-        best: Posterior | None = None
+        candidates = statistics.moment.size
+        part = _PRUNING if self.clean_up == "evidence" else 1.0
+        try:
+            for step in self._steps(data, statistics):
+                steps.append(step)
+                left = step.indices.size
+                # A fit costs the cube of its terms.
+                progress(part * (1 - (left / candidates) ** 3), f"{left} terms, lower bound {step.lower_bound:.6g}")
+        except KeyboardInterrupt:
+            if not steps:
+                raise
+            self.status_ = FitStatus.INTERRUPTED
+        return tuple(steps)
+
+    def _steps(self, data: Regression, statistics: Statistics) -> Iterator[PruningStep]:
+        """Fit and prune down to one term."""
+        indices = np.flatnonzero(np.diag(statistics.gram))
         while True:
-            fit = fit_relevance(
-                statistics.only(indices),
-                priors,
-                alpha,
-                tolerance=self.tolerance,
-                max_iterations=self.max_iterations,
-            )
-            if best is None or fit.bounds[-1] > max(step.lower_bound for step in steps):
-                best = fit.posterior
+            fit = self._fit(statistics.only(indices))
             scale = -np.log(fit.alpha)
             threshold = scale.min() + (scale.max() - scale.min()) / self.resolution
-            steps.append(
-                PruningStep(
-                    terms=tuple(data.table.terms[i] for i in indices),
-                    indices=indices,
-                    relevance=1 / fit.alpha,
-                    threshold=float(np.exp(threshold)),
-                    bounds=fit.bounds,
-                )
+            yield PruningStep(
+                terms=tuple(data.table.terms[i] for i in indices),
+                indices=indices,
+                relevance=1 / fit.alpha,
+                threshold=float(np.exp(threshold)),
+                bounds=fit.bounds,
             )
             if indices.size == 1:
-                return steps, best
+                return
             keep = scale > threshold
             if not keep.any():  # all equally relevant: still one must go
                 keep[1:] = True
-            indices, alpha = indices[keep], fit.alpha[keep]
+            indices = indices[keep]
+
+    def _fit(self, statistics: Statistics) -> RelevanceFit:
+        """Infer the posterior of some terms, starting from the prior."""
+        priors = Priors(a0=self.a0, b0=self.b0, c0=self.c0, d0=self.d0)
+        return fit_relevance(
+            statistics,
+            priors,
+            np.full(statistics.moment.size, priors.c0 / priors.d0),
+            tolerance=self.tolerance,
+            max_iterations=self.max_iterations,
+        )
+
+    def _climbed(self, statistics: Statistics, steps: Sequence[PruningStep], progress: Progress) -> list[Move]:
+        """Return the moves from the most probable of some steps; an interrupt keeps those that are done."""
+        moves: list[Move] = []
+        try:
+            start = max((step.indices for step in steps), key=lambda indices: log_odds(statistics, indices))
+            for move in climb(statistics, start):
+                moves.append(move)
+                share = 1 - (1 - _PRUNING) / (len(moves) + 1)  # nobody knows how many moves there will be
+                progress(share, f"clean-up: {move.chosen.size} terms, log-odds {move.log_odds:.6g}")
+        except KeyboardInterrupt:
+            self.status_ = FitStatus.INTERRUPTED
+        return moves
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the lower bound over the pruning steps, with the largest marked.
+
+        The other pictures are in `deatwin.ident.narx.svb_plots`.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Where to draw; new axes otherwise.
+
+        Returns
+        -------
+        matplotlib Axes
+        """
+        return draw_bounds(self.path_, ax)
+
+
+def _in_terms(move: Move, terms: tuple[Term, ...]) -> CleanUpMove:
+    """Return a move in terms instead of positions."""
+    return CleanUpMove(
+        removed=None if move.removed is None else terms[move.removed],
+        added=None if move.added is None else terms[move.added],
+        terms=tuple(terms[i] for i in move.chosen),
+        log_odds=move.log_odds,
+    )

@@ -36,7 +36,6 @@ LOOPS = ("-O3",)
 THIS_PROCESSOR = "-march=native"
 WIDE_VECTORS = "__AVX__"
 """What a compiler defines where its vectors hold four numbers or more: with less, functions in lanes gain nothing."""
-NO_COMPILER = "no C compiler found: simulations run about twenty times slower"
 SAID = "DEATWIN_SAID"
 """Environment variable that holds what was said once, so that worker processes do not say it again."""
 
@@ -92,7 +91,7 @@ def compile_functions(
     """
     program = compiler()
     if program is None:
-        _say_once(NO_COMPILER)
+        _say_once("no C compiler found: simulations run about twenty times slower")
         return dict(functions)
     renamed = {name: _named(name, function) for name, function in functions.items()}
     generator = ca.CodeGenerator("plant.c")
@@ -126,14 +125,15 @@ def compile_source(source: str) -> Path | None:
     """
     program = compiler()
     if program is None:
-        _say_once(NO_COMPILER)
+        _say_once("no C compiler found: loops over samples run about a hundred times slower")
         return None
     try:
         target = _target(program)
         flags = (*target.flags, *LOOPS)
         return _library(source, replace(target, flags=flags, key="\0".join((target.key, *LOOPS))))
     except (OSError, subprocess.SubprocessError) as error:
-        _say_once(f"{program} could not compile a simulation ({error}): it runs about twenty times slower")
+        logger.debug("%s: %s", program, error)  # which names temporary files, each time others
+        _say_once(f"{program} could not compile a loop over samples: it runs about a hundred times slower")
         return None
 
 

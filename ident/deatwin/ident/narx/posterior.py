@@ -1,0 +1,212 @@
+"""The posterior law of a NARX model's parameters: intervals, densities, draws, and their export to ArviZ."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.narx.model import NarxModel
+from deatwin.plant.errors import ModelError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from matplotlib.axes import Axes
+
+__all__ = ["ThetaDraws", "ThetaPosterior", "covariance_root", "quantile"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ThetaDraws:
+    """Joint draws of parameters and noise.
+
+    Parameters
+    ----------
+    theta : ndarray, shape (n_draws, n_terms)
+        Parameters in SI units.
+    noise_variance : ndarray, shape (n_draws, n_outputs)
+        Variances of e(k), squares of the outputs' units.
+    """
+
+    theta: Array
+    noise_variance: Array
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ThetaPosterior:
+    """The posterior of a model's parameters: Student-t, or normal where the model's degrees of freedom are infinite.
+
+    It is the marginal law of ``theta | tau ~ N(mean, V/tau)``, ``tau ~ Gam(a, b)``, with 2a degrees of freedom, of
+    which a model keeps ``V b/(a - 1)`` as covariance and ``b/(a - 1)`` as noise variance. Each equation has its own
+    tau.
+
+    Parameters
+    ----------
+    model : NarxModel
+        Whose parameters they are.
+    """
+
+    model: NarxModel
+
+    @property
+    def scale(self) -> Array:
+        """Scale of each parameter's law, shape (n_terms,); the standard deviation where that is normal."""
+        dof = self.model.theta_dof
+        shrink = 1.0 if math.isinf(dof) else (dof - 2) / dof
+        return np.asarray(np.sqrt(shrink * np.diag(self.model.theta_cov)))
+
+    def interval(self, level: float = 0.95) -> Array:
+        """Return the central interval of each parameter.
+
+        Parameters
+        ----------
+        level : float
+            Its probability, between 0 and 1.
+
+        Returns
+        -------
+        ndarray, shape (n_terms, 2)
+            Lower and upper ends in SI units.
+
+        Raises
+        ------
+        ModelError
+            If the level lies outside 0 to 1.
+        """
+        half = quantile(level, self.model.theta_dof) * self.scale
+        return np.column_stack([self.model.theta - half, self.model.theta + half])
+
+    def density(self, term: int, values: Array) -> Array:
+        """Return the marginal density of one parameter.
+
+        Parameters
+        ----------
+        term : int
+            Position of the term in the model.
+        values : ndarray
+            Values of the parameter in SI units.
+
+        Returns
+        -------
+        ndarray
+            Density, of the shape of ``values``.
+        """
+        from scipy import stats
+
+        law = stats.norm if math.isinf(self.model.theta_dof) else stats.t(self.model.theta_dof)
+        scale = self.scale[term]
+        return np.asarray(law.pdf((values - self.model.theta[term]) / scale) / scale)
+
+    def sample(self, rng: np.random.Generator, n_draws: int) -> ThetaDraws:
+        """Draw parameters and noise variances together.
+
+        Parameters
+        ----------
+        rng : numpy.random.Generator
+            Of the draws.
+        n_draws : int
+            How many.
+
+        Returns
+        -------
+        ThetaDraws
+        """
+        model = self.model
+        # (1/tau) / E[1/tau]: inverse gamma of mean 1
+        if math.isinf(model.theta_dof):
+            ratio = np.ones((n_draws, model.n_outputs))
+        else:
+            a = model.theta_dof / 2
+            ratio = (a - 1) / rng.gamma(a, size=(n_draws, model.n_outputs))
+        normal = rng.standard_normal((n_draws, model.theta.size)) @ covariance_root(model.theta_cov).T
+        return ThetaDraws(
+            theta=model.theta + normal * np.sqrt(ratio[:, list(model.equations)]),
+            noise_variance=ratio * np.atleast_1d(model.noise_variance),
+        )
+
+    def plot(
+        self, axes: Sequence[Axes] | None = None, *, truth: Array | None = None, level: float = 0.95
+    ) -> list[Axes]:
+        """Draw the marginal density of each parameter.
+
+        Parameters
+        ----------
+        axes : sequence of matplotlib Axes, optional
+            One for each term; new ones otherwise.
+        truth : ndarray, shape (n_terms,), optional
+            True values, where they are known.
+        level : float
+            Probability of the interval.
+
+        Returns
+        -------
+        list of matplotlib Axes
+        """
+        from deatwin.ident.narx.svb_plots import draw_densities
+
+        return draw_densities(self, axes, truth, level)
+
+    def to_arviz(self, rng: np.random.Generator, **options: Any) -> Any:
+        """Return draws as ArviZ knows them; see `deatwin.ident.narx.arviz_export.to_arviz`.
+
+        Parameters
+        ----------
+        rng : numpy.random.Generator
+            Of the draws.
+        **options
+            ``recording``, ``n_chains``, ``n_draws``.
+
+        Returns
+        -------
+        arviz.InferenceData, or xarray.DataTree from ArviZ 1 on
+        """
+        from deatwin.ident.narx.arviz_export import to_arviz
+
+        return to_arviz(self.model, rng, **options)
+
+
+def quantile(level: float, dof: float) -> float:
+    """Return the half width, in scales, of the central interval of a Student-t or normal law.
+
+    Parameters
+    ----------
+    level : float
+        Its probability.
+    dof : float
+        Degrees of freedom; infinite for a normal law.
+
+    Raises
+    ------
+    ModelError
+        If the level lies outside 0 to 1.
+    """
+    from scipy import special
+
+    if not 0 < level < 1:
+        raise ModelError(f"level = {level}; it must lie between 0 and 1")
+    share = (1 + level) / 2
+    return float(special.ndtri(share) if math.isinf(dof) else special.stdtrit(dof, share))
+
+
+def covariance_root(covariance: Array) -> Array:
+    """Return R with R R' = covariance, also of a singular one.
+
+    Parameters
+    ----------
+    covariance : ndarray, shape (n, n)
+        Positive semidefinite.
+
+    Returns
+    -------
+    ndarray, shape (n, n)
+    """
+    sizes = np.sqrt(np.diag(covariance))
+    divisors = np.where(sizes > 0, sizes, 1.0)
+    values, vectors = np.linalg.eigh(covariance / np.outer(divisors, divisors))
+    return np.asarray(divisors[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))

@@ -1,0 +1,270 @@
+"""Posterior predictive bands of a NARX model, one step ahead and in free run: noise and uncertain parameters."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import Enum
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.narx.free_run import March
+from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.posterior import ThetaPosterior, quantile
+from deatwin.ident.narx.response import divergence_limit
+from deatwin.plant.drawing import axes_or_new
+from deatwin.plant.errors import ModelError
+from deatwin.plant.recording import Recording
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["BandStatus", "PredictiveBand", "free_run_band", "one_step_band", "regressors"]
+
+Array = NDArray[np.float64]
+
+_CHUNK = 4096  # samples whose quantiles are taken at once
+
+
+class BandStatus(Enum):
+    """Whether a band holds; the value is the advice."""
+
+    OK = "done"
+    DIVERGED = (
+        "some draws of the posterior diverged in free run and were left out, so that the band is too narrow: "
+        "stay within the operating range of the model, or learn from more data"
+    )
+
+    @property
+    def ok(self) -> bool:
+        """Whether every draw is in the band."""
+        return self is BandStatus.OK
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PredictiveBand:
+    """Where a new measurement lies with a given probability, sample by sample.
+
+    Parameters
+    ----------
+    outputs : ndarray, shape (n_outputs, n)
+        Middle of the band in the recording's units: the mean one step ahead, the median in free run. The
+        samples before ``first`` are the measured ones.
+    lower, upper : ndarray, shape (n_outputs, n)
+        Its ends.
+    level : float
+        Probability between them, at each sample by itself.
+    measured : ndarray, shape (n_outputs, n)
+        The recording's outputs.
+    timepts : ndarray, shape (n,)
+        Times of the samples on the recording's clock in s.
+    first : int
+        The first computed sample.
+    units : tuple of str
+        Unit of each output.
+    draws, diverged : int
+        Draws of the posterior that were run free, and how many of them diverged; 0 one step ahead.
+    """
+
+    outputs: Array
+    lower: Array
+    upper: Array
+    level: float
+    measured: Array
+    timepts: Array
+    first: int
+    units: tuple[str, ...]
+    draws: int = 0
+    diverged: int = 0
+
+    @property
+    def status(self) -> BandStatus:
+        """Whether every draw is in the band."""
+        return BandStatus.DIVERGED if self.diverged else BandStatus.OK
+
+    @property
+    def coverage(self) -> Array:
+        """Share of the measured samples that lie in the band, shape (n_outputs,)."""
+        inside = (self.lower <= self.measured) & (self.measured <= self.upper)
+        return np.asarray(inside[:, self.first :].mean(axis=1), dtype=np.float64)
+
+    def plot(self, ax: Axes | None = None, *, output: int = 0) -> Axes:
+        """Draw the band over time, with its middle and the measured output.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Where to draw; new axes otherwise.
+        output : int
+            Row of the output.
+
+        Returns
+        -------
+        matplotlib Axes
+        """
+        axes = axes_or_new(ax)
+        axes.fill_between(
+            self.timepts, self.lower[output], self.upper[output],
+            color="C1", alpha=0.35, linewidth=0, label=f"{100 * self.level:g} % band",
+        )  # fmt: skip
+        axes.plot(self.timepts, self.outputs[output], color="C1", label="model")
+        axes.plot(self.timepts, self.measured[output], color="C0", linewidth=0.8, label="measured")
+        unit = self.units[output]
+        axes.set_xlabel("time (s)")
+        axes.set_ylabel(f"output ({unit})" if unit else "output")
+        axes.legend()
+        return axes
+
+
+def one_step_band(model: NarxModel, recording: Recording, *, level: float = 0.95) -> PredictiveBand:
+    """Return the band of the next measurement, given the measured past.
+
+    It is exact for terms without noise: the next output is Student-t about phi'theta with the squared scale
+    b/a (1 + phi'V phi) and 2a degrees of freedom. Where terms hold noise, the innovations of the mean model
+    stand for it.
+
+    Parameters
+    ----------
+    model : NarxModel
+        With its covariance, degrees of freedom and noise variance.
+    recording : Recording
+        Measured inputs and outputs, in the model's units.
+    level : float
+        Probability of the band, between 0 and 1.
+
+    Returns
+    -------
+    PredictiveBand
+
+    Raises
+    ------
+    ModelError
+        If the recording does not suit the model, or the level lies outside 0 to 1.
+    """
+    half_width = quantile(level, model.theta_dof)
+    response = model.predict(recording)
+    rows, first = regressors(model, recording), response.first
+    belongs = np.array(model.equations)
+    shrink = 1.0 if math.isinf(model.theta_dof) else (model.theta_dof - 2) / model.theta_dof
+    half = np.zeros_like(response.outputs)
+    for row, noise in enumerate(np.atleast_1d(model.noise_variance)):
+        own = belongs == row
+        phi, cov = rows[own], model.theta_cov[np.ix_(own, own)]
+        uncertain = np.einsum("ik,ik->k", phi, cov @ phi)
+        half[row, first:] = half_width * np.sqrt(shrink * (noise + uncertain))
+    return _band(model, recording, response.outputs, response.outputs - half, response.outputs + half, level)
+
+
+def free_run_band(
+    model: NarxModel, recording: Recording, rng: np.random.Generator, *, n_draws: int = 400, level: float = 0.95
+) -> PredictiveBand:
+    """Return the band of measurements over a free run from the first lags.
+
+    Parameters and noise variance are drawn from the posterior, once for each run, and noise at each sample;
+    the noise enters the equation, so that it goes on through the past outputs. The ends are quantiles of the
+    runs.
+
+    Parameters
+    ----------
+    model : NarxModel
+        With its covariance, degrees of freedom and noise variance.
+    recording : Recording
+        Inputs, and outputs of which the first ``model.table.max_lag`` samples start the runs, in the model's
+        units.
+    rng : numpy.random.Generator
+        Of the draws.
+    n_draws : int
+        How many runs.
+    level : float
+        Probability of the band, between 0 and 1.
+
+    Returns
+    -------
+    PredictiveBand
+        ``.status`` says if draws diverged; they are left out.
+
+    Raises
+    ------
+    ModelError
+        If the recording does not suit the model, the level lies outside 0 to 1, there are fewer than 2 draws,
+        or all of them diverge.
+    """
+    tail = (1 - level) / 2
+    quantile(level, math.inf)  # refuses what is no level
+    if n_draws < 2:
+        raise ModelError(f"n_draws = {n_draws}; a band needs at least 2 runs")
+    runs = _runs(model, recording, rng, n_draws)
+    if not runs:
+        raise ModelError(f"all {n_draws} draws of the posterior diverged in free run: there is no band")
+    stack = np.stack(runs)
+    ends = np.empty((3, *stack.shape[1:]))
+    for start in range(0, stack.shape[2], _CHUNK):
+        part = slice(start, start + _CHUNK)
+        ends[..., part] = np.quantile(stack[..., part], [tail, 0.5, 1 - tail], axis=0)
+    lower, middle, upper = ends
+    return _band(model, recording, middle, lower, upper, level, draws=n_draws, diverged=n_draws - len(runs))
+
+
+def _runs(model: NarxModel, recording: Recording, rng: np.random.Generator, n_draws: int) -> list[Array]:
+    """Return noisy free runs of draws from the posterior, each of shape (n_outputs, n), without the diverged."""
+    first = model.simulate(recording).first  # and checks that the recording suits
+    limit = divergence_limit(model.operating, recording.outputs)
+    draws = ThetaPosterior(model=model).sample(rng, n_draws)
+    runs = []
+    for theta, variance in zip(draws.theta, draws.noise_variance, strict=True):
+        noise = np.sqrt(variance)[:, None] * rng.standard_normal(recording.outputs.shape)
+        march = March.of(
+            model.terms, {"u": recording.inputs, "e": noise}, "y", recording.outputs,
+            first=first, equations=model.equations,
+        )  # fmt: skip
+        run, failed = march.run(theta, limit=limit, base=noise)
+        if failed is None:
+            runs.append(run)
+    return runs
+
+
+def regressors(model: NarxModel, recording: Recording) -> Array:
+    """Return the terms of a model over a recording.
+
+    Parameters
+    ----------
+    model : NarxModel
+        Whose terms.
+    recording : Recording
+        Measured inputs and outputs, in the model's units.
+
+    Returns
+    -------
+    ndarray, shape (n_terms, n - max_lag)
+        From the first sample that the lags allow; where terms hold noise, with the model's innovations.
+    """
+    noise = recording.outputs - model.predict(recording).outputs if model.table.channels("e") else None
+    return model.table.rows(recording.inputs, recording.outputs, model.table.max_lag, recording.n_samples, noise)
+
+
+def _band(
+    model: NarxModel,
+    recording: Recording,
+    middle: Array,
+    lower: Array,
+    upper: Array,
+    level: float,
+    draws: int = 0,
+    diverged: int = 0,
+) -> PredictiveBand:
+    for values in (middle, lower, upper):
+        values.setflags(write=False)
+    return PredictiveBand(
+        outputs=middle,
+        lower=lower,
+        upper=upper,
+        level=level,
+        measured=recording.outputs,
+        timepts=recording.timepts,
+        first=model.table.max_lag,
+        units=model.output_units,
+        draws=draws,
+        diverged=diverged,
+    )

@@ -1,0 +1,350 @@
+"""Models of least free-run error: their parameters by exact sensitivities, terms added and taken out one by one.
+
+>>> import numpy as np
+>>> from deatwin.ident.narx import Frols, NarxModel, Recording
+>>> plant = NarxModel.from_terms({"y(k-1)": 0.8, "u(k-1)": 0.5, "y(k-1)^3": -0.1}, sample_time=1.0)
+>>> rng = np.random.default_rng(0)
+>>> u = rng.normal(size=2000)
+>>> y = plant.simulate(Recording.from_arrays(u, 0 * u, 1.0)).outputs[0] + 0.2 * rng.normal(size=2000)
+>>> noisy = Recording.from_arrays(u, y, 1.0)
+>>> found = Frols(output_lags=1, input_lags=1, degree=3, max_terms=3).fit(noisy).model_
+>>> for model in (found, refine(found, noisy)):
+...     print(round(dict(zip(map(str, model.terms), model.theta))["y(k-1)"], 1))
+0.7
+0.8
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.regression import Recordings, flatten
+from deatwin.ident.narx.terms import Term, TermTable, Variable
+from deatwin.plant.errors import ModelError
+from deatwin.plant.recording import Recording
+
+__all__ = ["extend", "prune", "refine", "sensitivities"]
+
+Array = NDArray[np.float64]
+Progress = Callable[[float, str], None]
+
+# A candidate whose response has lost this share of its square to those of the terms follows from them.
+_DEPENDENT = 1e-10
+
+
+def refine(
+    model: NarxModel,
+    recordings: Recordings,
+    *,
+    tolerance: float = 1e-8,
+    max_steps: int = 50,
+    progress: Progress | None = None,
+) -> NarxModel:
+    """Return the model with the parameters of least free-run error; its terms stay.
+
+    Where the noise is on the readings and not in the dynamics, least squares of the one-step error is biased, and
+    that of the free-run error is the maximum-likelihood estimate (output error). The search starts from the model's
+    parameters and never leaves them for worse ones; interrupted, it keeps the best so far.
+
+    Parameters
+    ----------
+    model : NarxModel
+        Of one output and without noise terms; its free run must not diverge on the recordings.
+    recordings : Recording, Experiment, or several
+        Training data; each run starts with the measured first lags of its recording.
+    tolerance : float
+        The search ends when a step lowers the sum of squares by less than this share.
+    max_steps : int
+        Largest number of evaluations of the free run.
+    progress : callable, optional
+        Takes the share that is done (of `max_steps`) and what is being done.
+
+    Returns
+    -------
+    NarxModel
+        ``theta_cov`` is ``sigma^2 (S'S)^-1``, with the sensitivities S and the variance sigma^2 of the free-run
+        error: right where that error is white. ``noise_variance`` is that of the one-step error, as everywhere.
+
+    Raises
+    ------
+    ModelError
+        If the model has several outputs or noise terms, or its free run diverges.
+
+    References
+    ----------
+    Ljung, "System Identification: Theory for the User", 2nd ed. (1999), sections 4.2 and 10.3.
+    """
+    from scipy.optimize import least_squares
+
+    chosen = flatten(recordings)
+    search = _Search(model, chosen, max_steps, progress)
+    with suppress(KeyboardInterrupt):
+        least_squares(
+            search.errors, model.theta, search.jacobian, x_scale="jac", ftol=tolerance, xtol=1e-12, gtol=1e-15,
+            max_nfev=max_steps,
+        )  # fmt: skip
+    return _refined(model, search.best, chosen)
+
+
+def extend(
+    model: NarxModel,
+    recordings: Recordings,
+    candidates: Iterable[Term],
+    *,
+    max_terms: int,
+    progress: Progress | None = None,
+) -> tuple[NarxModel, ...]:
+    """Add terms one by one, each the one that lowers the free-run error most, and refine after each.
+
+    What a candidate would take away is told to first order: its response to a small coefficient, orthogonalised against
+    the sensitivities of the parameters, is held against the free-run error. Simulation-error minimisation differs in
+    that it estimates parameters by the one-step error and runs every enlarged model. Interrupted, the path so far is
+    returned.
+
+    Parameters
+    ----------
+    model : NarxModel
+        To start from, as for `refine`; a linear one will do.
+    recordings : Recording, Experiment, or several
+        Training data.
+    candidates : iterable of Term
+        Those of the model among them are passed over.
+    max_terms : int
+        Of the last model.
+    progress : callable, optional
+        Takes the share that is done and what is being done.
+
+    Returns
+    -------
+    tuple of NarxModel
+        The refined start and each model after it, one term larger; fewer than wanted where no candidate is left.
+
+    Raises
+    ------
+    ModelError
+        If the model has several outputs or noise terms, or its free run diverges.
+    """
+    chosen = flatten(recordings)
+    left = [term for term in candidates if term not in model.terms]
+    path = [refine(model, chosen)]
+    with suppress(KeyboardInterrupt):
+        while left and len(path[-1].terms) < max_terms:
+            gains = _gains(path[-1], chosen, TermTable(tuple(left)))
+            best = int(np.argmax(gains))
+            if gains[best] <= 0:
+                break
+            path.append(refine(_with_term(path[-1], left.pop(best)), chosen))
+            if progress is not None:
+                done = len(path[-1].terms) - len(model.terms)
+                progress(done / max(max_terms - len(model.terms), 1), f"{len(path[-1].terms)} terms")
+    return tuple(path)
+
+
+def prune(
+    model: NarxModel, recordings: Recordings, *, n_terms: int, progress: Progress | None = None
+) -> tuple[NarxModel, ...]:
+    """Take terms out one by one, each the one that the free-run error misses least, and refine after each.
+
+    What the error would gain is told to first order, by the square of the parameter over its variance. To add more
+    terms than are wanted and to prune them back finds structures that adding alone passes by.
+
+    Parameters
+    ----------
+    model : NarxModel
+        To start from, as for `refine`.
+    recordings : Recording, Experiment, or several
+        Training data.
+    n_terms : int
+        Of the last model, at least 1.
+    progress : callable, optional
+        Takes the share that is done and what is being done.
+
+    Returns
+    -------
+    tuple of NarxModel
+        The refined start and each model after it, one term smaller; fewer than wanted where without any further term
+        the free run diverges.
+
+    Raises
+    ------
+    ModelError
+        If the model has several outputs or noise terms, or its free run diverges.
+    """
+    chosen = flatten(recordings)
+    path = [refine(model, chosen)]
+    with suppress(KeyboardInterrupt):
+        while len(path[-1].terms) > max(n_terms, 1):
+            smaller = _without_a_term(path[-1], chosen)
+            if smaller is None:
+                break
+            path.append(smaller)
+            if progress is not None:
+                done = len(model.terms) - len(smaller.terms)
+                progress(done / (len(model.terms) - n_terms), f"{len(smaller.terms)} terms")
+    return tuple(path)
+
+
+def _without_a_term(model: NarxModel, recordings: tuple[Recording, ...]) -> NarxModel | None:
+    """Return the refined model without its least useful term that it can do without; None if there is none."""
+    cov = model.theta_cov
+    for out in np.argsort(model.theta**2 / np.diag(cov)):
+        kept = np.delete(np.arange(model.theta.size), out)
+        theta = model.theta - cov[:, out] / cov[out, out] * model.theta[out]  # the best with that parameter at zero
+        smaller = replace(
+            model, terms=tuple(model.terms[i] for i in kept), theta=theta[kept], equations=(),
+            theta_cov=np.zeros((kept.size, kept.size)),
+        )  # fmt: skip
+        with suppress(ModelError):
+            return refine(smaller, recordings)
+    return None
+
+
+def _gains(model: NarxModel, recordings: tuple[Recording, ...], table: TermTable) -> Array:
+    """Return by how much each term lowers the sum of squares of the free-run error, to first order."""
+    n = len(model.terms)
+    both = TermTable(model.terms + table.terms)
+    gram, moment = np.zeros((len(both.terms),) * 2), np.zeros(len(both.terms))
+    for recording in recordings:
+        run = _run(model, recording)
+        responses = _responses(model, recording, run, both)
+        error = (recording.outputs[0] - run)[both.max_lag :]
+        gram += responses.T @ responses
+        moment += responses.T @ error
+    onto = np.linalg.lstsq(gram[:n, :n], gram[:n, n:], rcond=None)[0]
+    own = np.diag(gram)[n:]
+    free = own - np.einsum("ij,ij->j", onto, gram[:n, n:])
+    along = moment[n:] - onto.T @ moment[:n]
+    return np.divide(along**2, free, out=np.zeros(own.size), where=free > _DEPENDENT * own)
+
+
+def _with_term(model: NarxModel, term: Term) -> NarxModel:
+    size = len(model.terms) + 1
+    return replace(
+        model, terms=(*model.terms, term), theta=np.append(model.theta, 0.0), theta_cov=np.zeros((size, size)),
+        equations=(),
+    )  # fmt: skip
+
+
+def sensitivities(model: NarxModel, recording: Recording) -> Array:
+    """Return the derivatives of a free run by the parameters.
+
+    Of y(k) = f(y(k-1), ..; theta) follows s(k) = f_theta(k) + sum_l a_l(k) s(k-l) with the slopes a_l of f by
+    y(k-l) along the run, and no sensitivity before its start: a banded triangular system for all samples at once.
+
+    Parameters
+    ----------
+    model : NarxModel
+        Of one output and without noise terms.
+    recording : Recording
+        Its inputs and first lags make the run.
+
+    Returns
+    -------
+    ndarray, shape (n - first, n_terms)
+        For each computed sample, output's unit over that of the parameter.
+
+    Raises
+    ------
+    ModelError
+        If the model has several outputs or noise terms, or its free run diverges.
+    """
+    _require_simple(model)
+    return _responses(model, recording, _run(model, recording), model.table)
+
+
+def _responses(model: NarxModel, recording: Recording, run: Array, table: TermTable) -> Array:
+    """Return what small coefficients of terms, in the model or not, add to its run, shape (n - max_lag, n_terms)."""
+    from scipy.linalg.lapack import dtbtrs
+
+    first, n = max(model.table.max_lag, table.max_lag), recording.n_samples
+    lagged = [variable for variable in model.table.variables if variable.kind == "y"]
+    band = np.zeros((max((v.lag for v in lagged), default=0) + 1, n - first))
+    band[0] = 1.0
+    for variable in lagged:
+        terms, weights = _derivative(model, variable)
+        slope = weights @ TermTable(terms).rows(recording.inputs, run[None], first, n)
+        band[variable.lag, : n - first - variable.lag] = -slope[variable.lag :]
+    solved, _ = dtbtrs(band, table.rows(recording.inputs, run[None], first, n).T, uplo="L", diag="U")
+    return np.asarray(solved, dtype=np.float64)
+
+
+def _derivative(model: NarxModel, variable: Variable) -> tuple[tuple[Term, ...], Array]:
+    """Return terms and coefficients of the derivative of the model's right side by a variable."""
+    terms, weights = [], []
+    for term, value in zip(model.terms, model.theta, strict=True):
+        factors = list(term.expanded)
+        if variable in factors:
+            weights.append(value * factors.count(variable))
+            factors.remove(variable)
+            terms.append(Term.product(factors))
+    return tuple(terms), np.array(weights)
+
+
+def _require_simple(model: NarxModel) -> None:
+    if len(model.output_names) != 1 or any(v.kind == "e" for v in model.table.variables):
+        raise ModelError("only the free run of a model of one output and without noise terms can be refined")
+
+
+def _run(model: NarxModel, recording: Recording) -> Array:
+    response = model.simulate(recording)
+    if not response.status.ok:
+        raise ModelError(
+            f"the free run diverges at {response.failed_at_s:g} s, so that it has no useful sensitivities; "
+            "start from a model whose free run is stable on these recordings"
+        )
+    return response.outputs[0]
+
+
+class _Search:
+    """The free-run error as a function of the parameters, and the best parameters so far."""
+
+    def __init__(
+        self, model: NarxModel, recordings: tuple[Recording, ...], max_steps: int, progress: Progress | None
+    ) -> None:
+        _require_simple(model)
+        for recording in recordings:
+            _run(model, recording)
+        self.model, self.recordings = model, recordings
+        self.max_steps, self.progress = max_steps, progress
+        self.best, self.least, self.steps = model.theta, np.inf, 0
+
+    def errors(self, theta: Array) -> Array:
+        """Computed minus measured outputs, shape (n_samples,); large where the run diverges."""
+        model = replace(self.model, theta=theta)
+        found = np.concatenate([-model.simulate(record).residuals[0] for record in self.recordings])
+        square = float(found @ found)
+        if square < self.least:
+            self.best, self.least = theta.copy(), square
+        self.steps += 1
+        if self.progress is not None:
+            rms = np.sqrt(self.least / found.size)
+            self.progress(min(self.steps / self.max_steps, 1.0), f"refining: free-run error {rms:.4g} rms")
+        return found
+
+    def jacobian(self, theta: Array) -> Array:
+        """Return the sensitivities of all samples, shape (n_samples, n_terms)."""
+        model = replace(self.model, theta=theta)
+        return np.concatenate([sensitivities(model, record) for record in self.recordings])
+
+
+def _refined(model: NarxModel, theta: Array, recordings: tuple[Recording, ...]) -> NarxModel:
+    changed = replace(model, theta=theta)
+    slopes = np.concatenate([sensitivities(changed, record) for record in recordings])
+    free = np.concatenate([changed.simulate(record).residuals[0] for record in recordings])
+    one_step = np.concatenate([changed.predict(record).residuals[0] for record in recordings])
+    freedom = max(free.size - theta.size, 1)
+    norms = np.linalg.norm(slopes, axis=0)
+    root = np.linalg.pinv(np.linalg.qr(slopes / norms, mode="r")) / norms[:, None]
+    return replace(
+        changed,
+        theta_cov=float(free @ free) / freedom * (root @ root.T),
+        theta_dof=np.inf,
+        noise_variance=float(one_step @ one_step) / freedom,
+        provenance={**model.provenance, "refined": "least squares of the free-run error"},
+    )

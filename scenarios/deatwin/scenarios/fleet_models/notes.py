@@ -1,0 +1,101 @@
+"""What the page says in words: what drift does, what hysteresis does, and what the tests make of both."""
+
+from __future__ import annotations
+
+from statistics import median
+
+from deatwin.scenarios.fleet_models.preparation import Plan
+from deatwin.scenarios.fleet_models.study import FREE, METHODS, SVB, Identified, Study
+from deatwin.scenarios.fleet_models.variants import FILM, RECORDED, STEADY
+from deatwin.scenarios.report.quantities import quantity
+from deatwin.scenarios.report.story import Note
+
+__all__ = ["notes"]
+
+
+def notes(study: Study) -> list[Note]:
+    """Write the notes.
+
+    Parameters
+    ----------
+    study : Study
+        All of it.
+
+    Returns
+    -------
+    list of Note
+    """
+    return [_failures(study), _sections(study), _rule(study)]
+
+
+def _failures(study: Study) -> Note:
+    every = {variant: _models(study, variant) for variant in (RECORDED, STEADY, FILM)}
+    passed = {variant: sum(one.passed for one in found) for variant, found in every.items()}
+    steps = {variant: [float(one.held_out.one_step.rms[0]) for one in found] for variant, found in every.items()}
+    error = {variant: f"{1e6 * median(each):.1f} µm" for variant, each in steps.items()}
+    total = sum(len(one.held_out.tests) for one in every[RECORDED])
+    noise = f"{1e6 * study.prepared[0].actuator.plant.rig.noise:.1f} µm"
+    test = every[RECORDED][0].held_out.tests[0]
+    return Note(
+        title="Why correlation tests fail, and what that is worth",
+        paragraphs=[
+            f"Of the {total} tests of the twelve models {passed[RECORDED]} pass. Of the same actuators without their "
+            f"histories, under the same commands and the same sensor's noise, {passed[STEADY]} pass: the difference is "
+            "drift. An error that moves slowly correlates with itself at every lag, and one that grows with the "
+            "displacement, as a gain that drifts makes it, with the command. The figure of the free runs over whole "
+            "recordings shows each history at work, and which of it lies within the sections.",
+            "What fails without drift too is mostly hysteresis. The force of friction depends on where the motion last "
+            "turned, which no polynomial of a few past values tells. With it, the one-step residual is "
+            f"{error[STEADY]} (median of the twelve), without it {error[FILM]}, where the sensor's noise is {noise}; "
+            "and it is larger at large commands, where the film is soft, which is what φ (u²)′e² sees.",
+            f"Without hysteresis {passed[FILM]} tests pass. A test judges the residual relative to itself, however "
+            "small it is: then the polynomial's own departure from the film's law is all that is left, and that is a "
+            f"function of command and past. Over {test.n_samples} samples a correlation of {test.band:.2f} is seen; a "
+            "test that fails says that there is something left to explain, not how much. How much, the free run says.",
+        ],
+    )  # fmt: skip
+
+
+def _sections(study: Study) -> Note:
+    plan = study.plan
+    step = study.prepared[0].recordings[RECORDED].sample_time
+    rule = sorted({one.sampling.factor * step for one in study.prepared})
+    tried = ", ".join(f"{100 * one.least:.1f} % at {quantity(one.factor * step, 's')}" for one in plan.orders)
+    return Note(
+        title="Sections, sampling time, lags and degree",
+        paragraphs=[
+            "Sections are chosen where a recording is stationary. The reading itself would not do: its mean over half "
+            "a minute wanders by more than the actuators drift, because the command's does. Tested is the reading less "
+            "what command and rate explain over the whole recording, and the longest stretch that passes is taken; its "
+            "last 100 s are held out, and nothing is chosen on them.",
+            f"The correlation functions ask for {' or '.join(quantity(time, 's') for time in rule)}, fifteen samples "
+            f"to their first minimum. The least mean free-run errors are {tried}: the longest time is taken that is "
+            f"within a standard error of the least, {quantity(plan.factor * step, 's')}, and of lags and degrees "
+            f"likewise the fewest candidates, {_candidates(plan)}.",
+        ],
+    )  # fmt: skip
+
+
+def _candidates(plan: Plan) -> str:
+    lags = ", ".join(f"u(k-{lag})" if lag else "u(k)" for lag in plan.input_lags)
+    own = ", ".join(f"y(k-{lag})" for lag in range(1, plan.output_lags + 1))
+    return f"products of {own} and {lags} up to degree {plan.degree}"
+
+
+def _rule(study: Study) -> Note:
+    free = [bench.models[FREE] for bench in study.recorded]
+    lost = sum(bool(one.training.diverged or one.held_out.diverged) for one in free)
+    kept = [bench.models[SVB].fit for bench in study.recorded]
+    return Note(
+        title="Candidates affine in the output",
+        paragraphs=[
+            "The film relaxes with one time, so the past enters through one value, and the candidates are taken affine "
+            "in it: products hold the past output once or not at all. With powers of it too, SVB, which looks one step "
+            f"ahead only, gives models of which {lost} of {len(free)} diverge in free run over one of the sections; "
+            f"with the rule the fits are {min(kept):.1f} to {max(kept):.1f} %.",
+        ],
+    )  # fmt: skip
+
+
+def _models(study: Study, variant: str) -> list[Identified]:
+    return [bench.models[method] for bench in study.benches[variant] for method in METHODS]

@@ -1,0 +1,176 @@
+"""The stated measures: what is demanded of the models, what they reach."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+
+from deatwin.ident.frequency import equilibrium, remove_dc
+from deatwin.ident.narx import NarxModel
+from deatwin.plant.recording import Recording
+from deatwin.scenarios.fleet_models.study import FRO, LINEAR, METHODS, SEMP, SVB, Bench, Study
+from deatwin.scenarios.fleet_models.variants import FILM, STEADY
+from deatwin.scenarios.report.story import Row
+
+__all__ = ["deviations", "judge"]
+
+HALF = 0.5
+"""Of the linear model's error: what a nonlinear one has to be better than."""
+RISE = 1e-9
+"""Share of itself by which a lower bound may seem to fall, by rounding."""
+
+
+def judge(study: Study) -> list[Row]:
+    """Hold the models against what is demanded.
+
+    Parameters
+    ----------
+    study : Study
+        All of it.
+
+    Returns
+    -------
+    list of Row
+    """
+    recorded = study.recorded
+    return [
+        *(_sound(recorded, method) for method in METHODS),
+        *(_beats_linear(recorded, method) for method in METHODS),
+        *(_tests(recorded, method) for method in METHODS),
+        *(_history(study, method) for method in METHODS),
+        _hysteresis(study),
+        _against_fro(recorded),
+        _bounds(recorded),
+        _dc(recorded),
+    ]
+
+
+def _sound(benches: Iterable[Bench], method: str) -> Row:
+    status = [not bench.models[method].held_out.diverged for bench in benches]
+    return Row(
+        measure=f"{method}: free runs over the held-out sections that stay finite", demanded="6 of 6",
+        reached=f"{sum(status)} of {len(status)}", passed=all(status),
+    )  # fmt: skip
+
+
+def _beats_linear(benches: Iterable[Bench], method: str) -> Row:
+    shares, fits = [], []
+    for bench in benches:
+        linear, own = (float(bench.models[m].held_out.free_run.nrmse[0]) for m in (LINEAR, method))
+        shares.append(own / linear)
+        fits.append(bench.models[method].fit)
+    return Row(
+        measure=f"{method}: free-run error over the held-out section, over that of the linear model of the same lags",
+        demanded=f"below {HALF:g} for each of the six",
+        reached=f"{_range(shares, '.2f')}, fits of {_range(fits, '.1f')} %", passed=max(shares) < HALF,
+    )  # fmt: skip
+
+
+def _tests(benches: Iterable[Bench], method: str) -> Row:
+    found = [bench.models[method] for bench in benches]
+    whole = [one.passed == len(one.held_out.tests) for one in found]
+    total = sum(len(one.held_out.tests) for one in found)
+    return Row(
+        measure=f"{method}: correlation tests of the one-step residual over the held-out sections",
+        demanded="all five pass, for each of the six",
+        reached=f"{sum(one.passed for one in found)} of {total} tests pass, all five of {sum(whole)} models",
+        passed=all(whole),
+    )  # fmt: skip
+
+
+def _history(study: Study, method: str) -> Row:
+    gains = [
+        (without.name, without.models[method].fit - bench.models[method].fit)
+        for bench, without in zip(study.recorded, study.benches[STEADY], strict=True)
+    ]
+    drifting = [gain for name, gain in gains if name != "DEA 6"]
+    shown = ", ".join(f"{gain:+.1f}" for _, gain in gains)
+    return Row(
+        measure=f"{method}: held-out fit of the same actuators without histories, less that with them, DEA 1 to 6",
+        demanded="median above 0 of DEA 1 to 5, which drift within their sections",
+        reached=f"{shown} %", passed=float(np.median(drifting)) > 0,
+    )  # fmt: skip
+
+
+def _hysteresis(study: Study) -> Row:
+    losses = [
+        float(bench.models[m].held_out.free_run.rms[0]) / float(film.models[m].held_out.free_run.rms[0])
+        for bench, film in zip(study.benches[STEADY], study.benches[FILM], strict=True)
+        for m in METHODS
+    ]
+    return Row(
+        measure="free-run error of the same actuators with hysteresis alone, over that with the bare film",
+        demanded="median above 1: no polynomial of a few past values holds it",
+        reached=f"{_range(losses, '.2f')}, median {np.median(losses):.2f}", passed=float(np.median(losses)) > 1,
+    )  # fmt: skip
+
+
+def _against_fro(benches: Iterable[Bench]) -> Row:
+    pairs = [
+        (float(bench.models[SEMP].training.free_run.rms[0]), float(bench.models[FRO].training.free_run.rms[0]))
+        for bench in benches
+    ]
+    shown = ", ".join(f"{1e6 * own:.1f} and {1e6 * other:.1f}" for own, other in pairs)
+    return Row(
+        measure="free-run error over the training section, SEMP and FRO with as many terms, DEA 1 to 6",
+        demanded="SEMP's below FRO's in most: it is what SEMP lowers step by step",
+        reached=f"{shown} µm", passed=sum(own < other for own, other in pairs) > len(pairs) / 2,
+    )  # fmt: skip
+
+
+def _bounds(benches: Iterable[Bench]) -> Row:
+    falls = [
+        max(float(np.max(-np.diff(step.bounds), initial=0.0)) / abs(step.lower_bound) for step in search.path_)
+        for search in (bench.models[SVB].search for bench in benches)
+    ]
+    return Row(
+        measure="SVB: largest fall of the lower bound during an update, over the bound",
+        demanded=f"none beyond rounding, {RISE:g}", reached=f"{max(falls):.1e}", passed=max(falls) <= RISE,
+    )  # fmt: skip
+
+
+def _dc(benches: Iterable[Bench]) -> Row:
+    worst = 0.0
+    for bench in benches:
+        model, section = bench.models[SEMP].model, bench.sections[1]
+        shifted, moved = deviations(model, section)
+        whole, part = model.simulate(section), shifted.simulate(moved)
+        if whole.status.ok:
+            size = float(np.ptp(whole.outputs))
+            level = float(section.outputs[0, 0] - moved.outputs[0, 0])
+            worst = max(worst, float(np.abs(part.outputs + level - whole.outputs).max()) / size)
+    return Row(
+        measure="free run of the model of deviations, put back on its operating point, less that of the model itself",
+        demanded="below 1e-9 of the stroke, for the six SEMP models", reached=f"{worst:.0e}", passed=worst < 1e-9,
+    )  # fmt: skip
+
+
+def deviations(model: NarxModel, section: Recording) -> tuple[NarxModel, Recording]:
+    """The model without its DC component, and the recording seen from the same operating point.
+
+    Parameters
+    ----------
+    model : NarxModel
+        Of one input and one output, with its training range.
+    section : Recording
+        In the model's units.
+
+    Returns
+    -------
+    model : NarxModel
+        Of the deviations from the equilibrium at the mean command of its training data.
+    section : Recording
+        Command and reading less those of the equilibrium.
+    """
+    point = equilibrium(model)
+    moved = replace(
+        section, inputs=section.inputs - point.operating_input[:, None], outputs=section.outputs - point.output
+    )
+    return remove_dc(model), moved
+
+
+def _range(values: Iterable[float], form: str) -> str:
+    every = list(values)
+    return f"{min(every):{form}} to {max(every):{form}}"

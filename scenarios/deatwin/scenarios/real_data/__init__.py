@@ -1,0 +1,187 @@
+"""Free runs on real recordings of others: a converter, an oscillator, two tanks and a positioning system.
+
+The recordings are public and read where the user keeps them (``--data`` or ``DEATWIN_DATA``). Each method gets the same
+candidates, learns from the training recording alone and runs free over the test recording from its first samples.
+Nothing is chosen on a test recording. What others report for the same recordings stands beside it, with its source.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from typing import Any
+
+from deatwin.ident.parallel import run_jobs
+from deatwin.scenarios.provenance import RunRecord, hashes
+from deatwin.scenarios.real_data import figures
+from deatwin.scenarios.real_data.methods import FRO, GROWN, LINEAR, METHODS, REFINED, SEMP, Outcome, attempt
+from deatwin.scenarios.real_data.published import QUOTED, documented_errors
+from deatwin.scenarios.real_data.records import DataSet, buck, cascaded_tanks, emps, silverbox
+from deatwin.scenarios.report.story import Note, Row, StoryPage, Table, write_story
+from deatwin.scenarios.stories import Setting, data_folder
+
+__all__ = ["LARGEST_ERROR", "MOST_TERMS", "judge", "run"]
+
+LARGEST_ERROR, MOST_TERMS = 0.35e-3, 15
+"""Demanded of the Silverbox, V and terms."""
+Outcomes = Mapping[str, Mapping[str, Outcome]]
+
+
+def run(setting: Setting) -> Mapping[str, Any]:
+    """Let all methods learn, judge and draw them.
+
+    Parameters
+    ----------
+    setting : Setting
+        Folder, data and the like.
+
+    Returns
+    -------
+    mapping
+        The measures, the outcome of each method on each data set, and a sentence.
+
+    Raises
+    ------
+    DataError
+        If the recordings are absent.
+    """
+    root = data_folder(setting.data, "silverbox").parent
+    sets = [load(root) for load in (silverbox, buck, cascaded_tanks, emps)]
+    record = RunRecord(
+        command=setting.command, inputs=hashes(path for data in sets for path in data.files), seed=setting.seed,
+        jobs=setting.jobs,
+    )  # fmt: skip
+    tasks = [(method, data) for data in sets for method in reversed(list(METHODS))]  # the longest first
+    setting.progress(0.0, f"{len(tasks)} models")
+    done = run_jobs(
+        attempt, tasks, workers=setting.jobs,
+        finished=lambda count: setting.progress(0.9 * count / len(tasks), f"{count} of {len(tasks)} models"),
+    )  # fmt: skip
+    outcomes = {data.name: {o.method: o for o in reversed(done) if o.data == data.name} for data in sets}
+    setting.progress(0.9, "drawing")
+    return _written(setting, sets, outcomes, record)
+
+
+def _written(setting: Setting, sets: Sequence[DataSet], outcomes: Outcomes, record: RunRecord) -> Mapping[str, Any]:
+    rows = judge(sets, outcomes)
+    best, data = outcomes["silverbox"][GROWN], sets[0]
+    sentence = (
+        f"Free runs on recordings of others: the Silverbox' arrow-head to {best.free_run / data.scale:.3f} mV rms with "
+        f"{best.terms} terms learned from the multisine; {sum(row.passed for row in rows)} of {len(rows)} measures "
+        "reached."
+    )
+    made = [
+        figures.comparison(sets, [o for own in outcomes.values() for o in own.values()]),
+        figures.arrow_head(data, outcomes["silverbox"]), figures.arrow_head_spectra(data, outcomes["silverbox"]),
+        figures.converter(sets[1], outcomes["buck"]),
+        *(figures.free_runs(d, outcomes[d.name], (LINEAR, REFINED, GROWN)) for d in sets[2:]),
+    ]  # fmt: skip
+    for drawing, columns in made:
+        setting.folder.csv(drawing.data, columns)
+    page = StoryPage(
+        title="real-data", sentence=sentence, rows=rows, notes=_notes(sets),
+        figures=[drawing for drawing, _ in made],
+        tables=[*(_table(d, outcomes[d.name]) for d in sets), _quoted()],
+    )  # fmt: skip
+    write_story(setting.folder, page, setting.seed)
+    result = {
+        "sentence": sentence,
+        "measures": [asdict(row) for row in rows],
+        "outcomes": [o.plain for own in outcomes.values() for o in own.values()],
+        "documented_V": documented_errors(sets[1].test),
+    }
+    setting.folder.text("real-data.json", json.dumps(result, indent=1, ensure_ascii=False) + "\n")
+    finished = record.finished([*setting.folder.written, "run.json"])
+    setting.folder.text("run.json", json.dumps(finished, indent=1) + "\n")
+    return result
+
+
+def judge(sets: Sequence[DataSet], outcomes: Outcomes) -> list[Row]:
+    """Hold the outcomes against what is demanded.
+
+    Parameters
+    ----------
+    sets : sequence of DataSet
+        The Silverbox first, then the converter.
+    outcomes : mapping of str to mapping of str to Outcome
+        By data set and method.
+
+    Returns
+    -------
+    list of Row
+    """
+    oscillator, box, converter = sets[0], outcomes["silverbox"], outcomes["buck"]
+    best, semp, simple, linear = (box[m].free_run / oscillator.scale for m in (GROWN, SEMP, FRO, LINEAR))
+    limit = LARGEST_ERROR / oscillator.scale
+    documented = min(documented_errors(sets[1].test).values())
+    refined = converter[REFINED].free_run
+    return [
+        Row(
+            measure=f"Silverbox, {GROWN}: free run over the arrow-head, learned from the multisine",
+            demanded=f"at most {limit:g} mV rms with at most {MOST_TERMS} terms",
+            reached=f"{best:.4f} mV with {box[GROWN].terms}",
+            passed=best <= limit and box[GROWN].terms <= MOST_TERMS,
+        ),
+        Row(
+            measure="Silverbox: SEMP against FRO from the same candidates with as many terms",
+            demanded=f"below {simple:.4f} mV", reached=f"{semp:.4f} mV with {box[SEMP].terms}", passed=semp < simple,
+        ),
+        Row(
+            measure=f"Silverbox: {GROWN}, against a linear model (output error)",
+            demanded=f"below a tenth of {linear:.2f} mV", reached=f"{best:.4f} mV", passed=best < 0.1 * linear,
+        ),
+        Row(
+            measure=f"Buck converter, {REFINED}: free run on buck_valid, candidates as in SysIdentPy's documentation",
+            demanded=f"at most {documented:.4f} V rms, the least of its six documented models",
+            reached=f"{refined:.4f} V with {converter[REFINED].terms} terms", passed=refined <= documented,
+        ),
+    ]  # fmt: skip
+
+
+def _notes(sets: Sequence[DataSet]) -> list[Note]:
+    return [
+        Note(title="What was learned from, and judged on", paragraphs=[f"{d.title}. {d.note}" for d in sets]),
+        Note(
+            title="What the free run asks for",
+            paragraphs=[
+                "Least squares of the one-step error takes the noise of the readings for the system's own, and its "
+                "parameters are biased. Where the free run is what counts, they are estimated by its own error: "
+                f"“{REFINED}” has the terms of FRO and only other parameters.",
+                f"“{SEMP}” chooses terms by the free run, and estimates them by one step. “{GROWN}” minimises the "
+                "error of the free run over structure and parameters: it begins with a linear model, adds the terms "
+                "that lower that error most, half as many again as allowed, and takes the least useful out, all "
+                "parameters refined after each. The last third of the training recording, held out, says how many "
+                "stay. On the long multisine it does so in each quarter, and the structure that runs best over all "
+                "four is kept.",
+                "The other recordings are reported without a demand. A polynomial has neither the tanks' overflow nor "
+                "Coulomb friction, and may diverge beyond what it has learned from; the table says where and when.",
+            ],
+        ),
+    ]
+
+
+def _table(data: DataSet, outcomes: Mapping[str, Outcome]) -> Table:
+    def shown(value: float) -> str:
+        return f"{value / data.scale:.4f}" if value == value else "–"
+
+    rows = [
+        [
+            o.method, str(o.terms), shown(o.one_step), o.failure or shown(o.free_run), shown(o.training),
+            f"{o.seconds:.1f}",
+        ]
+        for o in outcomes.values()
+    ]  # fmt: skip
+    columns = [
+        "method", "parameters", f"one step, test ({data.unit})", f"free run, test ({data.unit})",
+        f"free run, training ({data.unit})", "time to learn (s)",
+    ]  # fmt: skip
+    return Table(title=f"{data.title}: root mean square errors", columns=columns, rows=rows)
+
+
+def _quoted() -> Table:
+    return Table(
+        title="Reported by others",
+        columns=["recordings", "method", "error", "source"],
+        rows=[[q.data, q.method, q.error, q.source] for q in QUOTED],
+    )

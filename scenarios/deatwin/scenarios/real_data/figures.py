@@ -1,0 +1,260 @@
+"""The figures of the story: free runs against what was measured, and their errors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.narx.model import NarxModel
+from deatwin.scenarios.real_data.methods import FRO, GROWN, LINEAR, REFINED, Outcome
+from deatwin.scenarios.real_data.published import DOCUMENTED
+from deatwin.scenarios.real_data.records import DataSet
+from deatwin.scenarios.report.figures import Drawing
+from deatwin.scenarios.report.svg import COLOURS, draw, inline
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["arrow_head", "arrow_head_spectra", "comparison", "converter", "free_runs"]
+
+Array = NDArray[np.float64]
+Columns = Mapping[str, Array]
+INK, MEASURED, BEFORE, AFTER, MARK = (COLOURS[role][0] for role in ("ink", "measured", "before", "after", "mark"))
+WINDOW = 500
+"""Samples of a running root mean square."""
+ZOOM = 120
+"""Samples around the largest output that are drawn."""
+
+
+def _drawing(figure: Figure, name: str, title: str, caption: str) -> Drawing:
+    return Drawing(name=name, title=title, caption=caption, svg=inline(figure, name, title), data=f"figures/{name}.csv")
+
+
+def _above(figure: Figure, axes: Axes, columns: int) -> None:
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=columns, markerscale=1)
+
+
+def _key(method: str) -> str:
+    return method.replace(",", "").replace(" ", "_")
+
+
+def _running(values: Array) -> Array:
+    """Root mean square of whole windows."""
+    count = values.size // WINDOW
+    return np.sqrt(np.mean(values[: count * WINDOW].reshape(count, WINDOW) ** 2, axis=1))
+
+
+def arrow_head(data: DataSet, outcomes: Mapping[str, Outcome]) -> tuple[Drawing, Columns]:
+    """The Silverbox over its growing amplitude: errors of a linear and of two nonlinear models.
+
+    Parameters
+    ----------
+    data : DataSet
+        The Silverbox.
+    outcomes : mapping of str to Outcome
+        By method.
+
+    Returns
+    -------
+    Drawing
+        The picture.
+    dict of str to ndarray
+        Its data.
+    """
+    measured, step = data.test.outputs[0] / data.scale, data.test.sample_time
+    timepts = (np.arange(measured.size // WINDOW) + 0.5) * WINDOW * step
+    learned = np.abs(data.train.outputs).max() / data.scale
+    columns: dict[str, Array] = {"time_s": timepts, "output_rms_mV": _running(measured)}
+    peak = int(np.argmax(np.abs(measured)))
+    near = slice(max(peak - ZOOM // 2, 0), min(peak + ZOOM // 2, measured.size))
+    with draw((9.6, 6.6)) as figure:
+        top, middle, bottom = figure.subplots(3, 1, height_ratios=(2, 3, 3))
+        top.plot(data.test.timepts[::4], measured[::4], color=MEASURED, linewidth=0.3)
+        for side in (-1, 1):
+            top.axhline(side * learned, color=INK, linestyle=":", linewidth=0.9)
+        top.set(ylabel="output (mV)")
+        for (method, colour), style in zip(_SHOWN, ("-", "-", "-"), strict=True):
+            error = measured - outcomes[method].outputs / data.scale
+            middle.semilogy(timepts, _running(error), style, color=colour, label=_said(outcomes[method]))
+            columns[f"{_key(method)}_mV"] = _running(error)
+            if method != FRO:
+                shown = outcomes[method].outputs[near] / data.scale
+                bottom.plot(data.test.timepts[near], shown, color=colour, linewidth=1.4)
+        middle.semilogy(timepts, columns["output_rms_mV"], "--", color=MEASURED, label="output itself")
+        middle.set(ylabel=f"rms of {WINDOW} samples (mV)", xlabel="time (s)")
+        bottom.plot(data.test.timepts[near], measured[near], ".", color=INK, markersize=3.5)
+        bottom.set(ylabel="output (mV)", xlabel="time (s)")
+        _above(figure, middle, 2)
+        drawing = _drawing(
+            figure, "arrow_head", "Silverbox: free run over the growing amplitude",
+            "Top: the measured output; dotted, the largest that was learned from. Middle: errors of free runs of the "
+            "whole arrow-head from its first samples. Bottom: where the output is largest; points are measured.",
+        )  # fmt: skip
+    return drawing, columns
+
+
+_SHOWN = ((LINEAR, BEFORE), (FRO, MARK), (GROWN, AFTER))
+
+
+def _said(outcome: Outcome) -> str:
+    return f"{outcome.method}, {outcome.terms} parameters"
+
+
+def arrow_head_spectra(data: DataSet, outcomes: Mapping[str, Outcome]) -> tuple[Drawing, Columns]:
+    """Spectra of the Silverbox's output and of the errors.
+
+    Parameters
+    ----------
+    data : DataSet
+        The Silverbox.
+    outcomes : mapping of str to Outcome
+        By method.
+
+    Returns
+    -------
+    Drawing
+        The picture.
+    dict of str to ndarray
+        Its data.
+    """
+    from scipy.signal import welch
+
+    measured, rate = data.test.outputs[0] / data.scale, 1 / data.test.sample_time
+    frequencies, power = welch(measured, rate, nperseg=2048)
+    columns: dict[str, Array] = {"frequency_Hz": frequencies, "output_mV2_per_Hz": power}
+    with draw((9.6, 3.6)) as figure:
+        axes = figure.add_subplot()
+        axes.semilogy(frequencies, power, "--", color=MEASURED, label="output")
+        for method, colour in _SHOWN:
+            _, density = welch(measured - outcomes[method].outputs / data.scale, rate, nperseg=2048)
+            axes.semilogy(frequencies, density, color=colour, label=method)
+            columns[f"{_key(method)}_mV2_per_Hz"] = density
+        axes.set(xlabel="frequency (Hz)", ylabel="density (mV²/Hz)", xlim=(0, rate / 2))
+        _above(figure, axes, 4)
+        drawing = _drawing(
+            figure, "arrow_head_spectra", "Silverbox: spectra of the errors",
+            "What is left has two places: the resonance near 70 Hz, which moves with the amplitude, and three times "
+            "its frequency, where the cube of the output comes close to half the sample rate.",
+        )  # fmt: skip
+    return drawing, columns
+
+
+def converter(data: DataSet, outcomes: Mapping[str, Outcome]) -> tuple[Drawing, Columns]:
+    """The buck converter's free run beside that of the documented model.
+
+    Parameters
+    ----------
+    data : DataSet
+        The buck converter.
+    outcomes : mapping of str to Outcome
+        By method.
+
+    Returns
+    -------
+    Drawing
+        The picture.
+    dict of str to ndarray
+        Its data.
+    """
+    name, terms = next(iter(DOCUMENTED.items()))
+    theirs = NarxModel.from_terms(terms, sample_time=data.test.sample_time).simulate(data.test).outputs[0]
+    runs = {LINEAR: outcomes[LINEAR].outputs, name: theirs, REFINED: outcomes[REFINED].outputs}
+    return _runs(
+        data, runs, "converter", "Buck converter: free run on buck_valid",
+        f"{REFINED} has the terms of SysIdentPy's first documented model and other parameters: those of the least "
+        "free-run error on buck_id.",
+        start="start",
+    )  # fmt: skip
+
+
+def free_runs(data: DataSet, outcomes: Mapping[str, Outcome], methods: Sequence[str]) -> tuple[Drawing, Columns]:
+    """Free runs of some methods over the test recording, and their errors.
+
+    Parameters
+    ----------
+    data : DataSet
+        Which.
+    outcomes : mapping of str to Outcome
+        By method.
+    methods : sequence of str
+        Up to three.
+
+    Returns
+    -------
+    Drawing
+        The picture.
+    dict of str to ndarray
+        Its data.
+    """
+    runs = {method: outcomes[method].outputs for method in methods if not outcomes[method].failure}
+    return _runs(data, runs, data.name, f"{data.title}: free run on the test recording", data.note)
+
+
+def _runs(
+    data: DataSet, runs: Mapping[str, Array], name: str, title: str, caption: str, start: str = ""
+) -> tuple[Drawing, Columns]:
+    measured, timepts = data.test.outputs[0] / data.scale, data.test.timepts
+    unit = "ms" if start and data.test.sample_time < 1e-3 else "s"
+    shown = 1e3 * timepts if unit == "ms" else timepts
+    columns: dict[str, Array] = {"time_s": timepts, "measured": measured}
+    with draw((9.6, 4.8)) as figure:
+        top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
+        top.plot(shown, measured, color=MEASURED, linewidth=1.8, label="measured")
+        for (method, outputs), colour in zip(runs.items(), (BEFORE, MARK, AFTER), strict=False):
+            top.plot(shown, outputs / data.scale, color=colour, label=method)
+            bottom.plot(shown, measured - outputs / data.scale, color=colour)
+            columns[_key(method)] = outputs / data.scale
+        top.set(ylabel=f"output ({data.unit})")
+        bottom.set(ylabel=f"error ({data.unit})", xlabel=f"time ({unit})")
+        _above(figure, top, 4)
+        drawing = _drawing(figure, name, title, caption)
+    return drawing, columns
+
+
+def comparison(sets: Sequence[DataSet], outcomes: Sequence[Outcome]) -> tuple[Drawing, Columns]:
+    """Free-run errors of all methods on all data sets, over the standard deviation of the output.
+
+    Parameters
+    ----------
+    sets : sequence of DataSet
+        In the order of the page.
+    outcomes : sequence of Outcome
+        Of all methods on all of them.
+
+    Returns
+    -------
+    Drawing
+        The picture.
+    dict of str to ndarray
+        Its data.
+    """
+    methods = list(dict.fromkeys(outcome.method for outcome in outcomes))
+    columns: dict[str, Array] = {"method_number": np.arange(1.0, len(methods) + 1)}
+    with draw((9.6, 4.0)) as figure:
+        panels = figure.subplots(1, len(sets), sharey=True)
+        for axes, data in zip(np.atleast_1d(panels), sets, strict=True):
+            spread = float(data.test.outputs.std())
+            own = {o.method: o for o in outcomes if o.data == data.name}
+            for kind, colour, marker in (("one_step", MEASURED, "o"), ("free_run", AFTER, "s")):
+                values = np.array([getattr(own[m], kind) / spread if m in own else np.nan for m in methods])
+                axes.plot(values, range(len(methods)), marker, color=colour, markersize=6, label=kind.replace("_", " "))
+                columns[f"{data.name}_{kind}"] = values
+            for i, method in enumerate(methods):
+                if own[method].failure:
+                    axes.text(0.97, i, "diverges", transform=axes.get_yaxis_transform(), ha="right", va="center",
+                              color=BEFORE, fontsize="small")  # fmt: skip
+            axes.set(xscale="log", xlabel="error / spread", xlim=(1e-3, 3), xticks=[1e-3, 1e-2, 1e-1, 1])
+            axes.set_title(data.title, loc="left", fontsize="medium")
+            axes.set_yticks(range(len(methods)), methods)
+        np.atleast_1d(panels)[0].invert_yaxis()
+        _above(figure, axes, 2)
+        drawing = _drawing(
+            figure, "comparison", "All methods on all recordings",
+            "Root mean square errors on the test recordings over the standard deviation of the output. A small error "
+            "of one step says little about the free run.",
+        )  # fmt: skip
+    return drawing, columns

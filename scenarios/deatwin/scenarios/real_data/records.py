@@ -1,0 +1,224 @@
+"""The public recordings, parted into what is learned from and what is judged on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.narx.terms import Rule
+from deatwin.plant.errors import DataError
+from deatwin.plant.recording import Recording
+
+__all__ = ["Candidates", "DataSet", "buck", "cascaded_tanks", "emps", "silverbox"]
+
+Array = NDArray[np.float64]
+
+SILVERBOX_RATE = 1e7 / 2**14
+"""Hz."""
+ARROW_HEAD, MULTISINE = slice(0, 40_000), slice(40_650, 127_400)
+"""The usual parts; between and after them the input rests or is another one."""
+EMPS_DECIMATION = (10, 2)
+"""From 1 kHz to 50 Hz: a stroke takes seconds, and friction changes its sign within tens of milliseconds."""
+
+EMPS_EDGE = 20
+"""Samples left out at either end."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Candidates:
+    """Among which terms structures are sought.
+
+    Parameters
+    ----------
+    output_lags : int
+        Number of output lags.
+    input_lags : tuple of int
+        Input lags.
+    degree : int
+        Largest degree.
+    max_terms : int
+        Largest number of terms.
+    rule : callable or None
+        What keeps a candidate.
+    """
+
+    output_lags: int
+    input_lags: tuple[int, ...]
+    degree: int
+    max_terms: int
+    rule: Rule | None = None
+
+    @property
+    def arguments(self) -> dict[str, object]:
+        """For an estimator, without the number of terms."""
+        return {
+            "output_lags": self.output_lags, "input_lags": self.input_lags, "degree": self.degree, "rule": self.rule,
+        }  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DataSet:
+    """A public data set.
+
+    Parameters
+    ----------
+    name, title : str
+        What it is called in files and on the page.
+    train, test : Recording
+        To learn from, and to judge on.
+    candidates : Candidates
+        The same for all methods.
+    unit, scale : str, float
+        Unit in which errors are shown, and its size in that of the output.
+    files : tuple of path
+        Read from.
+    note : str
+        What was done with it.
+    parts : int
+        Into so many a long training recording is cut where structures are grown.
+    """
+
+    name: str
+    title: str
+    train: Recording
+    test: Recording
+    candidates: Candidates
+    unit: str
+    scale: float
+    files: tuple[Path, ...]
+    note: str
+    parts: int = 1
+
+
+def buck(folder: Path) -> DataSet:
+    """The converter, with the candidates of SysIdentPy's documentation.
+
+    Parameters
+    ----------
+    folder : path
+        Of all recordings.
+
+    Returns
+    -------
+    DataSet
+    """
+    files = tuple(folder / "buck_converter" / f"buck_{part}.csv" for part in ("id", "valid"))
+    train, test = (_recording(table[:, 1], table[:, 2], 1e-5, ("V", "V"), path) for table, path in _tables(files))
+    return DataSet(
+        name="buck", title="Buck converter", train=train, test=test, unit="V", scale=1.0, files=files,
+        candidates=Candidates(output_lags=2, input_lags=(1, 2), degree=2, max_terms=8),
+        note="Learned from buck_id, judged on buck_valid, as they are.",
+    )  # fmt: skip
+
+
+def silverbox(folder: Path) -> DataSet:
+    """The oscillator, learned from the multisine alone.
+
+    Parameters
+    ----------
+    folder : path
+        Of all recordings.
+
+    Returns
+    -------
+    DataSet
+    """
+    file = folder / "silverbox" / "SNLS80mV.csv"
+    ((table, _),) = _tables((file,))
+    whole = _recording(table[:, 0], table[:, 1], 1 / SILVERBOX_RATE, ("V", "V"), file)
+    return DataSet(
+        name="silverbox", title="Silverbox", unit="mV", scale=1e-3, files=(file,), parts=4,
+        train=whole.section(MULTISINE.start, MULTISINE.stop), test=whole.section(ARROW_HEAD.start, ARROW_HEAD.stop),
+        candidates=Candidates(output_lags=3, input_lags=(0, 1, 2, 3), degree=3, max_terms=15),
+        note="Learned from the multisine (samples 40,650 to 127,400), judged on the arrow-head (the first 40,000), "
+        "whose amplitude grows beyond what was learned from. The input is band-limited, so that its present value "
+        "counts.",
+    )  # fmt: skip
+
+
+def cascaded_tanks(folder: Path) -> DataSet:
+    """The two tanks, with an overflow at 10 V.
+
+    Parameters
+    ----------
+    folder : path
+        Of all recordings.
+
+    Returns
+    -------
+    DataSet
+    """
+    file = folder / "cascaded_tanks" / "dataBenchmark.csv"
+    ((table, _),) = _tables((file,))
+    train, test = (_recording(table[:, i], table[:, i + 2], 4.0, ("V", "V"), file) for i in (0, 1))
+    return DataSet(
+        name="tanks", title="Cascaded tanks", train=train, test=test, unit="V", scale=1.0, files=(file,),
+        candidates=Candidates(output_lags=3, input_lags=(1, 2, 3), degree=3, max_terms=15),
+        note="Learned from the estimation record, judged on the validation record. A polynomial has no overflow.",
+    )  # fmt: skip
+
+
+def emps(folder: Path) -> DataSet:
+    """The positioning system: force in, velocity out, decimated.
+
+    Parameters
+    ----------
+    folder : path
+        Of all recordings.
+
+    Returns
+    -------
+    DataSet
+    """
+    files = tuple(folder / "emps" / f"{part}.mat" for part in ("DATA_EMPS", "DATA_EMPS_PULSES"))
+    train, test = (_emps(path) for path in files)
+    return DataSet(
+        name="emps", title="EMPS", train=train, test=test, unit="mm/s", scale=1e-3, files=files,
+        candidates=Candidates(output_lags=2, input_lags=(0, 1, 2), degree=3, max_terms=12),
+        note="Force in (motor and pulses), velocity out (differences of the position), both decimated from 1 kHz to "
+        "50 Hz. Recorded in closed loop: the force answers to the motion's own errors, so that one-step estimates "
+        "are biased. A polynomial has no Coulomb friction.",
+    )  # fmt: skip
+
+
+def _emps(path: Path) -> Recording:
+    from scipy.io import loadmat
+    from scipy.signal import decimate
+
+    data: Mapping[str, Array] = loadmat(_required(path))
+    force = data["vir"].ravel() * float(data["gtau"].ravel()[0])
+    force = force + data["pulses_N"].ravel() if "pulses_N" in data else force
+    position, step = data["qm"].ravel(), 1e-3
+    for factor in EMPS_DECIMATION:
+        force, position = (decimate(signal, factor, ftype="fir") for signal in (force, position))
+        step *= factor
+    within = slice(EMPS_EDGE, -EMPS_EDGE)  # the filters know nothing beyond the ends
+    return _recording(force[within], np.gradient(position, step)[within], step, ("N", "m/s"), path)
+
+
+def _recording(inputs: Array, outputs: Array, step: float, units: tuple[str, str], path: Path) -> Recording:
+    return Recording.from_arrays(
+        inputs, outputs, step, input_names=("input",), output_names=("output",), input_units=units[:1],
+        output_units=units[1:], provenance={"file": path.name},
+    )  # fmt: skip
+
+
+def _tables(files: tuple[Path, ...]) -> list[tuple[Array, Path]]:
+    """Numbers below one line of headers; the last column of some is empty."""
+    found = []
+    for file in files:
+        with _required(file).open(encoding="utf-8") as lines:
+            headers = [name for name in next(lines).strip().split(",") if name]
+        columns = [i for i, name in enumerate(headers) if name.strip('"') != "Ts"]
+        found.append((np.genfromtxt(file, delimiter=",", skip_header=1, usecols=columns), file))
+    return found
+
+
+def _required(path: Path) -> Path:
+    if not path.is_file():
+        raise DataError(f"{path}: no such file; --data or DEATWIN_DATA must name the folder of public recordings")
+    return path

@@ -1,0 +1,216 @@
+"""Ridge and LASSO as least squares under a constraint, of two parameters and along the path of a NARX structure."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.narx.criteria import split
+from deatwin.ident.narx.lasso import Lasso, LassoPath, lasso_path
+from deatwin.ident.narx.shrinkage import Ridge
+from deatwin.ident.narx.systems import SYSTEMS
+from deatwin.ident.narx.terms import Term, TermTable
+
+__all__ = ["Plane", "Structure", "plane", "structure"]
+
+Array = NDArray[np.float64]
+
+N, TRUE, CORRELATION, NOISE = 80, (1.0, 0.1), 0.6, 0.3
+"""Samples, parameters, correlation of the two regressors, and standard deviation of the noise."""
+SHARE = 0.6
+"""Of the least-squares parameters' norm, which the constraint allows."""
+SYSTEM, HELD_OUT = "S4", 0.3
+PENALTIES = np.geomspace(1e-3, 1e2, 200)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Constrained:
+    """A minimum on a constraint, found on the constraint, and the same from the penalty that belongs to it.
+
+    Parameters
+    ----------
+    size : float
+        Norm that the constraint allows: Euclidean for ridge, sum of magnitudes for the LASSO.
+    point : ndarray, shape (2,)
+        The minimum on the constraint.
+    multiplier : float
+        Lagrange's, from the gradient there.
+    penalised : ndarray, shape (2,)
+        What the estimator answers to that multiplier as its penalty.
+    """
+
+    size: float
+    point: Array
+    multiplier: float
+    penalised: Array
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Plane:
+    """The two-parameter example: mean squared error ``(theta - least)' gram (theta - least)`` plus a constant.
+
+    Parameters
+    ----------
+    gram : ndarray, shape (2, 2)
+        Z'Z/n.
+    least : ndarray, shape (2,)
+        Least-squares parameters.
+    ridge, lasso : Constrained
+        On the circle and on the diamond.
+    shares : ndarray, shape (n_penalties,)
+        Norm of the ridge parameters over that of the least-squares ones.
+    ridge_path : ndarray, shape (2, n_penalties)
+        Ridge parameters.
+    lasso_path : ndarray, shape (2, n_knots)
+        LASSO parameters at the knots of its path.
+    """
+
+    gram: Array
+    least: Array
+    ridge: Constrained
+    lasso: Constrained
+    shares: Array
+    ridge_path: Array
+    lasso_path: Array
+
+
+def plane(rng: np.random.Generator) -> Plane:
+    """Draw the two-parameter example and solve it both ways.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Draws regressors and noise.
+
+    Returns
+    -------
+    Plane
+    """
+    gram = np.array([[1.0, CORRELATION], [CORRELATION, 1.0]])
+    orthogonal, _ = np.linalg.qr(rng.standard_normal((N, 2)))
+    rows = np.sqrt(N) * (orthogonal @ np.linalg.cholesky(gram).T).T  # root mean square exactly 1
+    target = np.array(TRUE) @ rows + NOISE * rng.standard_normal(N)
+    moment = rows @ target / N
+    least = np.linalg.solve(gram, moment)
+
+    radius = SHARE * float(np.linalg.norm(least))
+    on_circle = _on_circle(gram, least, radius)
+    multiplier = float(on_circle @ (moment - gram @ on_circle)) / radius**2
+    ridge = Constrained(
+        size=radius, point=on_circle, multiplier=multiplier, penalised=Ridge(multiplier)(rows, target).theta
+    )
+    extent = SHARE * float(np.abs(least).sum())
+    on_diamond = _on_diamond(gram, least, extent)
+    push = float(np.abs(moment - gram @ on_diamond).max())
+    penalties, knots = _lasso(rows, target)
+    penalised = np.array([np.interp(push, penalties[::-1], knot[::-1]) for knot in knots])
+    lasso = Constrained(size=extent, point=on_diamond, multiplier=push, penalised=penalised)
+
+    path = np.array([Ridge(float(penalty))(rows, target).theta for penalty in PENALTIES]).T
+    return Plane(
+        gram=gram, least=least, ridge=ridge, lasso=lasso, ridge_path=path, lasso_path=knots,
+        shares=np.linalg.norm(path, axis=0) / np.linalg.norm(least),
+    )  # fmt: skip
+
+
+def _lasso(rows: Array, target: Array) -> tuple[Array, Array]:
+    """Penalties and parameters at the knots of ``mean(e^2)/2 + penalty sum |theta|``, in the target's unit."""
+    size = float(np.sqrt(np.mean(target**2)))  # the path's own scale of the output
+    _, penalties, coefficients = lasso_path(rows, target, centred=False, max_knots=20)
+    return size * penalties, size * coefficients
+
+
+def _on_circle(gram: Array, least: Array, radius: float) -> Array:
+    """The least error on a circle, by its angle alone."""
+    from scipy.optimize import minimize_scalar
+
+    def at(angle: float) -> Array:
+        return radius * np.array([np.cos(angle), np.sin(angle)])
+
+    def error(angle: float) -> float:
+        return float((at(angle) - least) @ gram @ (at(angle) - least))
+
+    angles = np.linspace(-np.pi, np.pi, 721)
+    best = float(angles[np.argmin([error(angle) for angle in angles])])
+    return at(minimize_scalar(error, bracket=(best - 0.01, best, best + 0.01), tol=1e-12).x)
+
+
+def _on_diamond(gram: Array, least: Array, extent: float) -> Array:
+    """The least error on a diamond: on each edge that of a parabola, cut at the corners."""
+    corners = extent * np.array([(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)])
+    found = []
+    for start, stop in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        along = stop - start
+        share = float(along @ gram @ (least - start)) / float(along @ gram @ along)
+        found.append(start + np.clip(share, 0.0, 1.0) * along)
+    errors = [(point - least) @ gram @ (point - least) for point in found]
+    return np.asarray(found[int(np.argmin(errors))], dtype=np.float64)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Structure:
+    """The LASSO's path among the candidates of a NARX system.
+
+    Parameters
+    ----------
+    path : LassoPath
+        As the estimator keeps it.
+    true : tuple of Term
+        Those of the system.
+    violation : float
+        Largest departure from the optimality conditions over all knots, over the first penalty.
+    complete : int or None
+        First knot at which all true terms have entered; None if they never do.
+    false_terms : int
+        How many false ones are in by then.
+    """
+
+    path: LassoPath
+    true: tuple[Term, ...]
+    violation: float
+    complete: int | None
+    false_terms: int
+
+
+def structure(rng: np.random.Generator) -> Structure:
+    """Follow the LASSO's path on a draw of a benchmark system.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Draws input and noise.
+
+    Returns
+    -------
+    Structure
+    """
+    system = SYSTEMS[SYSTEM]
+    recording = system.draw(rng).recording
+    found = Lasso(
+        output_lags=system.output_lags, input_lags=system.input_lags, degree=system.degree, held_out=HELD_OUT
+    ).fit(recording)
+    path, first = found.path_, max(system.output_lags, system.input_lags)
+    (beginning,), _ = split((recording,), HELD_OUT, first)
+    rows = TermTable(path.terms).rows(beginning.inputs, beginning.outputs, first, beginning.n_samples)
+    true = tuple(term for term in path.terms if term in system.terms)
+    entered = np.array([path.coefficients[path.terms.index(term)] != 0 for term in true]).all(axis=0)
+    complete = int(np.argmax(entered)) if entered.any() else None
+    active = path.coefficients[:, -1 if complete is None else complete] != 0
+    return Structure(
+        path=path, true=true, complete=complete, violation=_violation(path, rows, beginning.outputs[0, first:]),
+        false_terms=int(active.sum()) - len(true) if complete is not None else int(active.sum()),
+    )  # fmt: skip
+
+
+def _violation(path: LassoPath, rows: Array, target: Array) -> float:
+    """How far |Z'(y - Zb)|/n is from the penalty where a coefficient is not zero, and above it where it is."""
+    standard: Callable[[Array], Array] = lambda x: (x - x.mean(-1, keepdims=True)) / x.std(-1, keepdims=True)  # noqa: E731
+    z, y = standard(rows), standard(target)
+    pull = np.abs(z @ (y[:, None] - z.T @ path.coefficients)) / y.size
+    active = path.coefficients != 0
+    active[:, 0] = False  # nothing has entered at the first knot
+    departure = np.where(active, np.abs(pull - path.penalties), np.maximum(pull - path.penalties, 0.0))
+    return float(departure.max() / path.penalties[0])

@@ -1,0 +1,187 @@
+"""Occam's razor: the evidence of polynomials of each degree for data of a cubic."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.narx.bayes import Priors
+from deatwin.ident.narx.shrinkage import Bayesian
+from deatwin.scenarios.regression_lessons.variance import powers
+
+__all__ = ["TRUE_DEGREE", "Occam", "Spread", "occam", "spread"]
+
+Array = NDArray[np.float64]
+
+N, NOISE, PRECISION = 40, 0.2, 0.04
+"""Samples, standard deviation of the noise, prior precision of each parameter over the noise's."""
+DRAWS, JUDGED = 400, 100
+"""Experiments, and those in which noise and size of the parameters are estimated too."""
+TRUTH = np.array([0.3, -0.8, 0.5, 0.7])
+"""Legendre coefficients of the cubic."""
+TRUE_DEGREE, DEGREES = 3, np.arange(11)
+POINTS, BETWEEN = np.linspace(-1.0, 1.0, N), np.linspace(-0.99, 0.99, 200)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Occam:
+    """What happens with the degree, over repeated experiments.
+
+    Parameters
+    ----------
+    degrees : ndarray of int, shape (n,)
+        Of the polynomials.
+    training, test : ndarray, shape (n,)
+        Mean squared error of least squares over the samples, and over new ones between them.
+    monotone : bool
+        Whether the training error fell with each degree in each experiment.
+    evidence, evidence_error : ndarray, shape (n,)
+        Mean log evidence with known noise, and its standard error, nats.
+    expected : ndarray, shape (n,)
+        Closed form of that mean.
+    best_fit, occam_factor : ndarray, shape (n,)
+        Mean log likelihood of the least-squares parameters, and what the evidence has less, nats.
+    peaks : ndarray of int, shape (n_experiments,)
+        Degree of the largest evidence when the noise and the size of the parameters are not known.
+    largest_fit : ndarray of int, shape (n_experiments,)
+        Degree of the least training error.
+    agreement : float
+        Largest difference of the estimator's log evidence from the density of a multivariate t law, nats.
+    example : ndarray, shape (N,)
+        Readings of the first experiment.
+    """
+
+    degrees: NDArray[np.int64]
+    training: Array
+    test: Array
+    monotone: bool
+    evidence: Array
+    evidence_error: Array
+    expected: Array
+    best_fit: Array
+    occam_factor: Array
+    peaks: NDArray[np.int64]
+    largest_fit: NDArray[np.int64]
+    agreement: float
+    example: Array
+
+
+def occam(rng: np.random.Generator) -> Occam:
+    """Repeat the experiment and judge all degrees.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Draws the noise.
+
+    Returns
+    -------
+    Occam
+    """
+    truth = TRUTH @ powers(POINTS, TRUE_DEGREE)
+    readings = truth + NOISE * rng.standard_normal((DRAWS, N))
+    designs = [powers(POINTS, int(degree)) for degree in DEGREES]
+    laws = [NOISE**2 * (np.eye(N) + rows.T @ rows / PRECISION) for rows in designs]
+    known = np.array([[_log_density(law, y) for y in readings] for law in laws])
+    training, test = (np.empty((DEGREES.size, DRAWS)) for _ in range(2))
+    for i, rows in enumerate(designs):
+        theta = np.linalg.lstsq(rows.T, readings.T, rcond=None)[0]
+        training[i] = np.mean((readings.T - rows.T @ theta) ** 2, axis=0)
+        apart = powers(BETWEEN, int(DEGREES[i])).T @ theta - (TRUTH @ powers(BETWEEN, TRUE_DEGREE))[:, None]
+        test[i] = np.mean(apart**2, axis=0) + NOISE**2
+    fit = -N / 2 * np.log(2 * np.pi * NOISE**2) - N * training.mean(axis=1) / (2 * NOISE**2)
+    unknown = np.array([[Bayesian()(rows, y).log_evidence for y in readings[:JUDGED]] for rows in designs])
+    return Occam(
+        degrees=DEGREES, training=training.mean(axis=1), test=test.mean(axis=1),
+        monotone=bool(np.all(np.diff(training, axis=0) < 0)),
+        evidence=known.mean(axis=1), evidence_error=known.std(axis=1) / np.sqrt(DRAWS),
+        expected=np.array([_expected(law, truth) for law in laws]),
+        best_fit=fit, occam_factor=fit - known.mean(axis=1),
+        peaks=DEGREES[np.argmax(unknown, axis=0)], largest_fit=DEGREES[np.argmin(training, axis=0)],
+        agreement=_agreement(designs, readings[0]), example=readings[0],
+    )  # fmt: skip
+
+
+def _log_density(law: Array, y: Array) -> float:
+    """ln N(y; 0, law)."""
+    return float(-0.5 * (np.linalg.slogdet(2 * np.pi * law)[1] + y @ np.linalg.solve(law, y)))
+
+
+def _expected(law: Array, truth: Array) -> float:
+    """Mean of ln N(y; 0, law) for y ~ N(truth, NOISE^2)."""
+    return _log_density(law, truth) - 0.5 * NOISE**2 * float(np.trace(np.linalg.inv(law)))
+
+
+def _agreement(designs: list[Array], y: Array) -> float:
+    """The evidence of the normal-gamma law is a multivariate t density of the readings."""
+    from scipy.stats import multivariate_t
+
+    priors, differences = Priors(a0=2.0, b0=0.1), []
+    for rows in designs:
+        ours = Bayesian(precision=1.0, priors=priors)(rows, y).log_evidence
+        # The estimator divides each regressor by the power of two nearest to its root mean square.
+        scaled = rows / np.exp2(np.round(np.log2(np.sqrt(np.mean(rows**2, axis=1)))))[:, None]
+        shape = priors.b0 / priors.a0 * (np.eye(N) + scaled.T @ scaled)
+        theirs = multivariate_t(loc=np.zeros(N), shape=shape, df=2 * priors.a0).logpdf(y)
+        differences.append(abs(ours - float(theirs)))
+    return max(differences)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Spread:
+    """Evidence of a line and of a parabola by how curved the readings are.
+
+    Parameters
+    ----------
+    bends : ndarray, shape (n,)
+        Least-squares curvature, in standard errors.
+    line, parabola : ndarray, shape (n,)
+        Densities of that curvature under each; both have area 1.
+    crossing : float
+        Curvature at which they are equal, in closed form.
+    drawn, drawn_error, expected : float
+        Share of experiments with a line in which the parabola has the larger evidence, its standard error, and the
+        closed form.
+    """
+
+    bends: Array
+    line: Array
+    parabola: Array
+    crossing: float
+    drawn: float
+    drawn_error: float
+    expected: float
+
+
+def spread(rng: np.random.Generator) -> Spread:
+    """Compare the evidences of a line and of a parabola where the line is true.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Draws the noise.
+
+    Returns
+    -------
+    Spread
+    """
+    from scipy.stats import norm
+
+    basis, _ = np.linalg.qr(powers(POINTS, 2).T)
+    rows = np.sqrt(N) * basis.T  # orthogonal, so that the third regressor alone tells the two apart
+    variance = 1 + N / PRECISION  # of the curvature under the parabola, in squares of its standard error
+    crossing = float(np.sqrt(np.log(variance) / (1 - 1 / variance)))
+    draws = 10 * DRAWS
+    readings = np.array([0.3, -0.8]) @ rows[:2] + NOISE * rng.standard_normal((draws, N))
+    laws = [NOISE**2 * (np.eye(N) + r.T @ r / PRECISION) for r in (rows[:2], rows)]
+    squares = [np.einsum("ij,ji->i", readings, np.linalg.solve(law, readings.T)) for law in laws]
+    sizes = [np.linalg.slogdet(law)[1] for law in laws]
+    wins = -0.5 * (sizes[1] + squares[1]) > -0.5 * (sizes[0] + squares[0])
+    expected = float(2 * norm.sf(crossing))
+    bends = np.linspace(-12.0, 12.0, 481)
+    return Spread(
+        bends=bends, line=norm.pdf(bends), parabola=norm.pdf(bends, scale=np.sqrt(variance)), crossing=crossing,
+        drawn=float(wins.mean()), drawn_error=float(np.sqrt(expected * (1 - expected) / draws)), expected=expected,
+    )  # fmt: skip

@@ -1,0 +1,187 @@
+"""Bias and variance: the expected error on new data in closed form, and by repeating the experiment."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.narx.estimation import LeastSquares
+from deatwin.ident.narx.shrinkage import Ridge
+
+__all__ = ["Decomposition", "Fitter", "by_degree", "by_penalty", "powers"]
+
+Array = NDArray[np.float64]
+Fitter = Callable[[Array], Array]
+
+N, NOISE, DRAWS = 30, 0.5, 400
+DEGREES = np.arange(13)
+RIDGE_DEGREE, PENALTIES = 12, np.geomspace(1e-4, 10.0, 21)
+POINTS = np.linspace(-1.0, 1.0, N)
+
+
+def curve(points: Array) -> Array:
+    """What is to be found, which is no polynomial.
+
+    Parameters
+    ----------
+    points : ndarray
+        From -1 to 1.
+
+    Returns
+    -------
+    ndarray
+    """
+    return np.asarray(np.sin(np.pi * points) + 0.5 * np.cos(2 * points))
+
+
+def powers(points: Array, degree: int) -> Array:
+    """Regressors up to a degree: Legendre polynomials, so that none nearly follows from the others.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n,)
+        From -1 to 1.
+    degree : int
+        The largest.
+
+    Returns
+    -------
+    ndarray, shape (degree + 1, n)
+    """
+    return np.asarray(np.polynomial.legendre.legvander(points, degree).T, dtype=np.float64)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Decomposition:
+    """Errors of an estimator by its complexity.
+
+    Parameters
+    ----------
+    complexity : ndarray, shape (n,)
+        Degree or penalty.
+    freedom : ndarray, shape (n,)
+        Effective number of parameters: trace of the matrix that takes readings to fitted values.
+    bias, variance : ndarray, shape (n,)
+        Mean squared bias and mean variance of the fitted values, in closed form.
+    noise : float
+        Variance of new readings.
+    test, test_error : ndarray, shape (n,)
+        Mean squared error on new readings at the same points over repeated experiments, and its standard error.
+    training : ndarray, shape (n,)
+        Mean squared error on the readings that were fitted, over the same experiments.
+    covariance, covariance_error : ndarray, shape (n,)
+        Sum of the covariances of fitted values and readings over the noise variance, and its standard error.
+    example : ndarray, shape (n_points,)
+        Readings of the first experiment.
+    fits : ndarray, shape (n, n_points)
+        What was fitted to them.
+    """
+
+    complexity: Array
+    freedom: Array
+    bias: Array
+    variance: Array
+    noise: float
+    test: Array
+    test_error: Array
+    training: Array
+    covariance: Array
+    covariance_error: Array
+    example: Array
+    fits: Array
+
+    @property
+    def expected(self) -> Array:
+        """Closed form of the error on new readings, shape (n,)."""
+        return self.bias + self.variance + self.noise
+
+    @property
+    def worst(self) -> float:
+        """Largest departure of the repeated experiments from it, in their standard errors."""
+        return float(np.abs((self.test - self.expected) / self.test_error).max())
+
+    @property
+    def worst_freedom(self) -> float:
+        """Largest departure of the covariances from the trace, in their standard errors."""
+        return float(np.abs((self.covariance - self.freedom) / self.covariance_error).max())
+
+
+def by_degree(rng: np.random.Generator) -> Decomposition:
+    """Least squares with polynomials of growing degree.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Draws the noise.
+
+    Returns
+    -------
+    Decomposition
+    """
+
+    def fitter(degree: float) -> Fitter:
+        rows = powers(POINTS, int(degree))
+        return lambda target: np.asarray(LeastSquares()(rows, target).theta @ rows)
+
+    hats = []
+    for degree in DEGREES:
+        basis, _ = np.linalg.qr(powers(POINTS, int(degree)).T)
+        hats.append(basis @ basis.T)
+    return _decomposition(rng, DEGREES.astype(float), hats, fitter)
+
+
+def by_penalty(rng: np.random.Generator) -> Decomposition:
+    """Ridge regression of one degree with a growing penalty.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Draws the noise.
+
+    Returns
+    -------
+    Decomposition
+    """
+    rows = powers(POINTS, RIDGE_DEGREE)
+
+    def fitter(penalty: float) -> Fitter:
+        return lambda target: Ridge(float(penalty))(rows, target).theta @ rows
+
+    centred = rows[1:] - rows[1:].mean(axis=1, keepdims=True)
+    z = centred / np.sqrt(np.mean(centred**2, axis=1, keepdims=True))
+    hats = [
+        np.full((N, N), 1 / N) + z.T @ np.linalg.solve(z @ z.T / N + penalty * np.eye(len(z)), z) / N
+        for penalty in PENALTIES
+    ]
+    return _decomposition(rng, PENALTIES, hats, fitter)
+
+
+def _decomposition(
+    rng: np.random.Generator, complexity: Array, hats: list[Array], fitter: Callable[[float], Fitter]
+) -> Decomposition:
+    truth = curve(POINTS)
+    noises, new = NOISE * rng.standard_normal((2, DRAWS, N))
+    test, training, along = (np.empty((complexity.size, DRAWS)) for _ in range(3))
+    fits = np.empty((complexity.size, N))
+    for i, value in enumerate(complexity):
+        fit = fitter(float(value))
+        for j in range(DRAWS):
+            fitted = fit(truth + noises[j])
+            if j == 0:
+                fits[i] = fitted
+            test[i, j] = np.mean((truth + new[j] - fitted) ** 2)
+            training[i, j] = np.mean((truth + noises[j] - fitted) ** 2)
+            along[i, j] = fitted @ noises[j] / NOISE**2
+    return Decomposition(
+        complexity=complexity,
+        freedom=np.array([np.trace(hat) for hat in hats]),
+        bias=np.array([np.mean((hat @ truth - truth) ** 2) for hat in hats]),
+        variance=np.array([NOISE**2 * np.sum(hat**2) / N for hat in hats]),
+        noise=NOISE**2,
+        test=test.mean(axis=1), test_error=test.std(axis=1) / np.sqrt(DRAWS), training=training.mean(axis=1),
+        covariance=along.mean(axis=1), covariance_error=along.std(axis=1) / np.sqrt(DRAWS),
+        example=truth + noises[0], fits=fits,
+    )  # fmt: skip

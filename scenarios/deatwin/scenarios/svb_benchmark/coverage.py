@@ -1,0 +1,143 @@
+"""Do the 95 % intervals cover the true parameters, when the structure is right?"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.narx import NarxModel, SvbNarx
+from deatwin.ident.narx.bayes import Priors, Statistics, fit_relevance
+from deatwin.ident.narx.fixed import Fixed
+from deatwin.ident.narx.noise import Narmax, extended_least_squares
+from deatwin.ident.narx.regression import Regression
+from deatwin.ident.narx.systems import BenchmarkSystem
+from deatwin.ident.narx.terms import TermTable
+from deatwin.plant.recording import Recording
+from deatwin.scenarios.svb_benchmark.trials import draw_of, intervals, system_of
+
+__all__ = ["ESTIMATORS", "VARIATIONAL", "covered"]
+
+Flags = NDArray[np.bool_]
+VARIATIONAL = "variational Bayes"
+
+
+def least_squares(system: BenchmarkSystem, recording: Recording) -> NarxModel:
+    """Fit the true terms by least squares.
+
+    Parameters
+    ----------
+    system : BenchmarkSystem
+        Whose terms are taken.
+    recording : Recording
+        To fit.
+
+    Returns
+    -------
+    NarxModel
+    """
+    return Fixed(terms=system.terms).fit(recording).model_
+
+
+def variational(system: BenchmarkSystem, recording: Recording) -> NarxModel:
+    """Fit the true terms by variational Bayes, as `SvbNarx` does each of its steps.
+
+    Parameters
+    ----------
+    system : BenchmarkSystem
+        Whose terms are taken.
+    recording : Recording
+        To fit.
+
+    Returns
+    -------
+    NarxModel
+        With the Student-t posterior of its parameters.
+    """
+    usual = SvbNarx()
+    data = Regression.on(recording, TermTable(system.terms))
+    gram, moment, power = data.gram()
+    statistics = Statistics(gram=gram, moment=moment, power=power, n_samples=data.n_samples)
+    sizes = statistics.sizes
+    priors = Priors(a0=usual.a0, b0=usual.b0, c0=usual.c0, d0=usual.d0)
+    found = fit_relevance(
+        statistics.divided(sizes), priors, np.full(sizes.size, priors.c0 / priors.d0),
+        tolerance=usual.tolerance, max_iterations=usual.max_iterations,
+    ).posterior  # fmt: skip
+    return data.model(
+        found.mean / sizes, found.covariance / np.outer(sizes, sizes), found.noise_variance,
+        identifier=usual, theta_dof=2 * found.a,
+    )  # fmt: skip
+
+
+def with_true_noise(system: BenchmarkSystem, recording: Recording) -> NarxModel:
+    """Fit the true terms and the true noise terms by extended least squares.
+
+    Parameters
+    ----------
+    system : BenchmarkSystem
+        Whose terms are taken.
+    recording : Recording
+        To fit.
+
+    Returns
+    -------
+    NarxModel
+    """
+    process = Regression.on(recording, TermTable(system.terms))
+    found = extended_least_squares(process, system.noise_terms).estimate
+    whole = replace(process, table=TermTable(system.terms + system.noise_terms))
+    return whole.model(found.theta, found.theta_cov, found.noise_variance, identifier=Fixed(terms=system.terms))
+
+
+def with_chosen_noise(system: BenchmarkSystem, recording: Recording) -> NarxModel:
+    """Fit the true terms by extended least squares, with noise terms that are chosen.
+
+    Parameters
+    ----------
+    system : BenchmarkSystem
+        Whose terms without noise are taken.
+    recording : Recording
+        To fit.
+
+    Returns
+    -------
+    NarxModel
+    """
+    return Narmax(Fixed(terms=system.terms)).fit(recording).model_
+
+
+ESTIMATORS: Mapping[str, Callable[[BenchmarkSystem, Recording], NarxModel]] = MappingProxyType({
+    "least squares": least_squares,
+    VARIATIONAL: variational,
+    "extended least squares, true noise terms": with_true_noise,
+    "extended least squares, chosen noise terms": with_chosen_noise,
+})  # fmt: skip
+"""How the parameters of a known structure are estimated, by name."""
+
+
+def covered(name: str, estimator: str, seed: int, number: int, noise_variance: float | None = None) -> Flags:
+    """Say which intervals hold the true parameter.
+
+    Parameters
+    ----------
+    name, estimator : str
+        Of the system, and one of `ESTIMATORS`.
+    seed, number : int
+        Of study and draw.
+    noise_variance : float, optional
+        If other than the system's own.
+
+    Returns
+    -------
+    ndarray of bool, shape (n_terms,)
+        In the order of the system's terms.
+    """
+    system = system_of(name, noise_variance)
+    model = ESTIMATORS[estimator](system, draw_of(system, seed, number).recording)
+    low, high = intervals(model)
+    places = [model.terms.index(term) for term in system.terms]
+    return (low[places] <= system.theta) & (system.theta <= high[places])

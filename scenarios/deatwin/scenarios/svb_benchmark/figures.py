@@ -1,0 +1,271 @@
+"""The figures of the story."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from deatwin.scenarios.report.figures import Drawing
+from deatwin.scenarios.report.svg import COLOURS, draw, inline
+from deatwin.scenarios.svb_benchmark.coverage import ESTIMATORS, VARIATIONAL
+from deatwin.scenarios.svb_benchmark.methods import METHODS
+from deatwin.scenarios.svb_benchmark.study import SWEPT, WHITE, Study
+from deatwin.scenarios.svb_benchmark.trials import Rate, Trial, system_of
+from deatwin.scenarios.svb_benchmark.verdicts import COVERAGE, exact, kept, oracles
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["drawings", "table_text"]
+
+INK, GRID, MEASURED, BEFORE, AFTER, MARK = (
+    COLOURS[role][0] for role in ("ink", "grid", "measured", "before", "after", "mark")
+)
+STYLES = {
+    "fro": (MEASURED, "v"), "fro-told": (MEASURED, "^"), "lasso": (MARK, "D"), "semp": (BEFORE, "s"),
+    "svb": (AFTER, "o"), "svb-clean": (AFTER, "*"),
+}  # fmt: skip
+COVER_STYLES = ((MEASURED, "v"), (AFTER, "o"), (BEFORE, "s"), (MARK, "D"))
+"""Of the estimators, in their order."""
+COLOURED = ["S5"]
+MOST_SHOWN = 12
+"""Terms of the sampler that are drawn."""
+
+
+def table_text(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """A CSV file whose cells may be words.
+
+    Parameters
+    ----------
+    header : sequence of str
+        Names of the columns, with their unit.
+    rows : iterable of sequence
+        Cells without commas.
+
+    Returns
+    -------
+    str
+    """
+    return "\n".join([",".join(header), *(",".join(map(str, row)) for row in rows)]) + "\n"
+
+
+def drawings(study: Study) -> tuple[list[Drawing], dict[str, str]]:
+    """Draw all figures.
+
+    Parameters
+    ----------
+    study : Study
+        What came out.
+
+    Returns
+    -------
+    list of Drawing
+        In the order of the page.
+    dict of str to str
+        Text of each CSV file.
+    """
+    made = [_rates(study), _outcomes(study), _coverage(study), _sweep(study)]
+    if study.comparisons:
+        made.append(_sampler(study))
+    return [drawing for drawing, _ in made], {drawing.data: text for drawing, text in made}
+
+
+def _drawing(figure: Figure, name: str, title: str, caption: str) -> Drawing:
+    return Drawing(
+        name=name, title=title, caption=caption, svg=inline(figure, name, title), data=f"figures/{name}.csv"
+    )
+
+
+def _dot(axes: Axes, rate: Rate, place: float, colour: str, marker: str) -> None:
+    """Draw a rate and its interval beside a place on the vertical axis."""
+    low, high = rate.interval
+    axes.plot([100 * low, 100 * high], [place, place], color=colour, linewidth=1.0, alpha=0.6)
+    axes.plot(100 * rate.share, place, marker, color=colour, markersize=9 if marker == "*" else 5)
+
+
+def _rates(study: Study) -> tuple[Drawing, str]:
+    plan, rows = study.plan, []
+    step = 0.8 / len(plan.methods)
+    with draw((9.6, 1.2 + 0.75 * len(plan.systems))) as figure:
+        panels = figure.subplots(1, 2, sharey=True)
+        for axes, what, words in zip(panels, (kept, exact), ("every true term kept", "exact structure"), strict=True):
+            for number, system in enumerate(plan.systems):
+                for place, method in enumerate(plan.methods):
+                    rate = what(study, system, method)
+                    _dot(axes, rate, number - 0.4 + step * (place + 0.5), *STYLES[method])
+                    rows.append((system, method, words, 100 * rate.share, *(100 * e for e in rate.interval)))
+                near = oracles(study, system)[1]
+                limit = 100 * (near.exact if what is exact else near.kept).share
+                axes.plot([limit, limit], [number - 0.4, number + 0.4], color=INK, linewidth=1.1, linestyle=":")
+                axes.axhline(number + 0.5, color=GRID, linewidth=0.6)
+            axes.set(xlabel=f"{words} (% of draws)", xlim=(-4, 104), ylim=(len(plan.systems) - 0.5, -0.5))
+            axes.set_yticks(range(len(plan.systems)), plan.systems)
+            axes.grid(axis="y", visible=False)
+        for method in plan.methods:
+            colour, marker = STYLES[method]
+            panels[0].plot([], [], marker, color=colour, label=METHODS[method].label, markersize=5)
+        panels[0].plot([], [], color=INK, linestyle=":", label="oracle from the true terms")
+        figure.legend(loc="outside upper left", ncols=4, markerscale=1)
+        drawing = _drawing(
+            figure, "rates", "How often the structure is found",
+            f"{plan.draws} draws of each system, with 95 % intervals (Clopper and Pearson). Dotted: how often the "
+            "truth is the best of its neighbours, at the best threshold.",
+        )  # fmt: skip
+    header = ("system", "method", "what", "share_percent", "low_percent", "high_percent")
+    return drawing, table_text(header, rows)
+
+
+def _outcomes(study: Study) -> tuple[Drawing, str]:
+    """Draw what became of the draws of E1, or of the last system where E1 is not among them."""
+    system = SWEPT if SWEPT in study.plan.systems else study.plan.systems[-1]
+    outcomes = {
+        "exact": (AFTER, lambda t: t.exact),
+        "one false term": (MARK, lambda t: t.kept and t.false == 1),
+        "more false terms": (MEASURED, lambda t: t.kept and t.false > 1),
+        "a true term missed": (BEFORE, lambda t: not t.kept),
+    }
+    methods, rows = study.plan.methods, []
+    with draw((8.0, 1.0 + 0.5 * len(methods))) as figure:
+        axes = figure.add_subplot()
+        for place, method in enumerate(methods):
+            left = 0.0
+            for words, (colour, which) in outcomes.items():
+                share = 100 * Rate.of(which(trial) for trial in study.of(system, method)).share
+                axes.barh(place, share, left=left, color=colour, label=words if not place else None, height=0.65)
+                left += share
+                rows.append((method, words, share))
+        axes.set_yticks(range(len(methods)), [METHODS[method].label for method in methods])
+        axes.set_axisbelow(True)
+        axes.set(xlabel="share of the draws (%)", xlim=(0, 100), ylim=(len(methods) - 0.4, -0.6))
+        axes.grid(axis="y", visible=False)
+        figure.legend(loc="outside upper left", ncols=4)
+        drawing = _drawing(
+            figure, "outcomes", f"{system}: what the methods keep (thesis table 6.1)",
+            f"{study.plan.draws} draws of {system}.",
+        )  # fmt: skip
+    return drawing, table_text(("method", "outcome", "share_percent"), rows)
+
+
+def _coverage(study: Study) -> tuple[Drawing, str]:
+    rows: list[tuple[object, ...]] = []
+    white = [system for system in WHITE if (system, VARIATIONAL) in study.covered]
+    with draw((9.6, 5.0)) as figure:
+        panels = figure.subplots(1, 2, sharex=True)
+        for axes, systems in zip(panels, (white, COLOURED), strict=True):
+            estimators = [VARIATIONAL] if systems is white else list(ESTIMATORS)
+            labels = [f"{system} {term}" for system in systems for term in system_of(system).terms]
+            for place, estimator in enumerate(estimators):
+                colour, marker = (AFTER, "o") if systems is white else COVER_STYLES[place]
+                flags = [f for system in systems for f in study.covered.get((system, estimator), np.zeros((0, 0))).T]
+                offset = (place + 0.5) / len(estimators) - 0.5
+                for number, (label, inside) in enumerate(zip(labels, flags, strict=False)):
+                    rate = Rate.of(inside.tolist())
+                    _dot(axes, rate, number + 0.8 * offset, colour, marker)
+                    rows.append((label, estimator, 100 * rate.share, *(100 * end for end in rate.interval)))
+                axes.plot([], [], marker, color=colour, label=estimator, markersize=5)
+            axes.axvspan(*(100 * end for end in COVERAGE), color=MARK, alpha=0.25, linewidth=0)
+            axes.axvline(95, color=INK, linestyle=":", linewidth=0.9)
+            axes.set_yticks(range(len(labels)), labels, fontsize="small")
+            axes.set(xlabel="intervals that hold the true parameter (%)", ylim=(len(labels) - 0.4, -0.6))
+            axes.legend(loc="lower left", bbox_to_anchor=(0, 1.0), markerscale=1, fontsize="small")
+        drawing = _drawing(
+            figure, "coverage", "Do the 95 % intervals cover?",
+            f"Given the right structure, {study.plan.draws} draws. Ochre: {100 * COVERAGE[0]:g} to "
+            f"{100 * COVERAGE[1]:g} %, which is demanded of all parameters on the left together. Right: the system "
+            "with coloured noise, without and with a noise model.",
+        )  # fmt: skip
+    header = ("system and term", "estimator", "share_percent", "low_percent", "high_percent")
+    return drawing, table_text(header, rows)
+
+
+def _sweep(study: Study) -> tuple[Drawing, str]:
+    rows: list[tuple[object, ...]] = []
+    with draw((9.6, 3.6)) as figure:
+        left, right = figure.subplots(1, 2)
+        for place, method in enumerate(study.plan.bayesian):
+            colour, marker = STYLES[method]
+            rates = [Rate.of(t.exact for t in _of(level.trials, method)) for level in study.levels]
+            _line(left, study, rates, METHODS[method].label, colour, marker, 1.06**place)
+            kept_rates = [Rate.of(t.kept for t in _of(level.trials, method)) for level in study.levels]
+            rows += _rows(study, f"{method} exact structure", rates)
+            rows += _rows(study, f"{method} every true term kept", kept_rates)
+        covers = [Rate.of(level.covered.ravel().tolist()) for level in study.levels]
+        _line(right, study, covers, VARIATIONAL, AFTER, "o")
+        rows += _rows(study, "intervals that cover", covers)
+        right.axhspan(*(100 * end for end in COVERAGE), color=MARK, alpha=0.25, linewidth=0)
+        left.set(ylabel="exact structure (% of draws)", ylim=(-3, 103))
+        right.set(ylabel="intervals that cover (%)", ylim=(85, 100.5))
+        for axes in (left, right):
+            axes.set(xscale="log", xlabel="variance of the noise")
+            variances = [level.variance for level in study.levels]
+            axes.set_xticks(variances, [f"{v:g}" for v in variances])
+            axes.minorticks_off()
+        left.legend(loc="lower left", markerscale=1)
+        drawing = _drawing(
+            figure, "sweep", "Noise sweep (thesis section 6.5.2)",
+            f"{SWEPT} at five variances around its own, {study.plan.swept_draws} draws each, with 95 % intervals. "
+            "Right: all parameters, given the right structure.",
+        )  # fmt: skip
+    return drawing, table_text(("variance", "what", "share_percent", "low_percent", "high_percent"), rows)
+
+
+def _of(trials: Iterable[Trial], method: str) -> list[Trial]:
+    return [trial for trial in trials if trial.method == method]
+
+
+def _line(
+    axes: Axes, study: Study, rates: list[Rate], label: str, colour: str, marker: str, aside: float = 1.0
+) -> None:
+    """Draw rates over the levels, by a factor aside so that intervals do not hide each other."""
+    shares = np.array([100 * rate.share for rate in rates])
+    ends = np.array([[100 * end for end in rate.interval] for rate in rates]).T
+    axes.errorbar(
+        [aside * level.variance for level in study.levels], shares, np.abs(ends - shares), color=colour, label=label,
+        fmt=f"{marker}-", markersize=9 if marker == "*" else 5, capsize=2, elinewidth=0.9,
+    )  # fmt: skip
+
+
+def _rows(study: Study, what: str, rates: list[Rate]) -> list[tuple[object, ...]]:
+    return [
+        (level.variance, what, 100 * rate.share, *(100 * end for end in rate.interval))
+        for level, rate in zip(study.levels, rates, strict=True)
+    ]
+
+
+def _sampler(study: Study) -> tuple[Drawing, str]:
+    first = study.comparisons[0]
+    shown = np.argsort(-first.inclusion)[:MOST_SHOWN]
+    true = dict(zip(map(str, system_of("S4").terms), system_of("S4").theta, strict=True))
+    with draw((9.6, 4.0)) as figure:
+        left, right = figure.subplots(1, 2)
+        for place, i in enumerate(shown):
+            colour, marker = (AFTER, "o") if first.terms[i] in first.chosen else (MEASURED, "D")
+            left.plot(first.inclusion[i], place, marker, color=colour, markersize=6)
+        left.axvline(0.5, color=INK, linestyle=":", linewidth=0.9)
+        left.set_yticks(range(len(shown)), [first.terms[i] for i in shown], fontsize="small")
+        left.set(xlabel="probability that the term is in", xscale="log", xlim=(None, 1.5))
+        left.set_ylim(len(shown) - 0.4, -0.6)
+        left.grid(axis="y", visible=False)
+        for place, term in enumerate(first.common):
+            own = (first.low[place], first.high[place])
+            sampled = (first.sampled_low[place], first.sampled_high[place])
+            for ends, offset, colour, label in (
+                (own, -0.13, AFTER, "SVB"), (sampled, 0.13, BEFORE, "sampler, over all structures")
+            ):  # fmt: skip
+                shift = np.array(ends) - true.get(term, 0.0)
+                right.plot(shift, [place + offset] * 2, color=colour, linewidth=3, label=None if place else label)
+        right.axvline(0, color=INK, linestyle=":", linewidth=0.9)
+        right.set_yticks(range(len(first.common)), first.common, fontsize="small")
+        right.set(xlabel="95 % interval less the true parameter", ylim=(len(first.common) - 0.4, -0.6))
+        right.grid(axis="y", visible=False)
+        figure.legend(*right.get_legend_handles_labels(), loc="outside upper right", ncols=2)
+        drawing = _drawing(
+            figure, "sampler", "A spike-and-slab sampler beside SVB, on S4",
+            f"The first draw. Left: the {len(shown)} most likely of {len(first.terms)} terms; blue are those that SVB "
+            "keeps. Right: the sampler's intervals also hold what it does not know of the structure.",
+        )  # fmt: skip
+    rows = [(first.terms[i], first.inclusion[i], int(first.terms[i] in first.chosen)) for i in shown]
+    return drawing, table_text(("term", "probability", "kept_by_svb"), rows)

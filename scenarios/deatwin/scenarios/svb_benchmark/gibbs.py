@@ -1,0 +1,248 @@
+"""A spike-and-slab sampler of structures, as an independent judge of what the variational posterior says.
+
+The model of the regression y = Phi theta + e, e ~ N(0, 1/tau):
+
+- tau ~ Gam(a0, b0), as in the variational posterior;
+- each term is in or out; with m of M terms in, p(in) = 1 / ((M + 1) binom(M, m)), so that every number of terms is as
+  likely as any other before the data [1]_;
+- theta_j ~ N(0, n / (i tau phi_j'phi_j)) if in: the information of i samples. One sample is usual [2]_; where a
+  parameter is so sure that its |t| exceeds sqrt(n) that alone would widen all intervals and pull at it [3]_, so that
+  here i is a hundredth.
+
+Parameters and noise are integrated out exactly. What is left, the set of terms, is sampled by heat-bath flips of a
+term chosen at random; draws in which nothing happens are not made but counted by their expected number [4]_.
+
+References
+----------
+.. [1] Scott, Berger, Ann. Statist. 38 (2010) 2587-2619, doi:10.1214/10-AOS792.
+.. [2] Kass, Wasserman, J. Am. Stat. Assoc. 90 (1995) 928-934, doi:10.1080/01621459.1995.10476592.
+.. [3] Liang et al., J. Am. Stat. Assoc. 103 (2008) 410-423, doi:10.1198/016214507000001337.
+.. [4] Bortz, Kalos, Lebowitz, J. Comput. Phys. 17 (1975) 10-18, doi:10.1016/0021-9991(75)90060-1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from math import lgamma
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import expit
+
+from deatwin.ident.narx.bayes import Priors, Statistics
+
+__all__ = ["SpikeSlab", "Structures", "sample_structures"]
+
+Array = NDArray[np.float64]
+Terms = frozenset[int]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SpikeSlab:
+    """The posterior over sets of terms, up to a constant.
+
+    Parameters
+    ----------
+    data : Statistics
+        Of all candidates.
+    priors : Priors
+        Of which a0 and b0 are used.
+    information : float
+        Of the slab, in samples.
+    """
+
+    data: Statistics
+    priors: Priors = field(default_factory=Priors)
+    information: float = 0.01
+
+    @property
+    def n_terms(self) -> int:
+        """Number of candidates."""
+        return int(self.data.moment.size)
+
+    @property
+    def slab(self) -> Array:
+        """Precision of each parameter that is in, relative to the noise's; shape (n_terms,)."""
+        return np.asarray(self.information / self.data.n_samples * np.diag(self.data.gram), dtype=np.float64)
+
+    def precision(self, chosen: list[int]) -> Array:
+        """Return Phi'Phi plus the slab's precision for the chosen terms, relative to the noise's.
+
+        Parameters
+        ----------
+        chosen : list of int
+            Terms that are in.
+        """
+        return np.asarray(self.data.gram[np.ix_(chosen, chosen)] + np.diag(self.slab[chosen]), dtype=np.float64)
+
+    def log_evidence(self, terms: Terms) -> float:
+        """Return ln p(y, terms) up to a constant.
+
+        Parameters
+        ----------
+        terms : frozenset of int
+            That are in.
+        """
+        chosen = sorted(terms)
+        precision, moment = self.precision(chosen), self.data.moment[chosen]
+        left = self.data.power - float(moment @ np.linalg.solve(precision, moment))
+        volume = 0.5 * (float(np.log(self.slab[chosen]).sum()) - float(np.linalg.slogdet(precision)[1]))
+        return volume + float(self._fit(left)) + self._prior(len(chosen))
+
+    def flip_gains(self, terms: Terms) -> Array:
+        """Return the change of `log_evidence` by the flip of each term, shape (n_terms,).
+
+        With C = P^-1 for the terms that are in, another one adds to |P| the factor s, what of it they do not
+        explain, and takes r²/s off the squares that are left; one of them that goes takes C_jj and theta_j²/C_jj back.
+
+        Parameters
+        ----------
+        terms : frozenset of int
+            That are in.
+        """
+        chosen = sorted(terms)
+        inverse = np.linalg.inv(self.precision(chosen))
+        theta = inverse @ self.data.moment[chosen]
+        left = self.data.power - float(theta @ self.data.moment[chosen])
+        across = self.data.gram[:, chosen]
+        slab = self.slab
+        unexplained = np.diag(self.data.gram) + slab - np.einsum("ij,jk,ik->i", across, inverse, across)
+        volume = 0.5 * np.log(slab / unexplained)
+        change = -((self.data.moment - across @ theta) ** 2) / unexplained
+        volume[chosen] = -0.5 * np.log(slab[chosen] * np.diag(inverse))
+        change[chosen] = theta**2 / np.diag(inverse)
+        prior = np.full(self.n_terms, self._prior(len(chosen) + 1) if len(chosen) < self.n_terms else 0.0)
+        prior[chosen] = self._prior(len(chosen) - 1) if chosen else 0.0
+        return np.asarray(
+            volume + self._fit(left + change) - self._fit(left) + prior - self._prior(len(chosen)), dtype=np.float64
+        )
+
+    def draw(self, terms: Terms, count: int, rng: np.random.Generator) -> tuple[list[int], Array]:
+        """Draw parameters of one structure.
+
+        Parameters
+        ----------
+        terms : frozenset of int
+            That are in.
+        count : int
+            How often.
+        rng : numpy.random.Generator
+            Of the draws.
+
+        Returns
+        -------
+        chosen : list of int
+            The terms in order.
+        theta : ndarray, shape (count, n_chosen)
+            Their parameters.
+        """
+        chosen = sorted(terms)
+        precision, moment = self.precision(chosen), self.data.moment[chosen]
+        mean = np.linalg.solve(precision, moment)
+        shape = self.priors.a0 + self.data.n_samples / 2
+        rate = self.priors.b0 + 0.5 * (self.data.power - float(mean @ moment))
+        noise = rate / rng.gamma(shape, size=(count, 1))
+        root = np.linalg.inv(np.linalg.cholesky(precision))
+        return chosen, mean + np.sqrt(noise) * (rng.standard_normal((count, len(chosen))) @ root)
+
+    def _fit(self, left: Array | float) -> Array:
+        shape = self.priors.a0 + self.data.n_samples / 2
+        return np.asarray(-shape * np.log(self.priors.b0 + 0.5 * np.asarray(left)), dtype=np.float64)
+
+    def _prior(self, m: int) -> float:
+        return lgamma(m + 1) + lgamma(self.n_terms - m + 1) - lgamma(self.n_terms + 2)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Structures:
+    """Sampled structures.
+
+    Parameters
+    ----------
+    inclusion : ndarray, shape (n_terms,)
+        Probability that a term is in: the mean over the chain of that given all others.
+    weights : mapping of frozenset of int to float
+        Share of the chain at each set of terms.
+    """
+
+    inclusion: Array
+    weights: Mapping[Terms, float]
+
+    @property
+    def median(self) -> Terms:
+        """The terms that are more likely in than out."""
+        return frozenset(np.flatnonzero(self.inclusion > 0.5).tolist())
+
+    def parameters(self, posterior: SpikeSlab, count: int, rng: np.random.Generator) -> Array:
+        """Draw parameters over all structures.
+
+        Parameters
+        ----------
+        posterior : SpikeSlab
+            That was sampled.
+        count : int
+            How many.
+        rng : numpy.random.Generator
+            Of the draws.
+
+        Returns
+        -------
+        ndarray, shape (count, n_terms)
+            Zero where a term is out.
+        """
+        sets = list(self.weights)
+        counts = rng.multinomial(count, list(self.weights.values()))
+        theta = np.zeros((count, posterior.n_terms))
+        start = 0
+        for terms, times in zip(sets, counts, strict=True):
+            if times and terms:
+                chosen, drawn = posterior.draw(terms, int(times), rng)
+                theta[start : start + times, chosen] = drawn
+            start += times
+        return theta
+
+
+def sample_structures(
+    posterior: SpikeSlab, rng: np.random.Generator, *, flips: int, burn_in: int, start: Terms = frozenset()
+) -> Structures:
+    """Sample sets of terms.
+
+    Parameters
+    ----------
+    posterior : SpikeSlab
+        To be sampled.
+    rng : numpy.random.Generator
+        Of the chain.
+    flips : int
+        Flips that are made after the burn-in; between two of them the chain rests at a structure, and counts there for
+        as long as it would be expected to rest.
+    burn_in : int
+        Flips that are thrown away.
+    start : frozenset of int
+        Where the chain starts; by default without terms.
+
+    Returns
+    -------
+    Structures
+    """
+    terms = start
+    weights: dict[Terms, float] = {}
+    inclusion, total = np.zeros(posterior.n_terms), 0.0
+    seen: dict[Terms, Array] = {}
+    for step in range(burn_in + flips):
+        if terms not in seen:
+            seen[terms] = expit(posterior.flip_gains(terms))
+        rates = seen[terms]
+        if step >= burn_in:
+            rest = 1.0 / float(rates.sum())
+            inside = rates.copy()
+            inside[list(terms)] = 1.0 - rates[list(terms)]
+            inclusion += rest * inside
+            weights[terms] = weights.get(terms, 0.0) + rest
+            total += rest
+        flip = int(rng.choice(posterior.n_terms, p=rates / rates.sum()))
+        terms = terms ^ {flip}
+    return Structures(
+        inclusion=inclusion / total, weights={terms: weight / total for terms, weight in weights.items()}
+    )

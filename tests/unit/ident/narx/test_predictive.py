@@ -1,0 +1,137 @@
+"""Predictive bands: against Monte Carlo, closed forms of a linear system, and new data."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from deatwin.ident.narx import NarxModel, SvbNarx
+from deatwin.ident.narx.posterior import ThetaPosterior
+from deatwin.ident.narx.predictive import BandStatus, free_run_band, one_step_band, regressors
+from deatwin.plant.errors import ModelError
+from deatwin.plant.recording import Recording
+
+
+def recording(n=400, seed=0, noise=0.05):
+    rng = np.random.default_rng(seed)
+    u, y = rng.uniform(-1, 1, n), np.zeros(n)
+    for k in range(2, n):
+        y[k] = 0.5 * y[k - 1] + 0.8 * u[k - 2] - 0.3 * y[k - 1] * u[k - 1] + noise * rng.normal()
+    return Recording.from_arrays(u, y, 0.1)
+
+
+@pytest.fixture(scope="module")
+def model():
+    """Learned from so few samples that the parameters matter in the band."""
+    return SvbNarx(rule=lambda t: str(t) in {"y(k-1)", "u(k-2)", "y(k-1)u(k-1)"}).fit(recording(24)).model_
+
+
+def test_one_step_band_is_that_of_draws(model):
+    """Quantiles of 40 000 joint draws; their standard error is sqrt(p (1 - p)/n) over the density."""
+    new, n = recording(30, seed=7), 40_000
+    band = one_step_band(model, new, level=0.8)
+    draws = ThetaPosterior(model=model).sample(np.random.default_rng(1), n)
+    rows = regressors(model, new)
+    noise = np.random.default_rng(2).standard_normal((n, rows.shape[1])) * np.sqrt(draws.noise_variance)
+    ends = np.quantile(draws.theta @ rows + noise, [0.1, 0.9], axis=0)
+    scale = (band.upper - band.lower)[0, 2:] / (2 * stats.t.ppf(0.9, model.theta_dof))
+    error = math.sqrt(0.1 * 0.9 / n) / stats.t.pdf(stats.t.ppf(0.1, model.theta_dof), model.theta_dof)
+    assert np.abs((ends[0] - band.lower[0, 2:]) / scale).max() < 4 * error
+    assert np.abs((ends[1] - band.upper[0, 2:]) / scale).max() < 4 * error
+    np.testing.assert_allclose(band.outputs, model.predict(new).outputs)
+    for values in (band.lower, band.upper):
+        np.testing.assert_array_equal(values[:, :2], new.outputs[:, :2])
+
+
+def test_bands_cover_new_measurements(model):
+    """Well over 1000 new samples; what the 22 training samples say of the parameters is one and the same for all."""
+    new = recording(3000, seed=9)
+    step = one_step_band(model, new)
+    free = free_run_band(model, new, np.random.default_rng(3), n_draws=300)
+    assert 0.9 < step.coverage[0] <= 0.995 and 0.9 < free.coverage[0] <= 0.995
+    assert step.coverage[0] == np.mean(
+        (new.outputs[0, 2:] >= step.lower[0, 2:]) & (new.outputs[0, 2:] <= step.upper[0, 2:])
+    )
+    assert free.status is BandStatus.OK and (free.draws, free.diverged) == (300, 0)
+
+
+def test_free_run_noise_of_a_known_linear_model_has_its_closed_form():
+    """y(k) = a y(k-1) + e(k): the variance after j steps is s^2 (1 - a^(2j)) / (1 - a^2)."""
+    known = NarxModel.from_terms({"y(k-1)": 0.9, "u(k-1)": 1.0}, sample_time=0.1, noise_variance=0.04)
+    new, n = recording(60, seed=11), 20_000
+    band = free_run_band(known, new, np.random.default_rng(4), n_draws=n, level=0.9)
+    steps = np.arange(1, 60)
+    sigma = np.sqrt(0.04 * (1 - 0.81**steps) / (1 - 0.81))
+    error = math.sqrt(0.05 * 0.95 / n) / stats.norm.pdf(stats.norm.ppf(0.05))
+    middle = known.simulate(new).outputs[0, 1:]
+    z = stats.norm.ppf(0.95)
+    assert np.abs((band.upper[0, 1:] - middle) / sigma - z).max() < 4.5 * error
+    assert np.abs((band.lower[0, 1:] - middle) / sigma + z).max() < 4.5 * error
+
+
+def test_free_run_parameters_without_noise_have_their_closed_form():
+    """y(k) = theta u(k-1): the band is theta's interval times the input."""
+    known = NarxModel.from_terms(
+        {"u(k-1)": 0.5}, sample_time=0.1, theta_cov=[[0.01]], noise_variance=0.0, theta_dof=6.0
+    )
+    new, n = recording(40, seed=12), 20_000
+    band = free_run_band(known, new, np.random.default_rng(5), n_draws=n, level=0.8)
+    half = stats.t.ppf(0.9, 6) * math.sqrt(0.01 * 4 / 6)
+    error = math.sqrt(0.1 * 0.9 / n) / stats.t.pdf(stats.t.ppf(0.1, 6), 6) * math.sqrt(0.01 * 4 / 6)
+    width = (band.upper - band.lower)[0, 1:] / np.abs(new.inputs[0, :-1])
+    assert np.abs(width / 2 - half).max() < 4 * error
+
+
+def test_past_noise_acts_in_one_step_and_free_run():
+    """y(k) = e(k) + 0.8 e(k-1): one step ahead sigma, in free run sigma sqrt(1.64)."""
+    colour = NarxModel.from_terms({"u(k-1)": 1.0, "e(k-1)": 0.8}, sample_time=0.1, noise_variance=1.0)
+    new = recording(200, seed=13)
+    one = one_step_band(colour, new, level=0.9)
+    free = free_run_band(colour, new, np.random.default_rng(6), n_draws=8000, level=0.9)
+    z = stats.norm.ppf(0.95)
+    np.testing.assert_allclose((one.upper - one.lower)[0, 1:], 2 * z, rtol=1e-12)
+    np.testing.assert_allclose(one.outputs[0, 1:], colour.predict(new).outputs[0, 1:])
+    # the mean of 198 widths of 8000 draws each
+    assert np.mean((free.upper - free.lower)[0, 2:]) / 2 == pytest.approx(z * math.sqrt(1.64), rel=0.01)
+
+
+def test_each_output_has_the_band_of_its_equation():
+    two = NarxModel.from_terms(
+        {"y1": {"u(k-1)": 0.5}, "y2": {"y1(k-1)": 1.0}},
+        sample_time=0.1, theta_cov=np.diag([0.04, 0.0]), noise_variance=[0.0, 0.09],
+    )  # fmt: skip
+    rng = np.random.default_rng(8)
+    new = Recording.from_arrays(rng.uniform(-1, 1, 50), rng.normal(size=(2, 50)), 0.1)
+    half = (lambda band: (band.upper - band.lower)[:, 1:] / 2)(one_step_band(two, new))
+    z = stats.norm.ppf(0.975)
+    np.testing.assert_allclose(half[0], z * 0.2 * np.abs(new.inputs[0, :-1]), rtol=1e-12)
+    np.testing.assert_allclose(half[1], z * 0.3, rtol=1e-12)
+
+
+def test_diverged_draws_are_counted_and_told():
+    wild = NarxModel.from_terms({"y(k-1)": 1.0, "u(k-1)": 1.0}, sample_time=0.1, theta_cov=[[0.3, 0], [0, 0]])
+    band = free_run_band(wild, recording(200), np.random.default_rng(7), n_draws=100)
+    assert 0 < band.diverged < 100 and band.status is BandStatus.DIVERGED and not band.status.ok
+    assert np.all(np.isfinite(band.lower)) and np.all(np.isfinite(band.upper))
+    lost = NarxModel.from_terms({"y(k-1)": 3.0, "u(k-1)": 1.0}, sample_time=0.1, noise_variance=0.1)
+    with pytest.raises(ModelError, match="all 20 draws"):
+        free_run_band(lost, recording(200), np.random.default_rng(7), n_draws=20)
+
+
+@pytest.mark.parametrize("arguments", [{"level": 1.2}, {"n_draws": 1}])
+def test_senseless_arguments_are_refused(model, arguments):
+    with pytest.raises(ModelError):
+        free_run_band(model, recording(), np.random.default_rng(0), **arguments)
+
+
+def test_the_picture_shows_the_band(model):
+    pyplot = pytest.importorskip("matplotlib.pyplot")
+    band = one_step_band(model, recording(50, seed=7))
+    axes = band.plot()
+    middle, measured = axes.get_lines()
+    np.testing.assert_array_equal(middle.get_ydata(), band.outputs[0])
+    np.testing.assert_array_equal(measured.get_ydata(), band.measured[0])
+    shaded = axes.collections[0].get_paths()[0].vertices[:, 1]
+    assert shaded.min() == band.lower.min() and shaded.max() == band.upper.max()
+    pyplot.close("all")

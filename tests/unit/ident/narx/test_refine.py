@@ -1,0 +1,157 @@
+"""Refinement by the free-run error: finite differences, output error of a linear model, Monte Carlo."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from deatwin.ident.narx import NarxModel, generate_terms
+from deatwin.ident.narx.linear import OutputError
+from deatwin.ident.narx.refine import extend, prune, refine, sensitivities
+from deatwin.ident.narx.terms import Term
+from deatwin.plant.errors import ModelError
+from deatwin.plant.recording import Recording
+
+TRUE = {"y(k-1)": 1.1, "y(k-2)": -0.5, "u(k-1)": 0.6, "y(k-1)^3": -0.08, "y(k-2)u(k-1)": 0.1}
+NOISE = 0.3
+
+
+def plant(**changed: float) -> NarxModel:
+    return NarxModel.from_terms({**TRUE, **changed}, sample_time=0.1)
+
+
+def measured(rng: np.random.Generator, n: int = 600, noise: float = NOISE, model: NarxModel | None = None) -> Recording:
+    u = rng.uniform(-1.5, 1.5, n)
+    y = (model or plant()).simulate(Recording.from_arrays(u, np.zeros(n), 0.1)).outputs[0]
+    return Recording.from_arrays(u, y + noise * rng.standard_normal(n), 0.1)
+
+
+def test_sensitivities_are_differences_of_runs() -> None:
+    model = NarxModel.from_terms(
+        {**TRUE, "1": 0.1, "u(k)": 0.2, "y(k-3)^2": 0.03, "y(k-1)y(k-3)u(k-4)": 0.02}, sample_time=0.1
+    )
+    recording = measured(np.random.default_rng(0), 200, model=model)
+    step = 1e-5
+    for j, column in enumerate(sensitivities(model, recording).T):
+        change = step * np.eye(len(model.terms))[j]
+        up, down = (replace(model, theta=model.theta + side * change).simulate(recording) for side in (1, -1))
+        expected = (up.outputs[0] - down.outputs[0])[up.first :] / (2 * step)
+        # Central differences: rounding 1e-16 / 1e-5, third derivatives times 1e-10.
+        np.testing.assert_allclose(column, expected, atol=1e-7 * np.abs(expected).max())
+
+
+def test_a_model_without_outputs_has_its_regressors_as_sensitivities() -> None:
+    model = NarxModel.from_terms({"1": 0.3, "u(k-1)^2": 0.5}, sample_time=0.1)
+    recording = measured(np.random.default_rng(1), 50)
+    expected = np.array([np.ones(49), recording.inputs[0, :-1] ** 2]).T
+    np.testing.assert_allclose(sensitivities(model, recording), expected, atol=1e-15)
+
+
+def test_a_linear_model_becomes_that_of_the_output_error_method() -> None:
+    # Another search for the same minimum, but for the start of the run: 2 of 4000 samples.
+    linear = plant(**{"y(k-1)^3": 0.0, "y(k-2)u(k-1)": 0.0})
+    recording = measured(np.random.default_rng(2), 4000, model=linear)
+    start = NarxModel.from_terms({"y(k-1)": 0.9, "y(k-2)": -0.3, "u(k-1)": 0.5}, sample_time=0.1)
+    found = refine(start, recording)
+    theirs = OutputError(nb=1, nf=2, nk=1, offset=False).fit(recording).model_
+    expected = np.array([-theirs.f[0][1], -theirs.f[0][2], theirs.b[0][1]])
+    errors = np.sqrt(np.diag(found.theta_cov))
+    assert np.abs(found.theta - expected).max() < 0.2 * errors.max()
+    np.testing.assert_allclose(found.simulate(recording).rms_error, NOISE, rtol=0.05)  # 4 / sqrt(2 n)
+
+
+def test_noise_on_the_readings_leaves_no_bias_and_the_intervals_cover() -> None:
+    # Mean over 40 experiments: within 4 standard errors of the truth. Of 200 95 % intervals 190 cover on average; those
+    # of one experiment are not independent, so the count spreads by at most sqrt(5) times the binomial 3.1.
+    rng = np.random.default_rng(3)
+    true = np.array(list(TRUE.values()))
+    found = [refine(plant(), measured(rng)) for _ in range(40)]
+    theta = np.array([model.theta for model in found])
+    errors = np.array([np.sqrt(np.diag(model.theta_cov)) for model in found])
+    assert np.all(np.abs(theta.mean(axis=0) - true) < 4 * theta.std(axis=0) / np.sqrt(40))
+    assert np.sum(np.abs(theta - true) < 1.96 * errors) > 190 - 3 * np.sqrt(5) * 3.1
+    np.testing.assert_allclose(errors.mean(axis=0), theta.std(axis=0), rtol=0.5)  # 40 draws tell it to 11 %
+
+
+def test_several_recordings_count_together_and_the_one_step_error_is_kept() -> None:
+    rng = np.random.default_rng(4)
+    parts = [measured(rng, 300), measured(rng, 500)]
+    start = plant(**{"y(k-1)": 1.0})
+    found = refine(start, parts)
+
+    def square(model: NarxModel) -> float:
+        return sum(float((model.simulate(part).residuals ** 2).sum()) for part in parts)
+
+    assert square(found) < min(square(start), square(plant()))
+    one_step = np.concatenate([found.predict(part).residuals[0] for part in parts])
+    assert found.noise_variance == pytest.approx(one_step @ one_step / (one_step.size - 5))
+    assert found.provenance["refined"]
+
+
+def test_the_best_so_far_survives_an_interrupt() -> None:
+    recording = measured(np.random.default_rng(5))
+    start = plant(**{"y(k-1)": 0.8, "u(k-1)": 0.3})
+    shares: list[float] = []
+
+    def interrupt(share: float, text: str) -> None:
+        shares.append(share)
+        if len(shares) == 4:
+            raise KeyboardInterrupt
+
+    found = refine(start, recording, progress=interrupt)
+    assert len(shares) == 4
+    assert plant().simulate(recording).rms_error * 0.9 < found.simulate(recording).rms_error
+    assert found.simulate(recording).rms_error < start.simulate(recording).rms_error
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_terms_are_added_until_the_structure_is_whole(seed: int) -> None:
+    # The two terms that are missing explain most of what is left; each first gain is hundreds of noise variances.
+    recording = measured(np.random.default_rng(seed), 2000, 0.05)
+    start = NarxModel.from_terms({"y(k-1)": 1.0, "y(k-2)": -0.4, "u(k-1)": 0.6}, sample_time=0.1)
+    path = extend(start, recording, generate_terms(2, 2, 3), max_terms=5)
+    assert [len(model.terms) for model in path] == [3, 4, 5]
+    assert set(path[-1].terms) == {Term.parse(text) for text in TRUE}
+    errors = [model.simulate(recording).rms_error for model in path]
+    assert errors == sorted(errors, reverse=True)
+    assert errors[-1] == pytest.approx(0.05, rel=0.07)  # 4 / sqrt(2 n)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_false_terms_are_pruned(seed: int) -> None:
+    # Among ten candidates the five true ones stand hundreds of noise variances above the false.
+    recording = measured(np.random.default_rng(seed), 2000, 0.05)
+    more = plant(**{"1": 0.0, "y(k-1)^2": 0.0, "u(k-2)": 0.0, "y(k-1)u(k-1)^2": 0.0, "y(k-2)^3": 0.0})
+    path = prune(more, recording, n_terms=5)
+    assert [len(model.terms) for model in path] == [10, 9, 8, 7, 6, 5]
+    assert set(path[-1].terms) == {Term.parse(text) for text in TRUE}
+    errors = [model.simulate(recording).rms_error for model in path]
+    assert errors == sorted(errors)
+
+
+def test_terms_that_the_run_needs_stay() -> None:
+    # y(k) = 1.4 y(k-1) - 0.8 y(k-2) + ...: without either lag's term the other alone may diverge, and is kept then.
+    rng = np.random.default_rng(8)
+    resonant = NarxModel.from_terms({"y(k-1)": 1.4, "y(k-2)": -0.8, "u(k-1)": 0.5}, sample_time=0.1)
+    recording = measured(rng, 500, 0.01, resonant)
+    path = prune(resonant, recording, n_terms=1)
+    assert all(model.simulate(recording).status.ok for model in path)
+
+
+def test_a_term_that_follows_from_the_others_is_not_added() -> None:
+    rng = np.random.default_rng(6)
+    u = rng.choice([-1.0, 1.0], 300)  # its square is the constant
+    recording = Recording.from_arrays(u, np.convolve(u, [0, 0.5, 0.2])[:300] + 0.3, 0.1)
+    start = NarxModel.from_terms({"1": 0.2, "u(k-1)": 0.4}, sample_time=0.1)
+    path = extend(start, recording, [Term.parse(t) for t in ("u(k-1)^2", "u(k-2)")], max_terms=4)
+    assert [str(term) for term in path[-1].terms] == ["1", "u(k-1)", "u(k-2)"]
+
+
+def test_what_cannot_be_refined_is_refused() -> None:
+    recording = measured(np.random.default_rng(7), 50)
+    noisy = NarxModel.from_terms({"y(k-1)": 0.5, "e(k-1)": 0.2}, sample_time=0.1)
+    with pytest.raises(ModelError, match="without noise terms"):
+        refine(noisy, recording)
+    unstable = NarxModel.from_terms({"y(k-1)": 3.0, "u(k-1)": 1.0}, sample_time=0.1)
+    with pytest.raises(ModelError, match="diverges at"):
+        refine(unstable, recording)
