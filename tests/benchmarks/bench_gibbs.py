@@ -4,7 +4,7 @@ The sampler is that of `deatwin.scenarios.svb_benchmark.gibbs`, which unit tests
 same draws of S4, of 500 samples and 165 candidates. Three things are shown for each draw: whether the terms that the
 sampler holds for more likely in than out are those of SVB; which probability the sampler gives to SVB's 95 % intervals,
 with SVB's structure and over all structures; and how far two chains, one started without terms and one with 20 at
-random, differ in the probability of a term. Times are processor times with one thread. No test depends on these figures.
+random, differ in the probability of a term. Times are processor times with one thread. No test depends on them.
 """
 
 from __future__ import annotations

@@ -79,7 +79,7 @@ def candidates(name: str) -> dict[str, int]:
 @pytest.fixture(scope="module", params=["S2", "S3", "S4"])
 def svb_runs(request):
     return request.param, [
-        SvbNarx(**candidates(request.param)).fit(draw(request.param, seed)) for seed in range(RUNS)
+        SvbNarx(**candidates(request.param), clean_up="none").fit(draw(request.param, seed)) for seed in range(RUNS)
     ]
 
 
@@ -112,7 +112,7 @@ def test_svb_noise_variance(svb_runs):
 
 def test_svb_on_the_thesis_example():
     truth = set(true_terms("E1"))
-    runs = [SvbNarx(**candidates("E1")).fit(draw("E1", seed)) for seed in range(4)]
+    runs = [SvbNarx(**candidates("E1"), clean_up="none").fit(draw("E1", seed)) for seed in range(4)]
     assert len(runs[0].path_[0].terms) == 495
     assert all(truth <= set(run.terms_) for run in runs)
     assert sum(truth == set(run.terms_) for run in runs) >= 2

@@ -20,6 +20,7 @@ from deatwin.scenarios.fleet_models.preparation import (
     Orders,
     Plan,
     Prepared,
+    as_good,
     make_plan,
     order_errors,
     thinned,
@@ -88,27 +89,33 @@ def test_the_held_out_section_is_the_end_of_the_stretch() -> None:
     assert held_out.duration == pytest.approx(HELD_OUT) and held_out.start == pytest.approx(training.end)
 
 
-def test_orders_by_the_one_standard_error_rule() -> None:
-    # Six errors of mean 0.10 and standard deviation 0.02: the limit is 0.10 + 0.02 / sqrt(6).
+def test_what_is_as_good_by_the_one_standard_error_rule() -> None:
+    # Differences of standard deviation 0.02 over six have a standard error of 0.00816; between the six there is more.
     spread = 0.02 * np.array([-1, 1, -1, 1, -1, 1]) * np.sqrt(5 / 6)
+    least = np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
+    assert as_good(least + spread + 0.0081, least) and not as_good(least + spread + 0.0083, least)
+    assert as_good(least, least) and not as_good(least + 1e-6, least)
+    assert not as_good(np.append(least[:5], np.inf), least)
+
+
+def test_of_equally_good_orders_those_with_the_fewest_candidates() -> None:
+    noise = 1e-3 * np.array([-1, 1, -1, 1, -1, 1])
     errors = np.full((6, len(LAGS), len(DEGREES)), 0.5)
-    errors[:, 5, 4] = 0.10 + spread
-    errors[:, 1, 3] = 0.107
-    errors[:, 1, 2] = 0.109
-    orders = Orders(factor=2, errors=errors)
-    assert orders.limit == pytest.approx(0.10 + 0.02 / np.sqrt(6))
-    assert orders.best == (1, 3)
-    errors[:, 0, 4] = 0.107  # fewer lags of a higher degree: 11 candidates instead of 24
+    errors[:, 5, 4] = 0.1
+    errors[:, 1, 3] = 0.1002 + noise
+    errors[:, 1, 2] = 0.11
+    assert Orders(factor=2, errors=errors).best == (1, 3)
+    errors[:, 0, 4] = 0.1002 + noise  # fewer lags of a higher degree: 11 candidates instead of 25
     assert Orders(factor=2, errors=errors).best == (0, 4)
     errors[0, 0, 4] = np.inf  # one of the six diverges
     assert Orders(factor=2, errors=errors).best == (1, 3)
 
 
 def test_the_longest_sampling_time_of_those_that_are_as_good() -> None:
-    spread = 0.02 * np.array([-1, 1, -1, 1, -1, 1])[:, None, None]
+    noise = 0.02 * np.array([-1, 1, -1, 1, -1, 1])[:, None, None]
     shape = (6, len(LAGS), len(DEGREES))
-    plan = make_plan({f: list(np.full(shape, mean) + spread) for f, mean in ((2, 0.100), (4, 0.105), (6, 0.12))})
-    assert plan.factor == 4
+    means = {2: np.full(shape, 0.1), 4: np.full(shape, 0.105) + noise, 6: np.full(shape, 0.12) + noise}
+    assert make_plan({factor: list(each) for factor, each in means.items()}).factor == 4
 
 
 def test_free_run_errors_find_the_degree() -> None:

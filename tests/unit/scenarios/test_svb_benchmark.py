@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from deatwin.ident.narx import NarxModel
+from deatwin.ident.narx import FitStatus, Frols, NarxModel
 from deatwin.ident.narx.bayes import Statistics
 from deatwin.scenarios import svb_benchmark
 from deatwin.scenarios.folder import ResultFolder
@@ -207,3 +207,14 @@ def test_the_page_and_what_an_interrupt_leaves(tmp_path: Path, monkeypatch: pyte
     with pytest.raises(KeyboardInterrupt):
         carry_out(0, SMALL, jobs=1, tell=interrupted, keep=lambda trials: kept.append(list(trials)))
     assert [(t.system, t.method) for t in kept[-1]] == [("S2", "fro"), ("S2", "svb")]
+
+
+def test_an_interrupted_fit_is_no_trial(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Identifiers keep their best when interrupted and return; the study must not take that for a result and go on.
+    def fit(self: Frols, recordings: object) -> Frols:
+        self.model_, self.status_ = system_of("S2").model, FitStatus.INTERRUPTED
+        return self
+
+    monkeypatch.setattr(Frols, "fit", fit)
+    with pytest.raises(KeyboardInterrupt):
+        try_out("S2", "fro", 0, 0)

@@ -13,13 +13,16 @@ from deatwin.ident.narx.lasso import Lasso
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.noise import Narmax
 from deatwin.ident.narx.operating import OperatingRange
+from deatwin.ident.narx.posterior import ThetaPosterior
+from deatwin.ident.narx.predictive import PredictiveBand, free_run_band, one_step_band
 from deatwin.ident.narx.random_walk import ThetaSmoother
 from deatwin.ident.narx.recursive import Rls
+from deatwin.ident.narx.refine import extend, prune, refine
 from deatwin.ident.narx.residual_tests import CorrelationTest
 from deatwin.ident.narx.response import NarxResponse, ResponseStatus
-from deatwin.ident.narx.semp import Semp
+from deatwin.ident.narx.semp import Semp, SempStep
 from deatwin.ident.narx.shrinkage import Ridge
-from deatwin.ident.narx.svb import SvbNarx
+from deatwin.ident.narx.svb import CleanUpMove, PruningStep, SvbNarx
 from deatwin.ident.narx.terms import Term, TermTable, Variable, generate_terms
 from deatwin.ident.narx.trajectory import ThetaTrajectory
 from deatwin.ident.narx.validate import Validation, ValidationStatus, validate
@@ -27,6 +30,7 @@ from deatwin.plant.recording import Experiment, Recording
 
 __all__ = [
     "Bayesian",
+    "CleanUpMove",
     "CorrelationTest",
     "Experiment",
     "FitStatus",
@@ -39,20 +43,29 @@ __all__ = [
     "NarxModel",
     "NarxResponse",
     "OperatingRange",
+    "PredictiveBand",
+    "PruningStep",
     "Recording",
     "ResponseStatus",
     "Ridge",
     "Rls",
     "Semp",
+    "SempStep",
     "SvbNarx",
     "Term",
     "TermTable",
+    "ThetaPosterior",
     "ThetaSmoother",
     "ThetaTrajectory",
     "TotalLeastSquares",
     "Validation",
     "ValidationStatus",
     "Variable",
+    "extend",
+    "free_run_band",
     "generate_terms",
+    "one_step_band",
+    "prune",
+    "refine",
     "validate",
 ]

@@ -13,7 +13,6 @@ from deatwin.ident.narx.evidence import log_prior
 from deatwin.ident.narx.forward import SelectionStep
 from deatwin.ident.narx.free_run import March
 from deatwin.ident.narx.regression import Regression
-from deatwin.ident.narx.terms import Term, Variable
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
@@ -126,23 +125,10 @@ def free_run_errors(data: Regression, recordings: Sequence[Recording], theta: Ar
     chosen = np.tile(np.arange(theta.shape[1]), (len(theta), 1))
     total, samples = np.zeros(len(theta)), 0
     for record in recordings:
-        march = _alone(data, record)
+        inputs, outputs = data.scaled(record)
+        own = outputs[[data.output]]
+        known = {"u": inputs, "y": outputs}
+        march = March.of(data.table.terms, known, "y", own, first=data.first, alone=data.output)
         total += march.squared_errors(chosen, theta, limit=_DIVERGED).sum(axis=1)
         samples += record.n_samples - data.first
     return total / samples
-
-
-def _alone(data: Regression, record: Recording) -> March:
-    """Set one equation out over a recording: inputs and the other outputs are known, its own output is marched."""
-    inputs, outputs = data.scaled(record)
-
-    def renamed(variable: Variable) -> Variable:
-        if variable.kind == "u":
-            return Variable("u", variable.index + 1, variable.lag)
-        if variable.index == data.output:
-            return Variable("y", 1, variable.lag)
-        return Variable("u", len(inputs) + variable.index + 1, variable.lag)
-
-    terms = [Term.product(renamed(variable) for variable in term.expanded) for term in data.table.terms]
-    known = np.concatenate([inputs, outputs])
-    return March.of(terms, {"u": known}, "y", outputs[data.output][None], first=data.first)

@@ -31,6 +31,9 @@ _DIVERGED = 1e3  # times the largest output, as for the free run of a trained mo
 # Ten to thirty sections are enough to know the variance of a mean, and long enough to be independent of each other
 # (Schmeiser, Oper. Res. 30 (1982) 556-568, doi:10.1287/opre.30.3.556).
 _SECTIONS = 20
+# A free run that goes astray in one section alone passes every test over the sections. Whatever they say, the final
+# model's mean squared error is at most so many times the least of the path.
+_CLEARLY_WORSE = 2.0
 _STEPS = 4  # times max_terms: a search that still turns terms over then goes nowhere
 
 
@@ -82,7 +85,9 @@ class Semp(NarxIdentifier):
     not published either and is switched off by ``max_exchanges=0``, a term is exchanged for a candidate that makes the
     free run better, or the one-step error smaller and the free run no worse; and once the search goes on from that
     model of the forward regression that simulates best, if it does so better than the present one: a resonance, for
-    one, cannot always be found by adding single terms to what simulates well.
+    one, cannot always be found by adding single terms to what simulates well. The model is where the search ends; or,
+    where a free run went astray in a few sections only, which no test over them sees, the last step whose mean squared
+    error is at most twice the least.
 
     Parameters
     ----------
@@ -176,7 +181,8 @@ class Semp(NarxIdentifier):
         self.path_ = tuple(search.path)
         self.srr_ = np.array([step.srr for step in search.path])
         self.msse_ = np.array([step.msse for step in search.path])
-        kept = data.only([data.table.terms.index(term) for term in search.path[-1].terms])
+        final = [step for step in self.path_ if step.msse <= _CLEARLY_WORSE * self.msse_.min()][-1]
+        kept = data.only([data.table.terms.index(term) for term in final.terms])
         self.terms_ = kept.table.terms
         found = least_squares(*kept.matrix())
         return kept.model(found.theta, found.theta_cov, found.noise_variance, identifier=self)
@@ -381,5 +387,6 @@ class _Search:
 
         if self.settings.significance is None:
             return 0.0
-        competing = len(self.regression.rows) - (self.data.n_samples - freedom - 1)
+        chosen = self.data.n_samples - freedom - 1
+        competing = max(len(self.regression.rows) - chosen, 1)
         return float(stdtrit(freedom, self.settings.significance / competing / 2)) ** 2  # F of 1 and n is t^2 of n

@@ -104,8 +104,8 @@ class SvbNarx(NarxIdentifier):
     the model (all models being equally probable beforehand). Candidates that are zero throughout take no part.
 
     The bound does not count how many candidates compete: among hundreds, a false term raises it by chance now and
-    then. ``clean_up="evidence"``, which is not part of the published algorithm, goes on from
-    there: beginning with the most probable of the last steps, from the one of the largest bound on, it removes,
+    then. The clean-up (``clean_up="evidence"``), which is not part of the published algorithm, goes on from there:
+    beginning with the most probable of the last steps, from the one of the largest bound on, it removes,
     adds or exchanges one term at a time, always to the most probable structure, until no such move makes it more
     probable. Structures are compared by their exact evidence under a unit-information prior and by a prior that
     counts the candidates; see `deatwin.ident.narx.evidence`. The posterior of the parameters is the variational one
@@ -125,7 +125,7 @@ class SvbNarx(NarxIdentifier):
     rule : callable, optional
         Takes a `Term` and says whether it is a candidate.
     clean_up : str
-        "none" for the published algorithm, "evidence" for the clean-up after it.
+        "evidence" for the clean-up after the published algorithm, "none" for that algorithm alone.
     resolution : float
         The larger, the fewer terms a step prunes; above 1.
     a0, b0, c0, d0 : float
@@ -150,7 +150,7 @@ class SvbNarx(NarxIdentifier):
     path_ : tuple of PruningStep
         All steps, from all candidates down to one term.
     moves_ : tuple of CleanUpMove
-        Of the clean-up, from where it began; empty without one.
+        Of the clean-up, from where it began; empty with ``clean_up="none"``.
 
     References
     ----------
@@ -166,7 +166,7 @@ class SvbNarx(NarxIdentifier):
         input_lags: Lags = 2,
         degree: int = 2,
         rule: Rule | None = None,
-        clean_up: str = "none",
+        clean_up: str = "evidence",
         resolution: float = 100.0,
         a0: float = 1e-2,
         b0: float = 1e-4,

@@ -57,7 +57,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
     sentence = (
         f"Six actuators, twelve models: over sections that nothing was fitted to, their free runs fit {min(fits):.0f} "
         f"to {max(fits):.0f} %; {sum(row.passed for row in rows)} of {len(rows)} stated measures are reached. What "
-        "drift and hysteresis leave is in the correlation tests."
+        "drift, hysteresis and the polynomials' own misfit leave is in the correlation tests."
     )
     figures, files = drawings(study, _choice(study))
     for name, columns in files.items():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from statistics import median
 
 from deatwin.scenarios.fleet_models.preparation import Plan
@@ -31,8 +32,8 @@ def notes(study: Study) -> list[Note]:
 def _failures(study: Study) -> Note:
     every = {variant: _models(study, variant) for variant in (RECORDED, STEADY, FILM)}
     passed = {variant: sum(one.passed for one in found) for variant, found in every.items()}
-    steps = {variant: [float(one.held_out.one_step.rms[0]) for one in found] for variant, found in every.items()}
-    error = {variant: f"{1e6 * median(each):.1f} µm" for variant, each in steps.items()}
+    one_step = {v: _micro([float(one.held_out.one_step.rms[0]) for one in found]) for v, found in every.items()}
+    free_run = {v: _micro([float(one.held_out.free_run.rms[0]) for one in found]) for v, found in every.items()}
     total = sum(len(one.held_out.tests) for one in every[RECORDED])
     noise = f"{1e6 * study.prepared[0].actuator.plant.rig.noise:.1f} µm"
     test = every[RECORDED][0].held_out.tests[0]
@@ -44,14 +45,15 @@ def _failures(study: Study) -> Note:
             "drift. An error that moves slowly correlates with itself at every lag, and one that grows with the "
             "displacement, as a gain that drifts makes it, with the command. The figure of the free runs over whole "
             "recordings shows each history at work, and which of it lies within the sections.",
-            "What fails without drift too is mostly hysteresis. The force of friction depends on where the motion last "
-            "turned, which no polynomial of a few past values tells. With it, the one-step residual is "
-            f"{error[STEADY]} (median of the twelve), without it {error[FILM]}, where the sensor's noise is {noise}; "
-            "and it is larger at large commands, where the film is soft, which is what φ (u²)′e² sees.",
-            f"Without hysteresis {passed[FILM]} tests pass. A test judges the residual relative to itself, however "
-            "small it is: then the polynomial's own departure from the film's law is all that is left, and that is a "
-            f"function of command and past. Over {test.n_samples} samples a correlation of {test.band:.2f} is seen; a "
-            "test that fails says that there is something left to explain, not how much. How much, the free run says.",
+            "What fails without drift too is structure that the models do not have. The force of friction depends on "
+            "where the motion last turned, which no polynomial of a few past values tells; and such a polynomial "
+            "follows the film's own law only so far, least where the film is soft, at large commands, which is what "
+            f"φ (u²)′e² sees. With hysteresis alone the free-run error is {free_run[STEADY]} (median of the twelve) "
+            f"and the one-step residual {one_step[STEADY]}; without it they are {free_run[FILM]} and "
+            f"{one_step[FILM]}, and {passed[FILM]} tests pass. The sensor's noise is {noise}.",
+            "A test judges the residual relative to itself, however small it is, and the smaller it is the more of it "
+            f"is the model's own fault. Over {test.n_samples} samples a correlation of {test.band:.2f} is seen; a test "
+            "that fails says that there is something left to explain, not how much. How much, the free run says.",
         ],
     )  # fmt: skip
 
@@ -60,7 +62,7 @@ def _sections(study: Study) -> Note:
     plan = study.plan
     step = study.prepared[0].recordings[RECORDED].sample_time
     rule = sorted({one.sampling.factor * step for one in study.prepared})
-    tried = ", ".join(f"{100 * one.least:.1f} % at {quantity(one.factor * step, 's')}" for one in plan.orders)
+    tried = ", ".join(f"{100 * one.least.mean():.1f} % at {quantity(one.factor * step, 's')}" for one in plan.orders)
     return Note(
         title="Sections, sampling time, lags and degree",
         paragraphs=[
@@ -70,7 +72,7 @@ def _sections(study: Study) -> Note:
             "last 100 s are held out, and nothing is chosen on them.",
             f"The correlation functions ask for {' or '.join(quantity(time, 's') for time in rule)}, fifteen samples "
             f"to their first minimum. The least mean free-run errors are {tried}: the longest time is taken that is "
-            f"within a standard error of the least, {quantity(plan.factor * step, 's')}, and of lags and degrees "
+            f"no worse by more than a standard error, {quantity(plan.factor * step, 's')}, and of lags and degrees "
             f"likewise the fewest candidates, {_candidates(plan)}.",
         ],
     )  # fmt: skip
@@ -90,12 +92,23 @@ def _rule(study: Study) -> Note:
         title="Candidates affine in the output",
         paragraphs=[
             "The film relaxes with one time, so the past enters through one value, and the candidates are taken affine "
-            "in it: products hold the past output once or not at all. With powers of it too, SVB, which looks one step "
-            f"ahead only, gives models of which {lost} of {len(free)} diverge in free run over one of the sections; "
-            f"with the rule the fits are {min(kept):.1f} to {max(kept):.1f} %.",
+            "in it: products hold the past output once or not at all. Powers of it can make a free run explode, which "
+            "SVB, looking one step ahead only, does not see. With all products among the "
+            f"candidates {lost} of {len(free)} SVB models diverge over one of the sections and the others fit "
+            f"{_range(one.fit for one in free if not one.held_out.diverged)} %; with the rule the fits "
+            f"are {_range(kept)} %.",
         ],
     )  # fmt: skip
 
 
 def _models(study: Study, variant: str) -> list[Identified]:
     return [bench.models[method] for bench in study.benches[variant] for method in METHODS]
+
+
+def _range(values: Iterable[float]) -> str:
+    every = list(values)
+    return f"{min(every):.1f} to {max(every):.1f}" if every else "–"
+
+
+def _micro(metres: list[float]) -> str:
+    return f"{1e6 * median(metres):.1f} µm"

@@ -34,6 +34,7 @@ __all__ = [
     "Orders",
     "Plan",
     "Prepared",
+    "as_good",
     "make_plan",
     "order_errors",
     "prepare",
@@ -144,21 +145,16 @@ class Orders:
         return means
 
     @property
-    def least(self) -> float:
-        """The least mean error."""
-        return float(self.means.min())
-
-    @property
-    def limit(self) -> float:
-        """The least mean error and its standard error over the actuators: what is as good as the best."""
+    def least(self) -> Array:
+        """The errors of lags and degree of the least mean error, shape (n_actuators,)."""
         i, j = np.unravel_index(np.argmin(self.means), self.means.shape)
-        own = self.errors[:, i, j]
-        return self.least + float(own.std(ddof=1) / np.sqrt(own.size))
+        least: Array = self.errors[:, i, j]
+        return least
 
     @property
     def best(self) -> tuple[int, int]:
-        """Positions of lags and degree: of those within the limit the ones with the fewest candidates."""
-        places = [(int(i), int(j)) for i, j in np.argwhere(self.means <= self.limit)]
+        """Positions of lags and degree: of those as good as the best the ones with the fewest candidates."""
+        places = [(int(i), int(j)) for i, j in np.argwhere(as_good(self.errors, self.least[:, None, None]))]
         return min(places, key=lambda place: (_candidates(*place), self.means[place]))
 
 
@@ -288,17 +284,35 @@ def make_plan(errors: Mapping[int, Sequence[Array]]) -> Plan:
     Returns
     -------
     Plan
-        With the longest sampling time whose least mean error is within a standard error of the least of all.
+        With the longest sampling time whose least errors are as good as the least of all.
+    """
+    orders = tuple(Orders(factor=factor, errors=np.array(each)) for factor, each in errors.items())
+    least = min((one.least for one in orders), key=np.mean)
+    near = [i for i, one in enumerate(orders) if as_good(one.least, least)]
+    return Plan(orders=orders, chosen=max(near, key=lambda i: orders[i].factor))
+
+
+def as_good(errors: Array, least: Array) -> NDArray[np.bool_]:
+    """Whether errors are as good as the least: on average not larger by more than a standard error.
+
+    Parameters
+    ----------
+    errors, least : ndarray, shape (n_actuators, ...)
+        Compared actuator by actuator, so that what differs between actuators does not count as uncertainty.
+
+    Returns
+    -------
+    ndarray of bool, shape (...)
 
     References
     ----------
     Hastie, Tibshirani, Friedman, "The Elements of Statistical Learning", 2nd ed. (2009), section 7.10: the
-    one-standard-error rule.
+    one-standard-error rule, here of paired differences.
     """
-    orders = tuple(Orders(factor=factor, errors=np.array(each)) for factor, each in errors.items())
-    limit = min(orders, key=lambda one: one.least).limit
-    near = [i for i, one in enumerate(orders) if one.least <= limit]
-    return Plan(orders=orders, chosen=max(near, key=lambda i: orders[i].factor))
+    finite = np.isfinite(errors).all(axis=0)
+    beyond = np.where(finite, errors, 0.0) - least
+    good: NDArray[np.bool_] = beyond.mean(axis=0) <= beyond.std(axis=0, ddof=1) / np.sqrt(len(beyond))
+    return finite & good
 
 
 def _candidates(lags: int, degree: int) -> int:

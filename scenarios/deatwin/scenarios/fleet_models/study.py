@@ -173,7 +173,7 @@ def identify(name: str, variant: str, sections: tuple[Recording, Recording], pla
     terms = models[SEMP].model.terms
     more: dict[str, NarxIdentifier] = {
         FRO: Frols(**_candidates(plan), max_terms=len(terms), criterion="none"),
-        FREE: SvbNarx(**{**_candidates(plan), "rule": None}),
+        FREE: SvbNarx(**{**_candidates(plan), "rule": None}, clean_up="none"),
     }
     models |= {method: _identified(search, sections) for method, search in more.items()}
     return Bench(
@@ -187,7 +187,7 @@ def _searches(plan: Plan) -> dict[str, NarxIdentifier]:
         LINEAR: Frols(**{**candidates, "degree": 1}, max_terms=1 + plan.output_lags + len(plan.input_lags),
                       criterion="none"),
         SEMP: Semp(**candidates),
-        SVB: SvbNarx(**candidates),
+        SVB: SvbNarx(**candidates, clean_up="none"),
     }
 
 

@@ -61,7 +61,7 @@ def _semp(data: DataSet) -> NarxModel:
 
 
 def _svb(data: DataSet) -> NarxModel:
-    return SvbNarx(**data.candidates.arguments).fit(data.train).model_  # type: ignore[arg-type]
+    return SvbNarx(**data.candidates.arguments, clean_up="none").fit(data.train).model_  # type: ignore[arg-type]
 
 
 def _refined(data: DataSet) -> NarxModel:

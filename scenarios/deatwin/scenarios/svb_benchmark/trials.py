@@ -190,6 +190,11 @@ def try_out(name: str, method: str, seed: int, number: int, noise_variance: floa
     Returns
     -------
     Trial
+
+    Raises
+    ------
+    KeyboardInterrupt
+        If the method was interrupted.
     """
     system = system_of(name, noise_variance)
     draw = draw_of(system, seed, number)
@@ -200,6 +205,8 @@ def try_out(name: str, method: str, seed: int, number: int, noise_variance: floa
     except DeatwinError as error:
         model, failure = None, str(error)
     seconds = time.process_time() - begin
+    if not failure and not identifier.status_.ok:
+        raise KeyboardInterrupt  # the method has kept its best so far, which is no result of the study
     terms = () if model is None else model.terms
     low, high = ((), ()) if model is None else (tuple(end.tolist()) for end in intervals(model))
     return Trial(

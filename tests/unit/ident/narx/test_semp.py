@@ -6,7 +6,7 @@ import pytest
 from deatwin.ident.narx.identifier import FitStatus
 from deatwin.ident.narx.neighbours import CompressedRegression
 from deatwin.ident.narx.regression import Regression
-from deatwin.ident.narx.semp import Semp
+from deatwin.ident.narx.semp import Semp, SempStep
 from deatwin.ident.narx.systems import SYSTEMS
 from deatwin.ident.testing import check_identifier
 from deatwin.plant.errors import ModelError
@@ -258,3 +258,24 @@ def test_arguments_that_make_no_sense_are_refused(wrong):
 def test_too_few_samples_are_refused():
     with pytest.raises(ModelError, match="too few"):
         Semp(output_lags=2, input_lags=2, max_terms=10).fit(draw("S4", 0, 12))
+
+
+def test_the_final_model_is_never_far_worse_than_the_best_of_the_path(monkeypatch):
+    """Steps with errors made up: the last within twice the least is taken, whatever came after it."""
+    errors = {"y(k-1)": 4.0, "u(k-1)": 1.0, "y(k-1)u(k-1)": 1.9, "u(k-1)^2": 2.1}
+
+    class MadeUp:
+        def __init__(self, settings, data):
+            named = {str(term): term for term in data.table.terms}
+            self.path, self.chosen = [], []
+            made = {"added": (), "pruned": (), "srr": 0.1}
+            self.steps = iter([SempStep(**made, terms=(named[t],), msse=e) for t, e in errors.items()])
+
+        def advance(self):
+            step = next(self.steps, None)
+            self.path += [step] if step else []
+            return step is not None
+
+    monkeypatch.setattr("deatwin.ident.narx.semp._Search", MadeUp)
+    semp = Semp().fit(draw("S4", 0))
+    assert [str(term) for term in semp.terms_] == ["y(k-1)u(k-1)"] and len(semp.path_) == 4

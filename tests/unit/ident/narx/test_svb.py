@@ -89,7 +89,7 @@ def bilinear(n=400, seed=0, units=(1.0, 1.0)):
 
 
 def test_pruning_goes_down_to_one_term_and_the_largest_bound_is_chosen():
-    svb = SvbNarx(output_lags=2, input_lags=2, degree=2)
+    svb = SvbNarx(output_lags=2, input_lags=2, degree=2, clean_up="none")
     assert svb.fit(bilinear()) is svb
     counts = [len(step.terms) for step in svb.path_]
     assert counts[0] == 15 and counts[-1] == 1 and np.all(np.diff(counts) < 0)
@@ -144,7 +144,7 @@ def test_each_step_starts_afresh():
     assert alone.path_[0].bounds == pytest.approx(step.bounds, rel=1e-12)
 
 
-def test_the_clean_up_is_an_option_and_says_what_it_did():
+def test_the_clean_up_can_be_left_out_and_says_what_it_did():
     """Pure noise beside the signal: of 20 recordings the bound keeps false terms in some, the clean-up in hardly any.
 
     A false term is kept where its |t| exceeds about 3.8, one in 1e-4 of 158 candidates: in 2 % of recordings.
@@ -153,8 +153,8 @@ def test_the_clean_up_is_an_option_and_says_what_it_did():
     exact = 0
     for seed in range(20):
         recording = bilinear(seed=seed)
-        plain = SvbNarx(output_lags=4, input_lags=4, degree=3).fit(recording)
-        clean = SvbNarx(output_lags=4, input_lags=4, degree=3, clean_up="evidence").fit(recording)
+        plain = SvbNarx(output_lags=4, input_lags=4, degree=3, clean_up="none").fit(recording)
+        clean = SvbNarx(output_lags=4, input_lags=4, degree=3).fit(recording)
         assert plain.moves_ == () and plain.status_ is clean.status_ is FitStatus.DONE
         assert [step.terms for step in clean.path_] == [step.terms for step in plain.path_]
         assert truth <= {str(term) for term in plain.terms_}
@@ -168,7 +168,7 @@ def test_the_clean_up_is_an_option_and_says_what_it_did():
 def test_candidates_that_are_zero_take_no_part():
     rng = np.random.default_rng(6)
     rest = Recording.from_arrays(np.zeros(200), rng.normal(size=200), 0.1)
-    svb = SvbNarx(clean_up="evidence").fit(rest)
+    svb = SvbNarx().fit(rest)
     assert len(svb.path_[0].terms) == 6 and not any("u" in str(term) for term in svb.path_[0].terms)
     with pytest.raises(ModelError, match="zero"):
         SvbNarx(rule=lambda term: "u" in str(term)).fit(rest)
@@ -186,12 +186,12 @@ def test_an_interrupt_keeps_the_best_so_far():
         return progress
 
     whole = SvbNarx().fit(bilinear())
-    part = SvbNarx(clean_up="evidence").fit(bilinear(), progress=stop_after(4))
+    part = SvbNarx().fit(bilinear(), progress=stop_after(4))
     assert part.status_ is FitStatus.INTERRUPTED and whole.status_ is FitStatus.DONE
     assert [step.terms for step in part.path_] == [step.terms for step in whole.path_[:4]]
     assert part.lower_bound_ == max(step.lower_bound for step in whole.path_[:4]) and part.moves_ == ()
 
-    cleaning = SvbNarx(clean_up="evidence")
+    cleaning = SvbNarx()
     cleaning.fit(bilinear(), progress=stop_after(len(whole.path_) + 1))
     assert cleaning.status_ is FitStatus.INTERRUPTED and len(cleaning.moves_) == 1
     assert cleaning.terms_ == cleaning.moves_[0].terms
@@ -208,7 +208,7 @@ def test_an_interrupt_before_anything_is_found_goes_on(monkeypatch):
 
 def test_progress_rises_to_one():
     told = []
-    SvbNarx(clean_up="evidence").fit(bilinear(), progress=lambda share, doing: told.append(share))
+    SvbNarx().fit(bilinear(), progress=lambda share, doing: told.append(share))
     assert told[-1] == 1.0 and np.all(np.diff(told) >= 0) and 0 <= told[0] < 1
 
 
@@ -233,7 +233,7 @@ def test_several_outputs_have_an_equation_each():
     for k in range(2, 500):
         y[0, k] = 0.5 * y[0, k - 1] + 0.4 * y[1, k - 2] + 0.01 * rng.normal()
         y[1, k] = 0.6 * u[k - 1] - 0.3 * y[0, k - 1] * u[k - 2] + 0.01 * rng.normal()
-    svb = SvbNarx(clean_up="evidence").fit(Recording.from_arrays(u, y, 1.0))
+    svb = SvbNarx().fit(Recording.from_arrays(u, y, 1.0))
     found = [{str(term) for term in one.terms_} for one in svb.equations_]
     assert found == [{"y1(k-1)", "y2(k-2)"}, {"u(k-1)", "y1(k-1)u(k-2)"}]
     assert svb.model_.equations == (0, 0, 1, 1)
@@ -243,7 +243,7 @@ def test_pictures_mark_the_choice():
     pyplot = pytest.importorskip("matplotlib.pyplot")
     from deatwin.ident.narx.svb_plots import draw_iterations, draw_relevance, draw_relevance_paths
 
-    svb = SvbNarx().fit(bilinear())
+    svb = SvbNarx(clean_up="none").fit(bilinear())
     line, mark = svb.plot().get_lines()
     np.testing.assert_array_equal(line.get_ydata(), [step.lower_bound for step in svb.path_])
     assert mark.get_ydata() == svb.lower_bound_ == max(line.get_ydata())

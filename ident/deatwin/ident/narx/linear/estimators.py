@@ -150,6 +150,7 @@ class Arx(LinearIdentifier):
 
     def _estimate(self, orders: Orders, data: Regression, progress: Progress) -> Minimum:
         found = LeastSquares()(*data.matrix())
+        progress(1.0, "least squares")
         sign = np.where([str(term).startswith("y") for term in data.table.terms], -1.0, 1.0)
         return Minimum(found.theta * sign, found.theta_cov * np.outer(sign, sign), found.noise_variance, True)
 
