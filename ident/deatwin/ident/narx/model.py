@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Self
@@ -91,7 +91,7 @@ class NarxModel:
     def __reduce__(self) -> tuple[Any, ...]:
         # for copies and worker processes: a mapping proxy does not pickle, and what is cached need not
         state = {item.name: getattr(self, item.name) for item in fields(self)}
-        return _restored, (type(self), state | {"provenance": dict(self.provenance)})
+        return partial(type(self), **state | {"provenance": dict(self.provenance)}), ()
 
     def _require_terms(self) -> None:
         """Raise ModelError unless terms, equations and signals belong together."""
@@ -396,7 +396,3 @@ class NarxModel:
             failed_at_s=failed_at_s,
             units=self.output_units,
         )
-
-
-def _restored(kind: type[NarxModel], state: Mapping[str, Any]) -> NarxModel:
-    return kind(**state)
