@@ -32,7 +32,7 @@ _DIVERGED = 1e3  # times the largest output, as for the free run of a trained mo
 # (Schmeiser, Oper. Res. 30 (1982) 556-568, doi:10.1287/opre.30.3.556).
 _SECTIONS = 20
 # A free run that goes astray in one section alone passes every test over the sections. Whatever they say, the final
-# model's mean squared error is at most so many times the least of the path.
+# model's mean squared error is at most so many times the least of the path: a choice, far beyond what chance does.
 _CLEARLY_WORSE = 2.0
 _STEPS = 4  # times max_terms: a search that still turns terms over then goes nowhere
 

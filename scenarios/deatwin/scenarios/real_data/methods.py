@@ -61,6 +61,7 @@ def _semp(data: DataSet) -> NarxModel:
 
 
 def _svb(data: DataSet) -> NarxModel:
+    """The published algorithm, without the clean-up that is the default."""
     return SvbNarx(**data.candidates.arguments, clean_up="none").fit(data.train).model_  # type: ignore[arg-type]
 
 

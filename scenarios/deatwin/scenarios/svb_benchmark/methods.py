@@ -64,7 +64,8 @@ METHODS: Mapping[str, Method] = MappingProxyType({
             efforts=(0.12, 0.13),
         ),
         Method(
-            name="semp", label="SEMP", line="minimisation of the free-run error with pruning",
+            name="semp", label="SEMP",
+            line="least free-run error with pruning, and tests of the package beside the published rules",
             make=lambda system: Semp(**_candidates(system)),
             efforts=(0.015, 0.05),
         ),
