@@ -6,8 +6,9 @@ n samples,
     p(tau) ~ 1/tau,    theta | tau ~ N(theta^, n/tau (Phi'Phi)^-1),
 
 a law as wide as one sample would leave it. (Unit-information priors are Kass and Wasserman's; that this one is centred
-by the data themselves is chosen here: so its evidence has a closed form and asks the same of terms of any size.) It is Schwarz's criterion, with
-ln(1 + n) for ln n. Nothing in it is to be chosen, and it depends neither on units nor on the size of the regressors.
+by the data themselves is chosen here, so that it asks the same of terms of any size.) Its evidence is Schwarz's
+criterion, with ln(1 + n) for ln n. Nothing in it is to be chosen, and it depends neither on units nor on the size of
+the regressors.
 Its width is the noise's: a prior whose width is learned from the size of all effects together (a mixture of g-priors)
 asks more of a small term the larger the others are, and NARX models have small nonlinear terms beside large linear
 ones.
