@@ -44,6 +44,10 @@ class TotalLeastSquares:
     Regressors of a NARX model share their lagged signals, and products scale the errors, so that the assumption
     holds at best roughly there.
 
+    From an identifier the regressors come scaled, each signal divided by the power of two just above its largest
+    magnitude: the errors are then equal as shares of these, not in the signals' units. Where errors are known to be
+    equal in the units, call it with unscaled regressors, as `TermTable.rows` gives them.
+
     References
     ----------
     Golub, Van Loan, "An analysis of the total least squares problem", SIAM J. Numer. Anal. 17 (1980) 883-893,

@@ -124,11 +124,7 @@ class Frols(NarxIdentifier):
         if self.criterion == "free_run":
             beginnings, held_out = split(data.recordings, self.held_out, data.first)
             training = replace(data, recordings=beginnings)
-        if training.n_samples <= self.max_terms:
-            raise ModelError(
-                f"{training.n_samples} usable samples are too few for up to {self.max_terms} terms; "
-                f"at least {self.max_terms + 1} are needed"
-            )
+        training.require_samples_for(self.max_terms)
         rows, target = training.matrix()
         steps = self._select(rows, target, progress)
         del rows  # it was the selection's working memory
@@ -141,7 +137,7 @@ class Frols(NarxIdentifier):
             self.criterion_, count = np.empty(0), len(path)
         else:
             if self.criterion == "free_run":
-                self.criterion_ = self._free_run_errors(training.only(path), held_out)
+                self.criterion_ = self._free_run_errors(training.only(path), held_out, progress)
             else:
                 self.criterion_ = criterion_values(self.criterion, steps, target, len(data.table.terms))
             count = int(np.argmin(self.criterion_)) + 1
@@ -155,23 +151,36 @@ class Frols(NarxIdentifier):
     def _select(self, rows: Array, target: Array, progress: Progress) -> list[SelectionStep]:
         """Choose terms one by one; an interrupt keeps those that are chosen already."""
         steps: list[SelectionStep] = []
+        share = 0.2 if self.criterion == "free_run" else 1.0
         try:
             for step in forward_selection(rows, target, self.max_terms):
                 steps.append(step)
-                progress(len(steps) / self.max_terms, f"term {len(steps)}, {step.err:.3%} of the output explained")
+                done = share * len(steps) / self.max_terms
+                progress(done, f"term {len(steps)}, {step.err:.3%} of the output explained")
         except KeyboardInterrupt:
             if not steps:
                 raise
             self.status_ = FitStatus.INTERRUPTED
         return steps
 
-    def _free_run_errors(self, path: Regression, held_out: tuple[Recording, ...]) -> Array:
-        """Return the mean squared free-run error of the first 1, 2, .. terms of the path over unseen samples."""
+    def _free_run_errors(self, path: Regression, held_out: tuple[Recording, ...], progress: Progress) -> Array:
+        """Return the mean squared free-run error of the first 1, 2, .. terms of the path over unseen samples.
+
+        An interrupt leaves it infinite for models that were not run; the smallest is always run.
+        """
         rows, target = path.matrix()
-        theta = np.zeros((len(rows), len(rows)))
-        for k in range(1, len(rows) + 1):
-            theta[k - 1, :k] = self.estimator(rows[:k], target).theta
-        return free_run_errors(path, held_out, theta) * path.output_scale**2
+        errors = np.full(len(rows), np.inf)
+        try:
+            for k in range(1, len(rows) + 1):
+                theta = np.zeros((1, len(rows)))
+                theta[0, :k] = self.estimator(rows[:k], target).theta
+                errors[k - 1] = free_run_errors(path.only(range(k)), held_out, theta[:, :k])[0]
+                progress(0.2 + 0.8 * k / len(rows), f"free run with {k} terms")
+        except KeyboardInterrupt:
+            if not np.isfinite(errors).any():
+                raise
+            self.status_ = FitStatus.INTERRUPTED
+        return errors * path.output_scale**2
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the error reduction ratio of each term of the path, and the criterion with its choice.

@@ -155,11 +155,7 @@ class Lasso(NarxIdentifier):
     def _learn(self, data: Regression, progress: Progress) -> NarxModel:
         beginnings, held_out = split(data.recordings, self.held_out, data.first)
         training = replace(data, recordings=beginnings)
-        if training.n_samples <= self.max_terms:
-            raise ModelError(
-                f"{training.n_samples} usable samples are too few for up to {self.max_terms} terms; "
-                f"at least {self.max_terms + 1} are needed"
-            )
+        training.require_samples_for(self.max_terms)
         rows, target = training.matrix()
         constant = next((i for i, term in enumerate(data.table.terms) if term.degree == 0), None)
         taking_part, penalties, coefficients = lasso_path(

@@ -80,6 +80,10 @@ class Regression:
         """
         chosen = flatten(recordings)
         n_inputs, n_outputs = len(chosen[0].inputs), len(chosen[0].outputs)
+        if n_inputs == 0 and input_lags != 0:
+            raise ModelError("the recordings have no inputs; take input_lags=0 for a model of the output alone")
+        if n_outputs == 0:
+            raise ModelError("the recordings have no outputs: there is nothing to identify")
         table = TermTable(
             generate_terms(output_lags, input_lags, degree, n_inputs=n_inputs, n_outputs=n_outputs, rule=rule)
         )
@@ -108,8 +112,9 @@ class Regression:
         channels = {(record.inputs.shape[0], record.outputs.shape[0]) for record in chosen}
         if len(channels) != 1 or not math.isclose(min(times), max(times), rel_tol=1e-6):
             raise ModelError("the recordings must have the same inputs, outputs and sample time")
-        if not any(np.any(record.outputs[output : output + 1]) for record in chosen):
-            raise ModelError("the output is constantly zero: there is nothing to identify")
+        own = np.concatenate([record.outputs[output] for record in chosen])
+        if np.ptp(own) == 0.0:
+            raise ModelError(f"the output is constantly {own[0] or 'zero'}: there is nothing to identify")
         for number, record in enumerate(chosen, start=1):
             if record.n_samples <= table.max_lag:
                 raise ModelError(
@@ -117,6 +122,25 @@ class Regression:
                     f"lags up to {table.max_lag} need at least {table.max_lag + 1}"
                 )
         return cls(table, chosen, table.max_lag, output)
+
+    def require_samples_for(self, n_terms: int) -> None:
+        """Raise ModelError unless there are more samples than terms that may be chosen.
+
+        Parameters
+        ----------
+        n_terms : int
+            Largest number of terms; no more than there are candidates count.
+
+        Raises
+        ------
+        ModelError
+            With the number that is needed.
+        """
+        most = min(n_terms, len(self.table.terms))
+        if self.n_samples <= most:
+            raise ModelError(
+                f"{self.n_samples} usable samples are too few for up to {most} terms; at least {most + 1} are needed"
+            )
 
     def only(self, indices: Iterable[int]) -> Regression:
         """Return the regression on some of the terms, over the same samples.

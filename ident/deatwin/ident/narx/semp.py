@@ -161,17 +161,13 @@ class Semp(NarxIdentifier):
             raise ModelError(f"significance = {self.significance}; it must lie between 0 and 1, or be None")
 
     def _learn(self, data: Regression, progress: Progress) -> NarxModel:
-        if data.n_samples <= self.max_terms + 1:
-            raise ModelError(
-                f"{data.n_samples} usable samples are too few for up to {self.max_terms} terms; "
-                f"at least {self.max_terms + 2} are needed"
-            )
-        search = _Search(self, data)
+        data.require_samples_for(self.max_terms + 1)
+        search, share = _Search(self, data), 0.0
         try:
             while search.advance():
-                share = len(search.chosen) / self.max_terms
+                share = max(share, min(len(search.chosen) / self.max_terms, 0.99))
                 error = search.path[-1].msse ** 0.5
-                progress(min(share, 1.0), f"{len(search.chosen)} terms, free-run error {error:.4g} rms")
+                progress(share, f"{len(search.chosen)} terms, free-run error {error:.4g} rms")
         except KeyboardInterrupt:
             if not search.path:
                 raise
@@ -185,6 +181,7 @@ class Semp(NarxIdentifier):
         kept = data.only([data.table.terms.index(term) for term in final.terms])
         self.terms_ = kept.table.terms
         found = least_squares(*kept.matrix())
+        progress(1.0, f"{len(self.terms_)} terms")
         return kept.model(found.theta, found.theta_cov, found.noise_variance, identifier=self)
 
     def plot(self, ax: Axes | None = None) -> Axes:

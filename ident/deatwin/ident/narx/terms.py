@@ -157,6 +157,8 @@ def lag_list(lags: Lags, *, smallest: int) -> tuple[int, ...]:
     ModelError
         If a lag is not an integer or too small.
     """
+    if not isinstance(lags, int | np.integer | Iterable):
+        raise ModelError(f"lags = {lags!r}; give a number n >= 0 for 1..n, or a sequence of lags")
     wanted = range(1, lags + 1) if isinstance(lags, int | np.integer) else lags
     if isinstance(lags, int | np.integer) and lags < 0:
         raise ModelError(f"lags = {lags}; give a number n >= 0 for 1..n, or a sequence of lags")
@@ -201,8 +203,10 @@ def generate_terms(
     ModelError
         If the lags or the degree make no sense, or the rule leaves nothing.
     """
-    if degree < 1:
-        raise ModelError(f"degree = {degree}; it must be at least 1")
+    if not isinstance(degree, int | np.integer) or degree < 1:
+        raise ModelError(f"degree = {degree!r}; it must be an integer of at least 1")
+    if rule is not None and not callable(rule):
+        raise ModelError(f"rule = {rule!r}; it must be a callable that takes a term, or None")
     variables = []
     for kind, count, lags in (
         ("y", n_outputs, lag_list(output_lags, smallest=1)),

@@ -39,15 +39,22 @@ def by_equation(
         raise ModelError("no terms are given; a NARX model needs at least one")
     equations = {name: value for name, value in terms.items() if isinstance(value, Mapping)}
     if not equations:
-        return [(0, text, float(value)) for text, value in terms.items()]  # type: ignore[arg-type]
+        return [(0, text, _number(text, value)) for text, value in terms.items()]
     wanted = [f"y{number}" for number in range(1, len(terms) + 1)]
     if list(equations) != wanted:
         raise ModelError(f"equations {', '.join(terms)}: give a mapping of terms for each of {', '.join(wanted)}")
     return [
-        (row, text, float(value))
+        (row, text, _number(text, value))
         for row, equation in enumerate(equations.values())
         for text, value in equation.items()
     ]
+
+
+def _number(text: str, value: Any) -> float:
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        raise ModelError(f"the parameter of {text} is {value!r}; it must be a number") from None
 
 
 def name_signals(details: dict[str, Any], side: str, count: int) -> None:

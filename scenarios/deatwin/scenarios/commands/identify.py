@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypedDict
 import typer
 
 from deatwin.scenarios.options import AllowGaps, InputColumn, Json, OutputColumn, Quiet, SampleTime
-from deatwin.scenarios.voice import Voice
+from deatwin.scenarios.voice import Voice, complain
 
 if TYPE_CHECKING:
     from deatwin.ident.narx import NarxIdentifier, NarxModel
@@ -93,10 +93,14 @@ def identify(
     with voice.progress("choosing terms") as progress:
         progress(0.0, "choosing terms")
         pieces = [_split(record) for record in records]
-        identifier.fit([fitted for fitted, _ in pieces], progress=progress)
+        try:
+            identifier.fit([fitted for fitted, _ in pieces], progress=progress)
+        except KeyboardInterrupt:
+            complain("interrupted before a model was found; nothing was written")
+            raise typer.Exit(130) from None
     model = _with_band(identifier.model_, records)
-    errors = [_errors(model, unseen) for _, unseen in pieces]
     model.save(out)
+    errors = [_errors(model, unseen) for _, unseen in pieces]
     _say(voice, model, errors, _labels(records))
     if not identifier.status_.ok:
         voice.say(identifier.status_.value)

@@ -301,7 +301,7 @@ def test_scikit_learn_contract():
         ({"estimator": "ridge"}, "Ridge"),
         ({"max_terms": 0}, "max_terms"),
         ({"degree": 0}, "degree"),
-        ({"max_terms": 500}, "too few"),
+        ({"max_terms": 500, "output_lags": 8, "input_lags": 8, "degree": 3}, "too few"),
         ({"output_lags": 600, "degree": 1}, "samples"),
     ],
 )
@@ -314,7 +314,12 @@ def test_data_that_say_nothing_are_refused():
     with pytest.raises(ModelError, match="constantly zero"):
         Frols().fit(Recording.from_arrays(np.ones(50), np.zeros(50), 1.0))
     with pytest.raises(ModelError, match="every candidate is zero"):
-        Frols(output_lags=0, rule=NoConstant()).fit(Recording.from_arrays(np.zeros(50), np.ones(50), 1.0))
+        rest = Recording.from_arrays(np.zeros(50), np.arange(50.0), 1.0)
+        Frols(output_lags=0, rule=NoConstant()).fit(rest)
+    with pytest.raises(ModelError, match=r"constantly 1\.0"):
+        Frols().fit(Recording.from_arrays(np.arange(50.0), np.ones(50), 1.0))
+    with pytest.raises(ModelError, match="take input_lags=0"):
+        Frols().fit(Recording.from_arrays(np.zeros((0, 50)), np.arange(50.0), 1.0))
     with pytest.raises(ModelError, match="at least one"):
         Frols().fit([])
     with pytest.raises(ModelError, match="sample time"):
@@ -325,3 +330,16 @@ def test_data_that_say_nothing_are_refused():
 def test_fit_refuses_what_is_no_recording(given):
     with pytest.raises(ModelError, match="fit takes recordings and experiments"):
         Frols().fit(given)
+
+
+def test_an_interrupted_free_run_keeps_the_models_that_were_run():
+    told = []
+
+    def interrupt(share, doing):
+        told.append(share)
+        if doing == "free run with 4 terms":
+            raise KeyboardInterrupt
+
+    frols = Frols(criterion="free_run", max_terms=8, degree=3).fit(bilinear(), progress=interrupt)
+    assert not frols.status_.ok and np.isfinite(frols.criterion_).sum() == 4 and len(frols.path_) == 8
+    assert len(frols.terms_) == 1 + int(np.argmin(frols.criterion_[:4])) and np.all(np.diff(told) > 0)

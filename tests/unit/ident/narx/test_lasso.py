@@ -139,7 +139,11 @@ def test_the_path_is_drawn():
 
 @pytest.mark.parametrize(
     ("arguments", "says"),
-    [({"max_terms": 0}, "max_terms"), ({"held_out": 0.0}, "held_out"), ({"max_terms": 300}, "too few")],
+    [
+        ({"max_terms": 0}, "max_terms"),
+        ({"held_out": 0.0}, "held_out"),
+        ({"max_terms": 300, "output_lags": 6, "input_lags": 6, "degree": 3}, "too few"),
+    ],
 )
 def test_senseless_arguments_are_refused(arguments, says):
     with pytest.raises(ModelError, match=says):

@@ -147,3 +147,30 @@ def test_errors_are_clear():
 def test_a_finding_prints_as_a_sentence_with_its_place():
     finding = named(record(lambda y: y + np.linspace(0.0, 2e-6, y.size)))["displacement", FindingKind.TREND]
     assert str(finding).startswith("a.csv, displacement: a linear trend of ")
+
+
+@pytest.mark.parametrize("hold", [3, 8, 12])
+def test_outliers_between_the_steps_of_a_held_input_are_named(hold):
+    """Twenty spikes of 5 in readings within ±1 and noise of 0.002: each lone one is told."""
+    rng = np.random.default_rng(0)
+    n = 8000
+    u = np.repeat(np.sign(rng.normal(size=n // hold + 1)), hold)[:n]
+    y = lfilter([0.0, 0.1], [1, -0.9], u) + 0.002 * rng.normal(size=n)
+    spikes = np.sort(rng.choice(np.arange(10, n - 10), 20, replace=False))
+    y[spikes] += 5
+    apart = np.diff(spikes, prepend=-n, append=2 * n)
+    lone = int(np.sum(np.minimum(apart[:-1], apart[1:]) > 12))
+    finding = named(Recording.from_arrays(u, y, T))["displacement", FindingKind.OUTLIERS]
+    assert lone >= 12 and lone <= finding.count <= 20 and finding.size == pytest.approx(5, rel=0.1)
+    clean = Recording.from_arrays(u, lfilter([0.0, 0.1], [1, -0.9], u) + 0.002 * rng.normal(size=n), T)
+    assert ("displacement", FindingKind.OUTLIERS) not in named(clean)
+
+
+@pytest.mark.parametrize("size", [2, 10, 100])
+def test_a_trend_is_named_however_large(size):
+    def change(y):
+        return y + size * y.std() * np.linspace(0, 1, y.size)
+
+    assert named(record(change))["displacement", FindingKind.TREND].size == pytest.approx(
+        size * record().outputs.std(), rel=0.25
+    )

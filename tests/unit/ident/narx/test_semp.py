@@ -232,7 +232,7 @@ def test_an_interrupt_keeps_the_best_so_far():
     assert semp.status_ is FitStatus.INTERRUPTED and whole.status_ is FitStatus.DONE
     assert semp.path_ == whole.path_[:2]
     assert semp.model_.terms == semp.path_[1].terms
-    assert [share for share, _ in told] == [pytest.approx(1 / 15), pytest.approx(2 / 15)]
+    assert [share for share, _ in told] == [pytest.approx(1 / 15), pytest.approx(2 / 15), 1.0]
 
 
 def test_keeps_the_contract_of_identifiers():

@@ -172,7 +172,8 @@ def _slow(channel: _Channel, level: float) -> Iterator[Finding]:
     y = channel.values
     segments = cut(y, _SEGMENTS)
     length = segments.shape[1]
-    if length < ENOUGH_CORRELATION_TIMES * correlation_samples(segments):
+    # Without a line in each: else the larger a trend, the longer the correlation that it seems to make.
+    if length < ENOUGH_CORRELATION_TIMES * correlation_samples(_levelled(segments)):
         return
     means = segments.mean(axis=1)
     time, dof = np.arange(_SEGMENTS) - (_SEGMENTS - 1) / 2, _SEGMENTS - 2
@@ -199,10 +200,17 @@ def _slow(channel: _Channel, level: float) -> Iterator[Finding]:
         yield channel.finding(FindingKind.DRIFT, where, left[worst], text)
 
 
+def _levelled(segments: Array) -> Array:
+    """Segments less the straight line through each, shape (n_segments, n)."""
+    time = np.arange(segments.shape[1]) - (segments.shape[1] - 1) / 2
+    slopes = segments @ time / (time @ time)
+    return np.asarray(segments - slopes[:, None] * time, dtype=np.float64)
+
+
 def _outliers(channel: _Channel, level: float) -> Iterator[Finding]:
     """Lone readings far from the cubic through their four neighbours, measured by what is usual around.
 
-    A step of the signal, the ringing after it and the answer to a kink of an input are motion, not outliers.
+    A step of the signal, the ringing after it and what usually answers a kink of an input are motion, not outliers.
     """
     from scipy.ndimage import maximum_filter, median_filter
     from scipy.special import ndtri
@@ -222,7 +230,10 @@ def _outliers(channel: _Channel, level: float) -> Iterator[Finding]:
     around = np.abs(np.arange(-_RINGING, _RINGING + 1)) > 2
     company = maximum_filter(size, footprint=around)
     lone = (size >= maximum_filter(size, 5)) & (size > 2.0 * company) & (size > 2.0 * jump)
-    far = np.flatnonzero((size > limit * usual) & lone & ~_kinks(channel.record))
+    answers = _kinks(channel.record)
+    if answers.any():  # What most kinks are answered by is usual after a kink.
+        usual[answers] = np.maximum(usual[answers], np.quantile(size[answers], 0.95))
+    far = np.flatnonzero((size > limit * usual) & lone)
     if far.size:
         worst = far[np.argmax(size[far])]
         times = ", ".join(f"{channel.record.timepts[k]:.6g}" for k in far[:5]) + (", ..." if far.size > 5 else "")
