@@ -14,12 +14,11 @@ from deatwin.scenarios.fleet_models.study import METHODS, SEMP, SVB, Bench, Stud
 from deatwin.scenarios.fleet_models.tables import SHOWN, TESTS
 from deatwin.scenarios.fleet_models.variants import RECORDED, STEADY
 from deatwin.scenarios.report.figures import Drawing
-from deatwin.scenarios.report.svg import COLOURS, draw, inline
+from deatwin.scenarios.report.svg import COLOURS, draw
 from deatwin.scenarios.thesis_data.drifts import moving_mean
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 __all__ = ["drawings"]
 
@@ -61,12 +60,6 @@ def drawings(study: Study, choice: Choice) -> tuple[list[Drawing], dict[str, Col
     return [drawing for drawing, _ in made], {drawing.data: columns for drawing, columns in made}
 
 
-def _drawing(figure: Figure, name: str, title: str, caption: str) -> Drawing:
-    return Drawing(
-        name=name, title=title, caption=caption, svg=inline(figure, name, title), data=f"figures/{name}.csv"
-    )
-
-
 def _orders(plan: Plan) -> tuple[Drawing, Columns]:
     """Free-run error by lags and degree at the chosen sampling time."""
     errors = 100 * plan.orders[plan.chosen].means
@@ -91,7 +84,7 @@ def _orders(plan: Plan) -> tuple[Drawing, Columns]:
         right.set_title("nonlinear", loc="left", fontsize="medium")
         _plain_numbers(right)
         figure.legend(loc="outside upper left", ncols=4, fontsize="small", markerscale=1)
-        drawing = _drawing(
+        drawing = Drawing.of(
             figure, "orders", "Free-run error by lags and degree (thesis figure 4.7)",
             "Root mean square error of free runs over that of the reading about its mean, mean of the six, on the end "
             "of the training sections; terms are selected on their beginning. Where a point lies far up, one of the "
@@ -133,7 +126,7 @@ def _semp(benches: tuple[Bench, ...]) -> tuple[Drawing, Columns]:
             axes.set_xlabel("step")
         figure.supylabel("share of mean y²", fontsize="medium")
         figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=4, markerscale=1)
-        drawing = _drawing(
+        drawing = Drawing.of(
             figure, "semp", "Simulation error reduction along the search of SEMP (thesis figure 4.8)",
             "What an addition takes off the squared error of the free run, over the mean square of the reading. Where "
             "a point is missing, the addition was made for the one-step error, and the free run is as good. Dotted: "
@@ -165,7 +158,7 @@ def _free_runs(benches: tuple[Bench, ...]) -> tuple[Drawing, Columns]:
             axes.set_xlabel("time (s)")
         figure.supylabel("displacement (mm)", fontsize="medium")
         figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=3)
-        drawing = _drawing(
+        drawing = Drawing.of(
             figure, "free_runs", "Free runs over the held-out sections",
             f"The {ZOOM:.0f} s around the largest reading. The models are given the command, and the first sample of "
             "the section.",
@@ -196,7 +189,7 @@ def _drift(study: Study) -> tuple[Drawing, Columns]:
         figure.supylabel(f"free-run error of SEMP, mean over {WINDOW:.0f} s (µm)", fontsize="medium")
         figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=4)
         stories = " ".join(f"{one.name}: {one.actuator.story}" for one in study.prepared)
-        drawing = _drawing(figure, "drift", "What the histories do to a model that does not change", stories)
+        drawing = Drawing.of(figure, "drift", "What the histories do to a model that does not change", stories)
     return drawing, _complete(columns)
 
 
@@ -224,7 +217,7 @@ def _tests(study: Study, number: int) -> tuple[Drawing, Columns]:
                 }  # fmt: skip
             column[-1].set_xlabel("lag (samples)")
         figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=2, markerscale=3)
-        drawing = _drawing(
+        drawing = Drawing.of(
             figure, f"tests_dea{number}",
             f"Correlation tests of {bench.name}, SEMP beside SVB (thesis figures 4.9 and 6.11)",
             "Of the one-step residual over the held-out section. Grey: the band that 19 of 20 correlations lie in when "
@@ -256,7 +249,7 @@ def _choice(choice: Choice, name: str) -> tuple[Drawing, Columns]:
             axes.set(xlabel="terms", yscale="log", ylim=(0.8 * finite.min(), 1.2 * np.quantile(finite, 0.9)))
             _plain_numbers(axes)
         below_left.set_ylabel("free-run error, held out (µm)")
-        drawing = _drawing(
+        drawing = Drawing.of(
             figure, "choice", "The lower bound against the error reduction ratio as the choice (thesis figure 6.12)",
             f"{name}. Left: the bound has a largest value (circle). Right: the ratio has none, and the number of terms "
             f"is that of the threshold: {counts} for {', '.join(f'{t:g}' for t in THRESHOLDS)} (dotted). Below: what "

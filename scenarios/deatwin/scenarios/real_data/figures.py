@@ -13,7 +13,7 @@ from deatwin.scenarios.real_data.methods import FRO, GROWN, LINEAR, REFINED, Out
 from deatwin.scenarios.real_data.published import DOCUMENTED
 from deatwin.scenarios.real_data.records import DataSet
 from deatwin.scenarios.report.figures import Drawing
-from deatwin.scenarios.report.svg import COLOURS, draw, inline
+from deatwin.scenarios.report.svg import COLOURS, draw
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,10 +28,6 @@ WINDOW = 500
 """Samples of a running root mean square."""
 ZOOM = 120
 """Samples around the largest output that are drawn."""
-
-
-def _drawing(figure: Figure, name: str, title: str, caption: str) -> Drawing:
-    return Drawing(name=name, title=title, caption=caption, svg=inline(figure, name, title), data=f"figures/{name}.csv")
 
 
 def _above(figure: Figure, axes: Axes, columns: int) -> None:
@@ -89,7 +85,7 @@ def arrow_head(data: DataSet, outcomes: Mapping[str, Outcome]) -> tuple[Drawing,
         bottom.plot(data.test.timepts[near], measured[near], ".", color=INK, markersize=3.5)
         bottom.set(ylabel="output (mV)", xlabel="time (s)")
         _above(figure, middle, 2)
-        drawing = _drawing(
+        drawing = Drawing.of(
             figure, "arrow_head", "Silverbox: free run over the growing amplitude",
             "Top: the measured output; dotted, the largest that was learned from. Middle: errors of free runs of the "
             "whole arrow-head from its first samples. Bottom: where the output is largest; points are measured.",
@@ -135,7 +131,7 @@ def arrow_head_spectra(data: DataSet, outcomes: Mapping[str, Outcome]) -> tuple[
             columns[f"{_key(method)}_mV2_per_Hz"] = density
         axes.set(xlabel="frequency (Hz)", ylabel="density (mV²/Hz)", xlim=(0, rate / 2))
         _above(figure, axes, 4)
-        drawing = _drawing(
+        drawing = Drawing.of(
             figure, "arrow_head_spectra", "Silverbox: spectra of the errors",
             "What is left has two places: the resonance near 70 Hz, which moves with the amplitude, and three times "
             "its frequency, where the cube of the output comes close to half the sample rate.",
@@ -211,7 +207,7 @@ def _runs(
         top.set(ylabel=f"output ({data.unit})")
         bottom.set(ylabel=f"error ({data.unit})", xlabel=f"time ({unit})")
         _above(figure, top, 4)
-        drawing = _drawing(figure, name, title, caption)
+        drawing = Drawing.of(figure, name, title, caption)
     return drawing, columns
 
 
@@ -252,7 +248,7 @@ def comparison(sets: Sequence[DataSet], outcomes: Sequence[Outcome]) -> tuple[Dr
             axes.set_yticks(range(len(methods)), methods)
         np.atleast_1d(panels)[0].invert_yaxis()
         _above(figure, axes, 2)
-        drawing = _drawing(
+        drawing = Drawing.of(
             figure, "comparison", "All methods on all recordings",
             "Root mean square errors on the test recordings over the standard deviation of the output. A small error "
             "of one step says little about the free run.",

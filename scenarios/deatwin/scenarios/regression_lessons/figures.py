@@ -14,7 +14,7 @@ from deatwin.scenarios.regression_lessons.occam import TRUE_DEGREE, Occam, Sprea
 from deatwin.scenarios.regression_lessons.shrinkage import RULES, Orthogonal, Risks
 from deatwin.scenarios.regression_lessons.variance import Decomposition
 from deatwin.scenarios.report.figures import Drawing
-from deatwin.scenarios.report.svg import COLOURS, draw, inline
+from deatwin.scenarios.report.svg import COLOURS, draw
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -29,10 +29,6 @@ HEIGHTS = (0.15, 0.5, 1.5)
 """Of ellipses besides the one that touches, as multiples of its own height."""
 SHOWN = (1, 5, 12)
 """Degrees whose fits are drawn."""
-
-
-def _drawing(figure: Figure, name: str, title: str, caption: str) -> Drawing:
-    return Drawing(name=name, title=title, caption=caption, svg=inline(figure, name, title), data=f"figures/{name}.csv")
 
 
 def _above(figure: Figure, axes: Axes, columns: int) -> None:
@@ -74,7 +70,7 @@ def constraint(plane: Plane) -> tuple[Drawing, Columns]:
             axes.set_aspect("equal")
             axes.set_title(name, loc="left", fontsize="medium")
         _above(figure, axes, 4)
-        drawing = _drawing(
+        drawing = Drawing.of(
             figure, "constraint", "A circle and a diamond against the ellipses of least squares",
             "Ellipses: equal mean squared error. Both constraints allow 60 % of the norm of least squares. "
             f"The circle is touched where both parameters are kept ({plane.ridge.point[0]:.3f}, "
@@ -132,7 +128,7 @@ def paths(plane: Plane, structure: Structure) -> tuple[Drawing, Columns]:
             right.axvline(extent[structure.complete], color=INK, linestyle=":", linewidth=0.9)
         right.set(xlabel="sum of magnitudes, standardised", ylabel="coefficient")
         right.legend(fontsize="small")
-        drawing = _drawing(
+        drawing = Drawing.of(
             figure, "paths", "Coefficients along the constraint",
             "Left: ridge shrinks both parameters at once, the LASSO lets the second in late. Right: the LASSO among "
             f"{len(path.terms)} candidate terms of a benchmark system, its true terms in colour. "
@@ -175,7 +171,7 @@ def shrinking(orthogonal: Orthogonal, risks: Risks) -> tuple[Drawing, Columns]:
         left.set(xlabel="least-squares parameter", ylabel="estimate")
         right.set(xlabel="true parameter (standard errors)", ylabel="expected squared error")
         _above(figure, right, 3)
-        drawing = _drawing(
+        drawing = Drawing.of(
             figure, "shrinking", "Shrinking and thresholding",
             "Orthogonal regressors. Left: closed forms (lines) and what the estimators answer (marks). Right: expected "
             "squared error of each in squares of the standard error, in closed form (lines) and drawn (marks); dotted: "
@@ -214,7 +210,7 @@ def overfitting(degrees: Decomposition) -> tuple[Drawing, Columns]:
             axes.set_xlabel("point")
             columns[f"degree_{degree}"] = degrees.fits[row]
         _above(figure, axes, 3)
-        drawing = _drawing(
+        drawing = Drawing.of(
             figure, "overfitting", "Too stiff, right, and too flexible",
             "The first of the repeated experiments. The polynomial of the highest degree is nearest to the readings "
             "and not to the truth.",
@@ -253,7 +249,7 @@ def bias_and_variance(degrees: Decomposition, penalties: Decomposition) -> tuple
         right.set(xlabel=f"ridge penalty, degree {variance.RIDGE_DEGREE}", xscale="log")
         _above(figure, left, 3)
         best = int(np.argmin(penalties.expected))
-        drawing = _drawing(
+        drawing = Drawing.of(
             figure, "bias_and_variance", "Bias and variance",
             f"Closed forms (lines) and {variance.DRAWS} repeated experiments (marks, two standard errors). Least "
             f"squares is best at degree {degrees.complexity[np.argmin(degrees.expected)]:.0f}; ridge with a penalty of "
@@ -298,7 +294,7 @@ def razor(found: Occam) -> tuple[Drawing, Columns]:
             axes.set_xlabel("degree")
         left.legend(fontsize="small")
         middle.legend(fontsize="small", markerscale=1)
-        drawing = _drawing(
+        drawing = Drawing.of(
             figure, "razor", "Occam's razor",
             "Readings of a cubic (dotted). The training error falls with every degree, the error on new readings does "
             "not; the evidence has a peak. Middle: noise known; the gap between the lines is what the evidence charges "
@@ -335,7 +331,7 @@ def two_models(found: Spread) -> tuple[Drawing, Columns]:
             axes.axvline(side * found.crossing, color=INK, linestyle=":", linewidth=0.9)
         axes.set(xlabel="curvature of the readings (standard errors)", ylabel="density", yscale="log", ylim=(1e-4, 1))
         _above(figure, axes, 2)
-        drawing = _drawing(
+        drawing = Drawing.of(
             figure, "two_models", "Why the simpler model wins where both fit",
             "Each model spreads an area of 1 over the readings it allows. The parabola allows more, so that it has "
             f"less where a line will do: within {found.crossing:.2f} standard errors.",

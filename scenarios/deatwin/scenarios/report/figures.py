@@ -13,6 +13,7 @@ from deatwin.scenarios.report.tracks import Track, envelope, tracks
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
     from deatwin.ident.mismatch import Diagnosis
 
@@ -44,6 +45,19 @@ class Drawing:
     caption: str
     svg: str
     data: str
+
+    @classmethod
+    def of(cls, figure: Figure, name: str, title: str, caption: str) -> Drawing:
+        """Return a drawn figure with its data in ``figures/NAME.csv``.
+
+        Parameters
+        ----------
+        figure : matplotlib Figure
+            As drawn.
+        name, title, caption : str
+            What it is called and what it shows.
+        """
+        return cls(name=name, title=title, caption=caption, svg=inline(figure, name, title), data=f"figures/{name}.csv")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from deatwin.scenarios.report.figures import Drawing
-from deatwin.scenarios.report.svg import COLOURS, draw, inline
+from deatwin.scenarios.report.svg import COLOURS, draw
 from deatwin.scenarios.svb_benchmark.coverage import ESTIMATORS, VARIATIONAL
 from deatwin.scenarios.svb_benchmark.methods import METHODS
 from deatwin.scenarios.svb_benchmark.study import SWEPT, WHITE, Study
@@ -17,7 +17,6 @@ from deatwin.scenarios.svb_benchmark.verdicts import COVERAGE, exact, kept, orac
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 __all__ = ["drawings", "table_text"]
 
@@ -73,12 +72,6 @@ def drawings(study: Study) -> tuple[list[Drawing], dict[str, str]]:
     return [drawing for drawing, _ in made], {drawing.data: text for drawing, text in made}
 
 
-def _drawing(figure: Figure, name: str, title: str, caption: str) -> Drawing:
-    return Drawing(
-        name=name, title=title, caption=caption, svg=inline(figure, name, title), data=f"figures/{name}.csv"
-    )
-
-
 def _dot(axes: Axes, rate: Rate, place: float, colour: str, marker: str) -> None:
     """Draw a rate and its interval beside a place on the vertical axis."""
     low, high = rate.interval
@@ -109,7 +102,7 @@ def _rates(study: Study) -> tuple[Drawing, str]:
             panels[0].plot([], [], marker, color=colour, label=METHODS[method].label, markersize=5)
         panels[0].plot([], [], color=INK, linestyle=":", label="oracle from the true terms")
         figure.legend(loc="outside upper left", ncols=4, markerscale=1)
-        drawing = _drawing(
+        drawing = Drawing.of(
             figure, "rates", "How often the structure is found",
             f"{plan.draws} draws of each system, with 95 % intervals (Clopper and Pearson). Dotted: how often the "
             "truth is the best of its neighbours, at the best threshold.",
@@ -142,7 +135,7 @@ def _outcomes(study: Study) -> tuple[Drawing, str]:
         axes.set(xlabel="share of the draws (%)", xlim=(0, 100), ylim=(len(methods) - 0.4, -0.6))
         axes.grid(axis="y", visible=False)
         figure.legend(loc="outside upper left", ncols=4)
-        drawing = _drawing(
+        drawing = Drawing.of(
             figure, "outcomes", f"{system}: what the methods keep (thesis table 6.1)",
             f"{study.plan.draws} draws of {system}.",
         )  # fmt: skip
@@ -171,7 +164,7 @@ def _coverage(study: Study) -> tuple[Drawing, str]:
             axes.set_yticks(range(len(labels)), labels, fontsize="small")
             axes.set(xlabel="intervals that hold the true parameter (%)", ylim=(len(labels) - 0.4, -0.6))
             axes.legend(loc="lower left", bbox_to_anchor=(0, 1.0), markerscale=1, fontsize="small")
-        drawing = _drawing(
+        drawing = Drawing.of(
             figure, "coverage", "Do the 95 % intervals cover?",
             f"Given the right structure, {study.plan.draws} draws. Ochre: {100 * COVERAGE[0]:g} to "
             f"{100 * COVERAGE[1]:g} %, which is demanded of all parameters on the left together. Right: the system "
@@ -204,7 +197,7 @@ def _sweep(study: Study) -> tuple[Drawing, str]:
             axes.set_xticks(variances, [f"{v:g}" for v in variances])
             axes.minorticks_off()
         left.legend(loc="lower left", markerscale=1)
-        drawing = _drawing(
+        drawing = Drawing.of(
             figure, "sweep", "Noise sweep (thesis section 6.5.2)",
             f"{SWEPT} at five variances around its own, {study.plan.swept_draws} draws each, with 95 % intervals. "
             "Right: all parameters, given the right structure.",
@@ -262,7 +255,7 @@ def _sampler(study: Study) -> tuple[Drawing, str]:
         right.set(xlabel="95 % interval less the true parameter", ylim=(len(first.common) - 0.4, -0.6))
         right.grid(axis="y", visible=False)
         figure.legend(*right.get_legend_handles_labels(), loc="outside upper right", ncols=2)
-        drawing = _drawing(
+        drawing = Drawing.of(
             figure, "sampler", "A spike-and-slab sampler beside SVB, on S4",
             f"The first draw. Left: the {len(shown)} most likely of {len(first.terms)} terms; blue are those that SVB "
             "keeps. Right: the sampler's intervals also hold what it does not know of the structure.",

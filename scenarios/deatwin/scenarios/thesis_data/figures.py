@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.scenarios.report.figures import Drawing
-from deatwin.scenarios.report.svg import COLOURS, draw, inline
+from deatwin.scenarios.report.svg import COLOURS, draw
 from deatwin.scenarios.report.tracks import envelope
 from deatwin.scenarios.thesis_data.counterevidence import SideBands, SmallVoltages
 from deatwin.scenarios.thesis_data.drifts import at_same_input, fast_part, moving_mean
@@ -19,7 +19,6 @@ from deatwin.scenarios.thesis_data.verdicts import RIDGE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 __all__ = ["ELASTIC", "SPECIFIED", "drawings"]
 
@@ -72,12 +71,6 @@ def drawings(
     return [drawing for drawing, _ in made], {drawing.data: columns for drawing, columns in made}
 
 
-def _drawing(figure: Figure, name: str, title: str, caption: str) -> Drawing:
-    return Drawing(
-        name=name, title=title, caption=caption, svg=inline(figure, name, title), data=f"figures/{name}.csv"
-    )
-
-
 def _excitation(bench: Bench) -> tuple[Drawing, Columns]:
     record = bench.recording
     u, step = record.inputs[0], record.sample_time
@@ -91,7 +84,7 @@ def _excitation(bench: Bench) -> tuple[Drawing, Columns]:
         left.set(xlabel="time (s)", ylabel=COMMAND, ylim=(0.9, 3.95))
         right.plot(share.frequencies, share.inputs, color=AFTER)
         right.set(xlabel="frequency (Hz)", ylabel="spectral density (V²/Hz)", yscale="log", xlim=(0, 5), ylim=(1e-7, 2))
-        drawing = _drawing(
+        drawing = Drawing.of(
             figure, "excitation", "Excitation and its spectrum (thesis figure 2.5)",
             f"{bench.actuator.name}, the first {ZOOM:.0f} s. Dotted: the limits. Clipping at them, and nothing else, "
             f"puts {100 * share.above(1.0)[0] / share.above(0.0)[0]:.2f} % of the power above 1 Hz.",
@@ -111,7 +104,7 @@ def _curve(bench: Bench) -> tuple[Drawing, Columns]:
         axes.plot(ends, line.offset + line.gain * ends, "--", color=BEFORE, linewidth=1.4, label="line below 2.5 V")
         axes.set(xlabel=COMMAND, ylabel=DISPLACEMENT)
         figure.legend(loc="outside upper left", ncols=3)
-        drawing = _drawing(
+        drawing = Drawing.of(
             figure, "curve", "Displacement over voltage (thesis figure 2.6)",
             f"{bench.actuator.name}. The mean curve leaves the line by at most {100 * line.misfit:.2f} % of the full "
             f"stroke below 2.5 V; its slope is {local_gain(u, y, 2.0):.3f} mm/V at 2 V and "
@@ -138,7 +131,7 @@ def _recordings(benches: tuple[Bench, ...]) -> tuple[Drawing, Columns]:
         figure.supylabel(DISPLACEMENT, fontsize="medium")
         figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=3)
         stories = " ".join(f"{b.actuator.name}: {b.actuator.story}" for b in benches)
-        drawing = _drawing(figure, "recordings", "The six recordings (thesis figure 2.7)", stories)
+        drawing = Drawing.of(figure, "recordings", "The six recordings (thesis figure 2.7)", stories)
     return drawing, _complete(columns)
 
 
@@ -165,7 +158,7 @@ def _drifts(benches: tuple[Bench, ...]) -> tuple[Drawing, Columns]:
             axes.set_xlabel("time (s)")
         figure.supylabel("moving mean less the mean of all (µm)", fontsize="medium")
         figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=3)
-        drawing = _drawing(
+        drawing = Drawing.of(
             figure, "drifts", "The drifts of the means, enlarged",
             "The mean of 100 s of noise wanders of itself. At the same input: what the command and its rate explain "
             "over the whole record is taken off.",
@@ -189,7 +182,7 @@ def _ridge(bench: Bench) -> tuple[Drawing, Columns]:
         lower.axvspan(*window, color=MARK, alpha=0.3, linewidth=0)
         lower.set(xlabel="time (s)", ylabel="above 5 Hz (µm)")
         figure.align_ylabels()
-        drawing = _drawing(
+        drawing = Drawing.of(
             figure, "ridge", "Where the first recording is rough",
             f"{bench.actuator.name}. Below: the fast part of the reading, while it lies between 0.4 and 0.5 mm. "
             "From 10 to 30 s (ochre) the ball snaps there from lump to lump of dried grease.",
@@ -220,7 +213,7 @@ def _spectra(benches: tuple[Bench, ...]) -> tuple[Drawing, Columns]:
             axes.set_xlabel("frequency (Hz)")
         figure.supylabel("spectral density (µm²/Hz)", fontsize="medium")
         figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=3)
-        drawing = _drawing(
+        drawing = Drawing.of(
             figure, "spectra", "Output spectra beside the best linear model (thesis figure 2.8)",
             "In each band of 25 mHz the linear response that makes most of the input as it really is, clipped. Ochre: "
             "1 Hz, where the noise ends.",
@@ -240,7 +233,7 @@ def _loops(benches: tuple[Bench, ...]) -> tuple[Drawing, Columns]:
         for axes in panels[-1]:
             axes.set_xlabel(COMMAND)
         figure.supylabel(DISPLACEMENT, fontsize="medium")
-        drawing = _drawing(
+        drawing = Drawing.of(
             figure, "loops", "Loops at 10 mHz",
             "Triangles of 1.1 to 3.75 V, and the area of each loop over the rectangle around it.",
         )  # fmt: skip
@@ -260,7 +253,7 @@ def _areas(study: Study) -> tuple[Drawing, Columns]:
         axes.set(xlabel="rate (mHz)", ylabel="area over rectangle (%)", xscale="log", yscale="log")
         _plain_numbers(axes)
         figure.legend(loc="outside upper left", ncols=3, markerscale=1)
-        drawing = _drawing(
+        drawing = Drawing.of(
             figure, "areas", "How the area of a loop depends on the rate",
             "A film that only relaxes closes its loop as it is driven more slowly; one with hysteresis does not.",
         )  # fmt: skip
@@ -280,7 +273,7 @@ def _small(rests: Mapping[str, SmallVoltages], step: float) -> tuple[Drawing, Co
         axes.set(xlabel="film voltage (V)", ylabel="displacement (µm)", xscale="log", yscale="log")
         _plain_numbers(axes)
         figure.legend(loc="outside upper left", ncols=3, markerscale=1)
-        drawing = _drawing(
+        drawing = Drawing.of(
             figure, "small", "There is no smallest voltage",
             "The ball moves at any voltage, as its square (dashed). What there is, is a voltage below which the sensor "
             f"does not see it: {rests[SPECIFIED].visible:.0f} V for one step of {1e6 * step:.2f} µm.",
@@ -300,7 +293,7 @@ def _side_bands(bands: SideBands) -> tuple[Drawing, Columns]:
         axes.plot(sides, bands.expected, "x", color=BEFORE, label="closed form")
         axes.set(xlabel="frequency (Hz)", ylabel="amplitude", yscale="log", ylim=(1e-3, 2))
         figure.legend(loc="outside upper left", ncols=3, markerscale=1)
-        drawing = _drawing(
+        drawing = Drawing.of(
             figure, "side_bands", "A linear plant that varies in time moves energy to other frequencies",
             f"A line at {bands.line:g} Hz goes in; as the gain drifts by ±20 % at {bands.drift:g} Hz, three come out. "
             f"The response to a sum of inputs is the sum of the responses to {bands.superposition:.0e} of it.",
