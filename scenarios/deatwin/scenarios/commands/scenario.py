@@ -55,6 +55,7 @@ def scenarios(as_json: Json = False, quiet: Quiet = False) -> None:
     from deatwin.scenarios.stories import STORIES
 
     voice = Voice(as_json=as_json, quiet=quiet)
+    width = max(map(len, STORIES))
     for entry in STORIES.values():
-        voice.say(f"{entry.name:14} {entry.minutes:g} min  {entry.line}")
+        voice.say(f"{entry.name:{width}} {entry.minutes:>4g} min  {entry.line}")
     voice.result({entry.name: {"line": entry.line, "minutes": entry.minutes} for entry in STORIES.values()})
