@@ -13,15 +13,13 @@ from deatwin.ident.narx.evidence import log_prior
 from deatwin.ident.narx.forward import SelectionStep
 from deatwin.ident.narx.free_run import March
 from deatwin.ident.narx.regression import Regression
+from deatwin.ident.narx.response import DIVERGED
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
 __all__ = ["CRITERIA", "criterion_values", "free_run_errors", "split"]
 
 Array = NDArray[np.float64]
-
-# A free run has diverged when it leaves this many times the largest output of the training data.
-_DIVERGED = 1e3
 
 
 CRITERIA: Mapping[str, Callable[[float, float, int, int, int], float]] = MappingProxyType(
@@ -129,6 +127,6 @@ def free_run_errors(data: Regression, recordings: Sequence[Recording], theta: Ar
         own = outputs[[data.output]]
         known = {"u": inputs, "y": outputs}
         march = March.of(data.table.terms, known, "y", own, first=data.first, alone=data.output)
-        total += march.squared_errors(chosen, theta, limit=_DIVERGED).sum(axis=1)
+        total += march.squared_errors(chosen, theta, limit=DIVERGED).sum(axis=1)
         samples += record.n_samples - data.first
     return total / samples

@@ -17,10 +17,9 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-
-# A free run has diverged when it leaves this many times the outputs of the training data; a model without
-# training data has no scale of its own, so that only what cannot be meant is called divergence.
-_DIVERGED_TRAINED = 1e3
+DIVERGED = 1e3
+"""A free run has diverged when it leaves this many times the outputs of the training data."""
+# A model without training data has no scale of its own, so that only what cannot be meant is called divergence.
 _DIVERGED_UNTRAINED = 1e9
 
 
@@ -119,4 +118,4 @@ def divergence_limit(operating: OperatingRange | None, measured: Array) -> float
     if operating is None:
         return _DIVERGED_UNTRAINED * max(1.0, largest)
     seen = np.abs([operating.output_min, operating.output_max])
-    return _DIVERGED_TRAINED * max(float(seen.max()), largest)
+    return DIVERGED * max(float(seen.max()), largest)

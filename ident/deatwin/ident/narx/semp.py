@@ -15,6 +15,7 @@ from deatwin.ident.narx.identifier import FitStatus, NarxIdentifier, Progress
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.neighbours import CompressedRegression, Neighbours
 from deatwin.ident.narx.regression import Regression
+from deatwin.ident.narx.response import DIVERGED
 from deatwin.ident.narx.terms import Lags, Rule, Term
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError
@@ -27,7 +28,6 @@ __all__ = ["Semp", "SempStep"]
 Array = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
 
-_DIVERGED = 1e3  # times the largest output, as for the free run of a trained model
 # Ten to thirty sections are enough to know the variance of a mean, and long enough to be independent of each other
 # (Schmeiser, Oper. Res. 30 (1982) 556-568, doi:10.1287/opre.30.3.556).
 _SECTIONS = 20
@@ -357,7 +357,7 @@ class _Search:
         """Run models free; return their errors, shape (n_models, n_sections)."""
         runs = zip(self.marches, self.sections.tolist(), strict=True)
         return np.concatenate(
-            [march.squared_errors(chosen, theta, limit=_DIVERGED, sections=sections) for march, sections in runs],
+            [march.squared_errors(chosen, theta, limit=DIVERGED, sections=sections) for march, sections in runs],
             axis=1,
         )
 

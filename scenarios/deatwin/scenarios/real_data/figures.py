@@ -13,11 +13,10 @@ from deatwin.scenarios.real_data.methods import FRO, GROWN, LINEAR, REFINED, Out
 from deatwin.scenarios.real_data.published import DOCUMENTED
 from deatwin.scenarios.real_data.records import DataSet
 from deatwin.scenarios.report.figures import Drawing
-from deatwin.scenarios.report.svg import COLOURS, draw
+from deatwin.scenarios.report.svg import COLOURS, draw, legend_above
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    pass
 
 __all__ = ["arrow_head", "arrow_head_spectra", "comparison", "converter", "free_runs"]
 
@@ -28,10 +27,6 @@ WINDOW = 500
 """Samples of a running root mean square."""
 ZOOM = 120
 """Samples around the largest output that are drawn."""
-
-
-def _above(figure: Figure, axes: Axes, columns: int) -> None:
-    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=columns, markerscale=1)
 
 
 def _key(method: str) -> str:
@@ -84,7 +79,7 @@ def arrow_head(data: DataSet, outcomes: Mapping[str, Outcome]) -> tuple[Drawing,
         middle.set(ylabel=f"rms of {WINDOW} samples (mV)", xlabel="time (s)")
         bottom.plot(data.test.timepts[near], measured[near], ".", color=INK, markersize=3.5)
         bottom.set(ylabel="output (mV)", xlabel="time (s)")
-        _above(figure, middle, 2)
+        legend_above(figure, middle, 2)
         drawing = Drawing.of(
             figure, "arrow_head", "Silverbox: free run over the growing amplitude",
             "Top: the measured output; dotted, the largest that was learned from. Middle: errors of free runs of the "
@@ -130,7 +125,7 @@ def arrow_head_spectra(data: DataSet, outcomes: Mapping[str, Outcome]) -> tuple[
             axes.semilogy(frequencies, density, color=colour, label=method)
             columns[f"{_key(method)}_mV2_per_Hz"] = density
         axes.set(xlabel="frequency (Hz)", ylabel="density (mV²/Hz)", xlim=(0, rate / 2))
-        _above(figure, axes, 4)
+        legend_above(figure, axes, 4)
         drawing = Drawing.of(
             figure, "arrow_head_spectra", "Silverbox: spectra of the errors",
             "What is left has two places: the resonance near 70 Hz, which moves with the amplitude, and three times "
@@ -206,7 +201,7 @@ def _runs(
             columns[_key(method)] = outputs / data.scale
         top.set(ylabel=f"output ({data.unit})")
         bottom.set(ylabel=f"error ({data.unit})", xlabel=f"time ({unit})")
-        _above(figure, top, 4)
+        legend_above(figure, top, 4)
         drawing = Drawing.of(figure, name, title, caption)
     return drawing, columns
 
@@ -247,7 +242,7 @@ def comparison(sets: Sequence[DataSet], outcomes: Sequence[Outcome]) -> tuple[Dr
             axes.set_title(data.title, loc="left", fontsize="medium")
             axes.set_yticks(range(len(methods)), methods)
         np.atleast_1d(panels)[0].invert_yaxis()
-        _above(figure, axes, 2)
+        legend_above(figure, axes, 2)
         drawing = Drawing.of(
             figure, "comparison", "All methods on all recordings",
             "Root mean square errors on the test recordings over the standard deviation of the output. A small error "

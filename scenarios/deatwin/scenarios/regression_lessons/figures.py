@@ -14,11 +14,10 @@ from deatwin.scenarios.regression_lessons.occam import TRUE_DEGREE, Occam, Sprea
 from deatwin.scenarios.regression_lessons.shrinkage import RULES, Orthogonal, Risks
 from deatwin.scenarios.regression_lessons.variance import Decomposition
 from deatwin.scenarios.report.figures import Drawing
-from deatwin.scenarios.report.svg import COLOURS, draw
+from deatwin.scenarios.report.svg import COLOURS, draw, legend_above
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 __all__ = ["bias_and_variance", "constraint", "overfitting", "paths", "razor", "shrinking", "two_models"]
 
@@ -29,10 +28,6 @@ HEIGHTS = (0.15, 0.5, 1.5)
 """Of ellipses besides the one that touches, as multiples of its own height."""
 SHOWN = (1, 5, 12)
 """Degrees whose fits are drawn."""
-
-
-def _above(figure: Figure, axes: Axes, columns: int) -> None:
-    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=columns, markerscale=1)
 
 
 def constraint(plane: Plane) -> tuple[Drawing, Columns]:
@@ -69,7 +64,7 @@ def constraint(plane: Plane) -> tuple[Drawing, Columns]:
             axes.set(xlabel="first parameter", ylabel="second parameter", xlim=(-1.1, 2.1), ylim=(-1.2, 1.2))
             axes.set_aspect("equal")
             axes.set_title(name, loc="left", fontsize="medium")
-        _above(figure, axes, 4)
+        legend_above(figure, axes, 4)
         drawing = Drawing.of(
             figure, "constraint", "A circle and a diamond against the ellipses of least squares",
             "Ellipses: equal mean squared error. Both constraints allow 60 % of the norm of least squares. "
@@ -170,7 +165,7 @@ def shrinking(orthogonal: Orthogonal, risks: Risks) -> tuple[Drawing, Columns]:
             right.plot(risks.sizes, risks.drawn[name], marker, color=colour, markersize=4)
         left.set(xlabel="least-squares parameter", ylabel="estimate")
         right.set(xlabel="true parameter (standard errors)", ylabel="expected squared error")
-        _above(figure, right, 3)
+        legend_above(figure, right, 3)
         drawing = Drawing.of(
             figure, "shrinking", "Shrinking and thresholding",
             "Orthogonal regressors. Left: closed forms (lines) and what the estimators answer (marks). Right: expected "
@@ -209,7 +204,7 @@ def overfitting(degrees: Decomposition) -> tuple[Drawing, Columns]:
             axes.set_title(f"degree {degree}", loc="left", fontsize="medium")
             axes.set_xlabel("point")
             columns[f"degree_{degree}"] = degrees.fits[row]
-        _above(figure, axes, 3)
+        legend_above(figure, axes, 3)
         drawing = Drawing.of(
             figure, "overfitting", "Too stiff, right, and too flexible",
             "The first of the repeated experiments. The polynomial of the highest degree is nearest to the readings "
@@ -247,7 +242,7 @@ def bias_and_variance(degrees: Decomposition, penalties: Decomposition) -> tuple
             axes.plot(found.complexity, found.training, "--", color=MEASURED, label="error on fitted readings, drawn")
         left.set(xlabel="degree", ylabel="mean square", ylim=(0, 1.05))
         right.set(xlabel=f"ridge penalty, degree {variance.RIDGE_DEGREE}", xscale="log")
-        _above(figure, left, 3)
+        legend_above(figure, left, 3)
         best = int(np.argmin(penalties.expected))
         drawing = Drawing.of(
             figure, "bias_and_variance", "Bias and variance",
@@ -330,7 +325,7 @@ def two_models(found: Spread) -> tuple[Drawing, Columns]:
         for side in (-1, 1):
             axes.axvline(side * found.crossing, color=INK, linestyle=":", linewidth=0.9)
         axes.set(xlabel="curvature of the readings (standard errors)", ylabel="density", yscale="log", ylim=(1e-4, 1))
-        _above(figure, axes, 2)
+        legend_above(figure, axes, 2)
         drawing = Drawing.of(
             figure, "two_models", "Why the simpler model wins where both fit",
             "Each model spreads an area of 1 over the readings it allows. The parabola allows more, so that it has "

@@ -9,9 +9,10 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["COLOURS", "draw", "inline", "standalone"]
+__all__ = ["COLOURS", "draw", "inline", "legend_above", "standalone"]
 
 COLOURS = {
     "ink": ("#010a01", "#23272e", "#d7dae0"),
@@ -119,6 +120,21 @@ def standalone(figure: Figure) -> str:
     dark = f"@media(prefers-color-scheme:dark){{svg{{{dark};background:#16181d}}}}"
     style = f"<style>svg{{{light};background:#fff}}{dark}</style>"
     return re.sub(r"(<svg [^>]*>)", rf"\1{style}", text, count=1)
+
+
+def legend_above(figure: Figure, axes: Axes, columns: int) -> None:
+    """Put the legend of one panel above the whole figure.
+
+    Parameters
+    ----------
+    figure : Figure
+        From `draw`, inside its context.
+    axes : Axes
+        The panel.
+    columns : int
+        Of the legend.
+    """
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=columns, markerscale=1)
 
 
 def _source(figure: Figure) -> str:

@@ -7,12 +7,12 @@ from numpy.typing import NDArray
 
 from deatwin.ident.narx.linear.polynomials import Orders, Polynomials, is_stable
 from deatwin.ident.narx.linear.prediction import lagged, prediction_errors, recursed
+from deatwin.ident.narx.response import DIVERGED
 from deatwin.plant.errors import ModelError
 
 __all__ = ["free_run", "one_step"]
 
 Array = NDArray[np.float64]
-_DIVERGED = 1e3  # times the largest measured output, as for a NARX model
 
 
 def one_step(orders: Orders, polynomials: Polynomials, inputs: Array, output: Array, warmup: int) -> tuple[Array, int]:
@@ -97,7 +97,7 @@ def free_run(
     first = input_lag + warmup
     outputs = output.copy()
     outputs[first:] = run[warmup:]
-    limit = _DIVERGED * max(float(np.abs(output).max()), np.finfo(float).tiny)
+    limit = DIVERGED * max(float(np.abs(output).max()), np.finfo(float).tiny)
     bad = ~(np.abs(outputs) < limit)
     if not bad.any():
         return outputs, first, None
