@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from deatwin.ident.frequency.linear import feedback, levels, motion, operating_input_of, poles_of
 from deatwin.ident.narx.model import NarxModel
-from deatwin.ident.narx.operating import read_only
+from deatwin.ident.narx.operating import OperatingRange, read_only
 from deatwin.ident.narx.terms import Term, Variable
 from deatwin.plant.errors import ModelError
 
@@ -152,6 +152,25 @@ def _newton(coefficients: Array, roots: Array) -> Array:
     return roots
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Deviations:
+    """A model of the deviations v = y - ybar and w = u - ubar from an equilibrium.
+
+    Parameters
+    ----------
+    model : NarxModel
+        Of the deviations; without a constant.
+    jacobian : ndarray, shape (n_terms of the deviations, n_terms)
+        Derivative of its parameters by those of the original, the motion of the equilibrium included.
+    point : Equilibrium
+        From where they deviate.
+    """
+
+    model: NarxModel
+    jacobian: Array
+    point: Equilibrium
+
+
 def remove_dc(model: NarxModel, operating_input: ArrayLike | None = None) -> NarxModel:
     """Return the model of the deviations v = y - ybar and w = u - ubar from an equilibrium.
 
@@ -177,6 +196,28 @@ def remove_dc(model: NarxModel, operating_input: ArrayLike | None = None) -> Nar
     ModelError
         If the model has no equilibrium there, or no term is left.
     """
+    return deviations(model, operating_input).model
+
+
+def deviations(model: NarxModel, operating_input: ArrayLike | None = None) -> Deviations:
+    """Expand a model about an equilibrium.
+
+    Parameters
+    ----------
+    model : NarxModel
+        The model.
+    operating_input : array_like, shape () or (n_inputs,), optional
+        As for `remove_dc`.
+
+    Returns
+    -------
+    Deviations
+
+    Raises
+    ------
+    ModelError
+        As `remove_dc`.
+    """
     point = equilibrium(model, operating_input)
     expansion: dict[Term, Array] = defaultdict(lambda: np.zeros(len(model.terms)))
     slope: dict[Term, Array] = defaultdict(lambda: np.zeros(len(model.terms)))
@@ -191,25 +232,27 @@ def remove_dc(model: NarxModel, operating_input: ArrayLike | None = None) -> Nar
     matrix = np.array([expansion[term] for term in terms])
     moves = motion(model, levels(model, point.operating_input, point.output))
     jacobian = matrix + np.outer(np.array([slope[term] for term in terms]) @ model.theta, moves)
-    at = ", ".join(
-        f"{value:.9g} {unit}".strip()
-        for value, unit in zip(
-            (*point.operating_input, point.output), (*model.input_units, *model.output_units), strict=True
-        )
-    )
-    shifted = (
-        None
-        if model.operating is None
-        else model.operating.shifted(point.operating_input, np.array([point.output]))
-    )
-    return replace(
+    shifted = replace(
         model,
         terms=terms,
+        equations=(),
         theta=matrix @ model.theta,
         theta_cov=jacobian @ model.theta_cov @ jacobian.T,
-        operating=shifted,
-        provenance={**model.provenance, "deviations_from": at},
+        operating=_shifted_range(model, point),
+        provenance={**model.provenance, "deviations_from": _written(model, point)},
     )
+    return Deviations(model=shifted, jacobian=read_only(jacobian), point=point)
+
+
+def _shifted_range(model: NarxModel, point: Equilibrium) -> OperatingRange | None:
+    if model.operating is None:
+        return None
+    return model.operating.shifted(point.operating_input, np.array([point.output]))
+
+
+def _written(model: NarxModel, point: Equilibrium) -> str:
+    values, units = (*point.operating_input, point.output), (*model.input_units, *model.output_units)
+    return ", ".join(f"{value:.9g} {unit}".strip() for value, unit in zip(values, units, strict=True))
 
 
 def _expand(term: Term, point: Equilibrium) -> Iterator[tuple[Term, float, float]]:

@@ -138,8 +138,12 @@ def test_an_unstable_operating_point_is_a_status():
 
 
 def test_what_is_not_there_is_said():
-    with pytest.raises(ModelError, match="order 1 only"):
+    with pytest.raises(ModelError, match=r"order 2 needs \(n, 2\)"):
         gfrf(nonlinear(), 2, OMEGA)
+    with pytest.raises(ModelError, match="order = 0"):
+        gfrf(nonlinear(), 0, OMEGA)
+    with pytest.raises(ModelError, match='did you mean "symmetric"|symmetric'):
+        gfrf(nonlinear(), 1, OMEGA, form="symetric")
     with pytest.raises(ModelError, match="half the sampling rate"):
         gfrf(nonlinear(), 1, 1000.0)
     with pytest.raises(ModelError, match="one input"):

@@ -1,0 +1,207 @@
+"""The equations that a polynomial model makes for the parts of its output, each linear in its own part.
+
+A Volterra system answers w = sum of parts with v = sum of parts: one part for each order of the output (the input is
+the only part of order one), or one for each combination of tones. A product of lagged signals splits a part in all
+ways that the parts allow, so that the equation of a part,
+
+    (1 - sum_l a_l q^-l) v[s] = sum_m theta_m product_m[s],
+
+holds only smaller parts on its right. Solved in order of size it is, on intervals of frequencies, the recursion of
+Peyton Jones and Billings; on sets of frequencies, its symmetric form; on orders, the output of each order.
+
+References
+----------
+Peyton Jones, Billings, "Recursive algorithm for computing the frequency response of a class of non-linear difference
+equation models", Int. J. Control 50 (1989) 1925-1940, doi:10.1080/00207178908953472.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.narx.terms import Term, Variable
+
+__all__ = ["Jet", "Parts", "solve_parts"]
+
+Array = NDArray[Any]
+
+
+class Jet(NamedTuple):
+    """Values, and their derivatives by each parameter.
+
+    Parameters
+    ----------
+    value : ndarray, shape (..., n)
+        Real or complex.
+    slope : ndarray, shape (n_terms, ..., n), or None
+        None where the values do not depend on the parameters, or nobody asks.
+    """
+
+    value: Array
+    slope: Array | None
+
+
+class Parts(Protocol):
+    """Into what input and output are taken apart, and how a linear filter acts on a part."""
+
+    @property
+    def order(self) -> Sequence[int]:
+        """The parts, each after those that it may be made of."""
+
+    def splits(self, part: int) -> Iterable[tuple[int, int]]:
+        """All ways to make a part of two others.
+
+        Parameters
+        ----------
+        part : int
+            What is split; the first of each pair belongs to the earlier factors of a product.
+        """
+
+    def input(self, part: int, lag: int) -> Array | None:
+        """The input's part after a delay.
+
+        Parameters
+        ----------
+        part : int
+            Which part.
+        lag : int
+            Samples.
+
+        Returns
+        -------
+        ndarray, shape (..., n), or None
+            None where the input has no such part.
+        """
+
+    def delayed(self, values: Array, part: int, lag: int) -> Array:
+        """Delay an output's part.
+
+        Parameters
+        ----------
+        values : ndarray, shape (..., n)
+            The part.
+        part : int
+            Which part it is.
+        lag : int
+            Samples.
+        """
+
+    def filtered(self, values: Array, part: int, feedback: Mapping[int, Array]) -> Array:
+        """Solve (1 - sum_l a_l q^-l) v = values.
+
+        Parameters
+        ----------
+        values : ndarray, shape (..., n)
+            Right side.
+        part : int
+            Which part it is.
+        feedback : mapping of int to ndarray
+            a_l for each lag, of shape (..., 1) or ().
+        """
+
+
+def solve_parts(terms: Sequence[Term], theta: Array, parts: Parts, *, by_theta: bool) -> dict[int, Jet]:
+    """Compute the parts of a model's output.
+
+    Parameters
+    ----------
+    terms : sequence of Term
+        Without a constant, in one output and one input.
+    theta : ndarray, shape (n_terms,) or (n_terms, ...)
+        Parameters; further axes are those of many models at once and stand before that of the parts' values.
+    parts : Parts
+        Of what kind.
+    by_theta : bool
+        Whether the derivatives are wanted too.
+
+    Returns
+    -------
+    dict of int to Jet
+        Parts that are zero are missing.
+    """
+    return _Solver(terms=terms, theta=np.asarray(theta)[..., None], parts=parts, by_theta=by_theta).solve()
+
+
+@dataclass
+class _Solver:
+    terms: Sequence[Term]
+    theta: Array
+    parts: Parts
+    by_theta: bool
+    outputs: dict[int, Jet] = field(default_factory=dict)
+    known: dict[tuple[tuple[Variable, ...], int], Jet | None] = field(default_factory=dict)
+
+    def solve(self) -> dict[int, Jet]:
+        factors = [_arranged(term) for term in self.terms]
+        linear = {f[0].lag: m for m, f in enumerate(factors) if len(f) == 1 and f[0].kind == "y"}
+        feedback = {lag: self.theta[m] for lag, m in linear.items()}
+        others = [m for m in range(len(factors)) if m not in linear.values()]
+        for part in self.parts.order:
+            found = {m: self.product(factors[m], part) for m in others}
+            products = {m: jet for m, jet in found.items() if jet is not None}
+            if products:
+                value = self.parts.filtered(sum(self.theta[m] * p.value for m, p in products.items()), part, feedback)
+                slope = self.slope(value, part, products, linear) if self.by_theta else None
+                self.outputs[part] = Jet(value, None if slope is None else self.parts.filtered(slope, part, feedback))
+        return self.outputs
+
+    def slope(self, value: Array, part: int, products: Mapping[int, Jet], linear: Mapping[int, int]) -> Array:
+        """Derivative of the right side: what each parameter multiplies, and what the products themselves change."""
+        slope = np.zeros((len(self.terms), *value.shape), dtype=value.dtype)
+        for lag, m in linear.items():
+            slope[m] = self.parts.delayed(value, part, lag)
+        for m, product in products.items():
+            slope[m] += product.value
+            if product.slope is not None:
+                slope += self.theta[m] * product.slope
+        return slope
+
+    def product(self, factors: tuple[Variable, ...], part: int) -> Jet | None:
+        """The part of a product of lagged signals."""
+        key = factors, part
+        if key not in self.known:
+            self.known[key] = self.factor(factors[0], part) if len(factors) == 1 else self.split(factors, part)
+        return self.known[key]
+
+    def split(self, factors: tuple[Variable, ...], part: int) -> Jet | None:
+        total: Jet | None = None
+        for rest, last in self.parts.splits(part):
+            earlier = self.product(factors[:-1], rest)
+            later = self.product(factors[-1:], last) if earlier is not None else None
+            if earlier is not None and later is not None:
+                total = _sum(total, _product(earlier, later))
+        return total
+
+    def factor(self, variable: Variable, part: int) -> Jet | None:
+        if variable.kind == "u":
+            driven = self.parts.input(part, variable.lag)
+            return None if driven is None else Jet(driven, None)
+        jet = self.outputs.get(part)
+        if jet is None:
+            return None
+        slope = None if jet.slope is None else self.parts.delayed(jet.slope, part, variable.lag)
+        return Jet(self.parts.delayed(jet.value, part, variable.lag), slope)
+
+
+def _arranged(term: Term) -> tuple[Variable, ...]:
+    """Outputs from the last to the first, then inputs from the first to the last, as the recursion takes them."""
+    outputs = [v for v in term.expanded if v.kind == "y"]
+    return (*reversed(outputs), *(v for v in term.expanded if v.kind == "u"))
+
+
+def _sum(a: Jet | None, b: Jet) -> Jet:
+    if a is None:
+        return b
+    if a.slope is None or b.slope is None:
+        return Jet(a.value + b.value, b.slope if a.slope is None else a.slope)
+    return Jet(a.value + b.value, a.slope + b.slope)
+
+
+def _product(a: Jet, b: Jet) -> Jet:
+    slopes = [other.value * jet.slope for jet, other in ((a, b), (b, a)) if jet.slope is not None]
+    return Jet(a.value * b.value, sum(slopes[1:], slopes[0]) if slopes else None)

@@ -1,0 +1,228 @@
+"""What the equations of the parts are solved on: sets of tones, runs of tones, and orders of a periodic output."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cached_property
+from math import factorial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["FORMS", "Orders", "Tones", "TonesInOrder"]
+
+Array = NDArray[Any]
+
+
+class Tones:
+    """Sets of tones, each a bit of the part's number.
+
+    The input is a sum of tones e^(jw_i k); the output's part of a set is its share with the product of the set's
+    tones, and that of all n tones is n! times the symmetric H_n.
+
+    Parameters
+    ----------
+    angles : ndarray, shape (n, order)
+        Normalised frequencies of the tones, rad/sample.
+
+    Attributes
+    ----------
+    whole : int
+        The set of all tones.
+    repeats : int
+        How often H_n is in its part.
+    """
+
+    def __init__(self, angles: Array) -> None:
+        self.count = angles.shape[1]
+        self.whole = (1 << self.count) - 1
+        self.repeats = factorial(self.count)
+        self._single = [np.exp(-1j * angle) for angle in angles.T]
+        self._powers: dict[tuple[int, int], Array] = {}
+
+    @cached_property
+    def order(self) -> Sequence[int]:
+        """All sets, small ones first."""
+        return sorted(range(1, self.whole + 1), key=lambda part: part.bit_count())
+
+    def splits(self, part: int) -> Iterable[tuple[int, int]]:
+        """All ways to split a set in two, either being the first.
+
+        Parameters
+        ----------
+        part : int
+            The set.
+        """
+        last = (part - 1) & part
+        while last:
+            yield part ^ last, last
+            last = (last - 1) & part
+
+    def input(self, part: int, lag: int) -> Array | None:
+        """A delayed tone; sets of several tones are not in the input.
+
+        Parameters
+        ----------
+        part : int
+            The set.
+        lag : int
+            Samples.
+        """
+        return self._shift(part, lag) if part.bit_count() == 1 else None
+
+    def delayed(self, values: Array, part: int, lag: int) -> Array:
+        """Turn a part's phase by the sum of its tones' frequencies.
+
+        Parameters
+        ----------
+        values : ndarray, shape (..., n)
+            The part.
+        part : int
+            The set.
+        lag : int
+            Samples.
+        """
+        return values * self._shift(part, lag)
+
+    def filtered(self, values: Array, part: int, feedback: Mapping[int, Array]) -> Array:
+        """Divide by 1 - sum_l a_l e^(-jwl) at the sum of the set's frequencies.
+
+        Parameters
+        ----------
+        values : ndarray, shape (..., n)
+            Right side.
+        part : int
+            The set.
+        feedback : mapping of int to ndarray
+            a_l for each lag.
+        """
+        denominator: Array | float = 1.0
+        for lag, a in feedback.items():
+            denominator = denominator - a * self._shift(part, lag)
+        return values / denominator
+
+    def _shift(self, part: int, lag: int) -> Array:
+        """e^(-jwl) of the set's sum of frequencies, made of the tones' own by products."""
+        if (part, lag) not in self._powers:
+            if lag == 0:
+                shift = np.ones_like(self._single[0])
+            elif lag == 1:
+                first = part & -part
+                shift = self._single[first.bit_length() - 1]
+                shift = shift if part == first else shift * self._shift(part ^ first, 1)
+            else:
+                shift = self._shift(part, lag // 2) * self._shift(part, lag - lag // 2)
+            self._powers[part, lag] = shift
+        return self._powers[part, lag]
+
+
+class TonesInOrder(Tones):
+    """Runs of neighbouring tones only, each factor taking the run after that of the factor before it.
+
+    That of all tones is H_n as the recursion of Peyton Jones and Billings gives it, eq. 18: not symmetric, but with
+    the same mean over all permutations of the frequencies.
+
+    Parameters
+    ----------
+    angles : ndarray, shape (n, order)
+        As for `Tones`.
+    """
+
+    def __init__(self, angles: Array) -> None:
+        super().__init__(angles)
+        self.repeats = 1
+
+    @cached_property
+    def order(self) -> Sequence[int]:
+        """All runs, short ones first."""
+        sizes = range(1, self.count + 1)
+        return [((1 << size) - 1) << first for size in sizes for first in range(self.count - size + 1)]
+
+    def splits(self, part: int) -> Iterable[tuple[int, int]]:
+        """All ways to cut a run.
+
+        Parameters
+        ----------
+        part : int
+            The run.
+        """
+        first = part & -part
+        rest = first
+        while rest != part:
+            yield rest, part ^ rest
+            rest |= rest << 1
+
+
+FORMS: Mapping[str, type[Tones]] = {"symmetric": Tones, "recursive": TonesInOrder}
+"""Of a frequency response of several frequencies."""
+
+
+class Orders:
+    """Orders of the output in the size of a periodic input, over one period of the steady state.
+
+    Parameters
+    ----------
+    excitation : ndarray, shape (n,)
+        One period of the input.
+    highest : int
+        Largest order.
+    """
+
+    def __init__(self, excitation: Array, highest: int) -> None:
+        self.excitation = excitation
+        self.order: Sequence[int] = range(1, highest + 1)
+        self._turn = np.exp(-2j * np.pi * np.arange(excitation.size // 2 + 1) / excitation.size)
+
+    def splits(self, part: int) -> Iterable[tuple[int, int]]:
+        """All pairs of orders that make an order.
+
+        Parameters
+        ----------
+        part : int
+            The order.
+        """
+        return ((part - last, last) for last in range(1, part))
+
+    def input(self, part: int, lag: int) -> Array | None:
+        """The delayed input, which is of order one only.
+
+        Parameters
+        ----------
+        part : int
+            The order.
+        lag : int
+            Samples.
+        """
+        return np.roll(self.excitation, lag) if part == 1 else None
+
+    def delayed(self, values: Array, part: int, lag: int) -> Array:
+        """Delay within the period.
+
+        Parameters
+        ----------
+        values : ndarray, shape (..., n)
+            One period.
+        part : int
+            The order.
+        lag : int
+            Samples.
+        """
+        return np.roll(values, lag, axis=-1)
+
+    def filtered(self, values: Array, part: int, feedback: Mapping[int, Array]) -> Array:
+        """Filter in the frequency domain, which is exact in the steady state.
+
+        Parameters
+        ----------
+        values : ndarray, shape (..., n)
+            Right side over one period.
+        part : int
+            The order.
+        feedback : mapping of int to ndarray
+            a_l for each lag.
+        """
+        denominator: Array | float = 1.0
+        for lag, a in feedback.items():
+            denominator = denominator - a * self._turn**lag
+        return np.fft.irfft(np.fft.rfft(values) / denominator, self.excitation.size)

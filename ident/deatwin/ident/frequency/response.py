@@ -1,0 +1,225 @@
+"""A frequency response of any order, its gain and phase, and the uncertainty that the parameters give it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+from functools import cached_property
+from statistics import NormalDist
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.frequency.dc import Equilibrium
+from deatwin.ident.narx.operating import read_only
+from deatwin.plant.errors import ModelError
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["Band", "FrequencyResponse", "FrequencyStatus"]
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+LINEAR_LAW = 4.0
+"""Gains below this many standard deviations (of the longer axis of the ellipse) are not normal."""
+
+
+class FrequencyStatus(Enum):
+    """Whether a frequency response can be observed; the value is the advice."""
+
+    OK = "the operating point is stable"
+    UNSTABLE = (
+        "the operating point is unstable: the response is that of the linearised model, no experiment "
+        "settles to it; choose another operating input or identify again"
+    )
+
+    @property
+    def ok(self) -> bool:
+        """Whether the operating point is stable."""
+        return self is FrequencyStatus.OK
+
+    @classmethod
+    def at(cls, point: Equilibrium) -> FrequencyStatus:
+        """The status of an operating point.
+
+        Parameters
+        ----------
+        point : Equilibrium
+            The chosen equilibrium counts.
+        """
+        return cls.OK if point.is_stable else cls.UNSTABLE
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Band:
+    """A pointwise confidence band of the gain.
+
+    Parameters
+    ----------
+    level : float
+        Probability at each frequency.
+    low, high : ndarray, shape (n,)
+        Limits in the response's unit.
+    linear_law : ndarray of bool, shape (n,)
+        Whether the gain is far enough from zero for the linear law to hold there.
+    """
+
+    level: float
+    low: Array
+    high: Array
+    linear_law: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FrequencyResponse:
+    """A complex quantity over frequency at an operating point: H_n, G_n or Y_n.
+
+    Parameters
+    ----------
+    symbol : str
+        "H", "G" or "Y".
+    order : int
+        Its order n; 0 for the sum of all orders.
+    values : ndarray of complex, shape (n,)
+        In ``unit``.
+    omega : ndarray, shape (n,), or (n, order) for H_n of order 2 and more
+        Angular frequency in rad/s.
+    point : Equilibrium
+        The operating point.
+    status : FrequencyStatus
+        Whether it is stable.
+    unit : str
+        Unit of the values.
+    theta_cov : ndarray, shape (n_terms, n_terms)
+        Covariance of the parameters of the model.
+    differentiate : callable
+        Returns the derivative by these parameters, complex of shape (n, n_terms), the motion of the equilibrium
+        included.
+    """
+
+    symbol: str
+    order: int
+    values: Complex
+    omega: Array
+    point: Equilibrium
+    status: FrequencyStatus
+    unit: str
+    theta_cov: Array
+    differentiate: Callable[[], Complex]
+
+    def __post_init__(self) -> None:
+        for array in (self.values, self.omega):
+            array.setflags(write=False)
+
+    @cached_property
+    def gradient(self) -> Complex:
+        """Derivative by the model's parameters, complex, shape (n, n_terms); computed when first asked for."""
+        gradient = self.differentiate()
+        gradient.setflags(write=False)
+        return gradient
+
+    @cached_property
+    def covariance(self) -> Array:
+        """Covariance of real and imaginary part, shape (n, 2, 2), to first order."""
+        parts = np.stack([self.gradient.real, self.gradient.imag], axis=1)
+        return read_only(parts @ self.theta_cov @ parts.swapaxes(1, 2))
+
+    @property
+    def label(self) -> str:
+        """Symbol and order, for axes and legends."""
+        return f"${self.symbol}_{self.order}$" if self.order else f"${self.symbol}$"
+
+    @property
+    def frequency_Hz(self) -> Array:
+        """Frequency in Hz, of the shape of ``omega``."""
+        return self.omega / (2 * np.pi)
+
+    @property
+    def gain(self) -> Array:
+        """Magnitude, shape (n,)."""
+        return np.asarray(np.abs(self.values), dtype=np.float64)
+
+    @property
+    def phase_deg(self) -> Array:
+        """Phase in degrees, shape (n,); unwrapped along the frequencies where there is one frequency to a value."""
+        phase = np.angle(self.values)
+        return np.asarray(np.degrees(np.unwrap(phase) if self.omega.ndim == 1 else phase), dtype=np.float64)
+
+    @property
+    def gain_deviation(self) -> Array:
+        """Standard deviation of the gain, shape (n,): the ellipse projected on the direction of the value."""
+        direction = np.where(self.values == 0, 1.0, self.values / np.where(self.gain == 0, 1.0, self.gain))
+        parts = np.stack([direction.real, direction.imag], axis=-1)
+        return np.sqrt(np.einsum("ni,nij,nj->n", parts, self.covariance, parts).clip(min=0.0))
+
+    def band(self, level: float = 0.95) -> Band:
+        """Return a pointwise confidence band of the gain.
+
+        The parameters are taken as normal and the gain as linear in them. That fails where the gain is not
+        large against its uncertainty (the gain of a normal complex number near zero is Rice-distributed):
+        where it is less than four standard deviations of the longer axis of the ellipse, ``linear_law`` is
+        False. The lower limit is never below zero.
+
+        Parameters
+        ----------
+        level : float
+            Probability at each frequency, between 0 and 1.
+
+        Returns
+        -------
+        Band
+
+        Raises
+        ------
+        ModelError
+            If the level is not between 0 and 1.
+        """
+        if not 0.0 < level < 1.0:
+            raise ModelError(f"level = {level}; it must lie between 0 and 1")
+        half = NormalDist().inv_cdf(0.5 + level / 2) * self.gain_deviation
+        longest = np.sqrt(np.linalg.eigvalsh(self.covariance)[:, -1].clip(min=0.0))
+        return Band(
+            level=level,
+            low=read_only((self.gain - half).clip(min=0.0)),
+            high=read_only(self.gain + half),
+            linear_law=self.gain >= LINEAR_LAW * longest,
+        )
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the gain: over frequency with its 95 % band, or over two frequencies as a map.
+
+        An order of three or more is drawn as a slice, over the first two frequencies with the others held, or over the
+        first alone.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Where to draw; new axes otherwise.
+
+        Returns
+        -------
+        matplotlib Axes
+        """
+        from deatwin.ident.frequency.drawing import plot_response
+
+        return plot_response(self, ax)
+
+    def to_xarray(self) -> Any:
+        """Return values and covariance as an `xarray.Dataset`, with real and imaginary parts apart."""
+        import xarray
+
+        dims = ("point",) if self.omega.ndim == 1 else ("point", "tone")
+        attributes = {"units": self.unit, "symbol": self.symbol, "order": self.order}
+        return xarray.Dataset(
+            {
+                "real": (("point",), self.values.real, attributes),
+                "imaginary": (("point",), self.values.imag, attributes),
+                "covariance": (("point", "part", "other_part"), self.covariance),
+                "omega": (dims, self.omega, {"units": "rad/s"}),
+            },
+            coords={"part": ["real", "imaginary"], "other_part": ["real", "imaginary"]},
+        )

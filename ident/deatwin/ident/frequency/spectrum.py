@@ -1,0 +1,183 @@
+"""The output's spectrum, order by order, in the steady state of a periodic input."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from deatwin.ident.frequency.dc import Deviations, deviations
+from deatwin.ident.frequency.gfrf import require_one_input
+from deatwin.ident.frequency.hierarchy import solve_parts
+from deatwin.ident.frequency.parts import Orders
+from deatwin.ident.frequency.response import FrequencyResponse, FrequencyStatus
+from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.operating import read_only
+from deatwin.plant.errors import ModelError
+
+__all__ = ["line_frequencies", "one_period", "output_orders", "output_spectrum", "spectrum_of"]
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+
+def output_spectrum(
+    model: NarxModel, excitation: ArrayLike, order: int, *, operating_input: ArrayLike | None = None
+) -> FrequencyResponse:
+    """Compute the spectrum of the output in the steady state of a periodic input, up to an order.
+
+    Y = Y_1 + ... + Y_N, where Y_n has the size of the input's n-th power.
+
+    Parameters
+    ----------
+    model : NarxModel
+        Model of one input and one output.
+    excitation : array_like, shape (n_samples,)
+        One period of the input as deviations from the operating input, at the model's sample time, in the input's
+        unit.
+    order : int
+        N, at least 1.
+    operating_input : float, optional
+        Constant input about which the model is expanded, in the input's unit; the centre of the training data by
+        default.
+
+    Returns
+    -------
+    FrequencyResponse
+        Y as Fourier coefficients, (1/n_samples) sum_k v(k) e^(-jwkT), in the output's unit, at all lines of the
+        period from 0 to half the sampling rate; v is the output's deviation from the equilibrium.
+
+    Raises
+    ------
+    ModelError
+        If the model has several inputs or no equilibrium, or the excitation is not a finite period.
+    """
+    wanted = range(1, _checked_order(order) + 1)
+    return _response(model, excitation, operating_input, wanted, 0)
+
+
+def output_orders(
+    model: NarxModel, excitation: ArrayLike, order: int, *, operating_input: ArrayLike | None = None
+) -> tuple[FrequencyResponse, ...]:
+    """Compute the spectra Y_1, ..., Y_N of the orders of the output.
+
+    Parameters
+    ----------
+    model : NarxModel
+        As for `output_spectrum`.
+    excitation : array_like, shape (n_samples,)
+        As for `output_spectrum`.
+    order : int
+        N, at least 1.
+    operating_input : float, optional
+        As for `output_spectrum`.
+
+    Returns
+    -------
+    tuple of FrequencyResponse, length N
+        As `output_spectrum` returns their sum.
+
+    Raises
+    ------
+    ModelError
+        As `output_spectrum`.
+    """
+    numbers = range(1, _checked_order(order) + 1)
+    return tuple(_response(model, excitation, operating_input, (n,), n) for n in numbers)
+
+
+def line_frequencies(n_samples: int, sample_time: float) -> Array:
+    """Return the lines of a period from 0 to half the sampling rate in rad/s, shape (n_samples // 2 + 1,).
+
+    Parameters
+    ----------
+    n_samples : int
+        Length of the period.
+    sample_time : float
+        Sampling interval in s.
+    """
+    return read_only(2 * np.pi * np.fft.rfftfreq(n_samples, sample_time))
+
+
+def spectrum_of(values: ArrayLike) -> Complex:
+    """Return the Fourier coefficients of whole periods, (1/n) sum_k x(k) e^(-jwkT).
+
+    Parameters
+    ----------
+    values : array_like, shape (..., n)
+        One period each.
+
+    Returns
+    -------
+    ndarray of complex, shape (..., n // 2 + 1)
+    """
+    given = np.asarray(values, dtype=np.float64)
+    return np.asarray(np.fft.rfft(given) / given.shape[-1], dtype=np.complex128)
+
+
+def one_period(excitation: ArrayLike) -> Array:
+    """Return a period of an input after a check.
+
+    Parameters
+    ----------
+    excitation : array_like, shape (n_samples,)
+        The period.
+
+    Returns
+    -------
+    ndarray, shape (n_samples,)
+
+    Raises
+    ------
+    ModelError
+        If it is not one-dimensional, finite and of at least two samples.
+    """
+    values = read_only(excitation)
+    if values.ndim != 1 or values.size < 2 or not np.all(np.isfinite(values)):
+        raise ModelError(
+            f"the excitation has the shape {values.shape}; it must be one period of finite deviations from the "
+            "operating input, of shape (n_samples,)"
+        )
+    return values
+
+
+def _checked_order(order: int) -> int:
+    if not isinstance(order, int | np.integer) or order < 1:
+        raise ModelError(f"order = {order!r}; it must be an integer of at least 1")
+    return int(order)
+
+
+def _response(
+    model: NarxModel, excitation: ArrayLike, operating_input: ArrayLike | None, wanted: Sequence[int], number: int
+) -> FrequencyResponse:
+    require_one_input(model)
+    about = deviations(model, operating_input)
+    parts = Orders(one_period(excitation), max(wanted))
+    found = solve_parts(about.model.terms, about.model.theta, parts, by_theta=False)
+    values = np.zeros(parts.excitation.size // 2 + 1, dtype=np.complex128)
+    for n in wanted:
+        if n in found:
+            values += spectrum_of(found[n].value)
+    return FrequencyResponse(
+        symbol="Y",
+        order=number,
+        values=values,
+        omega=line_frequencies(parts.excitation.size, model.sample_time),
+        point=about.point,
+        status=FrequencyStatus.at(about.point),
+        unit=model.output_units[0],
+        theta_cov=model.theta_cov,
+        differentiate=partial(_gradient, about, parts, wanted),
+    )
+
+
+def _gradient(about: Deviations, parts: Orders, wanted: Sequence[int]) -> Complex:
+    found = solve_parts(about.model.terms, about.model.theta, parts, by_theta=True)
+    gradient = np.zeros((parts.excitation.size // 2 + 1, about.jacobian.shape[1]), dtype=np.complex128)
+    for n in wanted:
+        slope = found[n].slope if n in found else None
+        if slope is not None:
+            gradient += spectrum_of(slope).T @ about.jacobian
+    return gradient
