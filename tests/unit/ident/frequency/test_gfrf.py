@@ -142,7 +142,7 @@ def test_what_is_not_there_is_said():
         gfrf(nonlinear(), 2, OMEGA)
     with pytest.raises(ModelError, match="order = 0"):
         gfrf(nonlinear(), 0, OMEGA)
-    with pytest.raises(ModelError, match='did you mean "symmetric"|symmetric'):
+    with pytest.raises(ModelError, match="symmetric"):
         gfrf(nonlinear(), 1, OMEGA, form="symetric")
     with pytest.raises(ModelError, match="half the sampling rate"):
         gfrf(nonlinear(), 1, 1000.0)
