@@ -109,14 +109,10 @@ def _nearest_to_data(model: NarxModel, target: Array, roots: Array) -> int:
 def _real_equilibria(model: NarxModel, inputs: Array) -> Array:
     """Return the real roots of f(y, ..., y; u) - y, increasing."""
     is_output = np.array([v.kind == "y" for v in model.table.variables], dtype=bool)
-    levels = np.array([1.0 if v.kind == "y" else inputs[v.index] for v in model.table.variables])
-    degrees = model.table.exponents[:, is_output].sum(axis=1)
-    coefficients = np.bincount(
-        degrees, weights=model.theta * model.table.at(levels), minlength=max(int(degrees.max()), 1) + 1
-    )
-    sizes = np.bincount(
-        degrees, weights=np.abs(model.theta * model.table.at(levels)), minlength=coefficients.size
-    )
+    degrees = model.table.exponents[:, is_output].sum(axis=1)  # in the output, which is the polynomial's unknown
+    weights = model.theta * model.table.at(levels(model, inputs, 1.0))
+    coefficients = np.bincount(degrees, weights=weights, minlength=2)
+    sizes = np.bincount(degrees, weights=np.abs(weights), minlength=2)
     coefficients[1] -= 1.0
     sizes[1] += 1.0
     # In units of the data no coefficient is large only because metres are; what cancels to rounding is zero.

@@ -2,26 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import partial
+from itertools import product
+from math import prod
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from deatwin.ident.frequency.checks import real_numbers, whole_order
 from deatwin.ident.frequency.dc import Deviations, deviations
-from deatwin.ident.frequency.hierarchy import solve_parts
-from deatwin.ident.frequency.parts import FORMS
+from deatwin.ident.frequency.hierarchy import products_of, solve_parts
+from deatwin.ident.frequency.parts import FORMS, Tones
 from deatwin.ident.frequency.response import FrequencyResponse, FrequencyStatus
 from deatwin.ident.narx.model import NarxModel
-from deatwin.ident.narx.operating import read_only
 from deatwin.plant.errors import ModelError, nearest
 
-__all__ = ["frequency_grid", "gfrf"]
+__all__ = ["HIGHEST_ORDER", "frequency_grid", "gfrf", "gradient_at", "require_one_input", "unit_of", "values_at"]
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-_BLOCK = 8192  # values of a block fit into the processor's cache, and bound the memory
-_HIGHEST = 8  # 3^n products of parts; beyond this nobody waits
+_BLOCK = 1 << 14  # frequencies: what is multiplied then fits into the processor's cache
+_HELD = 1 << 23  # complex numbers, 128 MB: what a block may keep of all its products
+HIGHEST_ORDER = 8
+"""3^n products of parts; beyond this nobody waits."""
 
 
 def gfrf(
@@ -60,8 +65,9 @@ def gfrf(
     Raises
     ------
     ModelError
-        If the order or the form is not available, the model has several inputs or no equilibrium, or a frequency is
-        too high.
+        If the order or the form is not available; if the model has several inputs or outputs, noise terms or no
+        equilibrium; if the frequencies are not real numbers of that shape up to half the sampling rate; or if some of
+        them add to that of a pole on the unit circle.
 
     References
     ----------
@@ -70,8 +76,7 @@ def gfrf(
     Ridler, Salter, "An approach to the treatment of uncertainty in complex S-parameter measurements",
     Metrologia 39 (2002) 295-302, doi:10.1088/0026-1394/39/3/6.
     """
-    if not isinstance(order, int | np.integer) or not 1 <= order <= _HIGHEST:
-        raise ModelError(f"order = {order!r}; it must be an integer from 1 to {_HIGHEST}")
+    order = whole_order(order, HIGHEST_ORDER)
     if form not in FORMS:
         raise ModelError(f"form = {form!r}{nearest(str(form), FORMS)}; known are {' and '.join(FORMS)}")
     require_one_input(model)
@@ -80,14 +85,14 @@ def gfrf(
     angles = (frequencies if order > 1 else frequencies[:, None]) * model.sample_time
     return FrequencyResponse(
         symbol="H",
-        order=int(order),
-        values=_values(about, angles, form),
+        order=order,
+        values=values_at(about, angles, form),
         omega=frequencies,
         point=about.point,
         status=FrequencyStatus.at(about.point),
         unit=unit_of(model, order),
         theta_cov=model.theta_cov,
-        differentiate=partial(_gradient, about, angles, form),
+        differentiate=partial(gradient_at, about, angles, form),
     )
 
 
@@ -103,8 +108,16 @@ def frequency_grid(*axes: ArrayLike) -> Array:
     -------
     ndarray, shape (n_1 n_2 ..., number of axes)
         As `gfrf` takes them.
+
+    Raises
+    ------
+    ModelError
+        If there is no axis, or one is not a list of real numbers.
     """
-    return np.stack([m.ravel() for m in np.meshgrid(*(np.asarray(a, float) for a in axes), indexing="ij")], axis=-1)
+    given = [real_numbers(axis, "each axis of the grid") for axis in axes]
+    if not given or any(axis.ndim != 1 for axis in given):
+        raise ModelError("a grid needs the frequencies of one tone or several, each of shape (n,), in rad/s")
+    return np.stack([mesh.ravel() for mesh in np.meshgrid(*given, indexing="ij")], axis=-1)
 
 
 def require_one_input(model: NarxModel) -> None:
@@ -143,7 +156,7 @@ def unit_of(model: NarxModel, order: int) -> str:
 
 
 def _checked(model: NarxModel, order: int, omega: ArrayLike) -> Array:
-    given = read_only(np.atleast_1d(np.asarray(omega, dtype=np.float64)))
+    given = np.atleast_1d(real_numbers(omega, "omega"))
     if order > 1 and given.shape == (order,):
         given = given[None, :]
     elif order == 1 and given.ndim == 2 and given.shape[1] == 1:
@@ -151,35 +164,111 @@ def _checked(model: NarxModel, order: int, omega: ArrayLike) -> Array:
     wanted = "(n,)" if order == 1 else f"(n, {order})"
     if given.ndim != min(order, 2) or (order > 1 and given.shape[1] != order):
         raise ModelError(f"omega has the shape {given.shape}; order {order} needs {wanted}, in rad/s")
+    if given.size == 0:
+        raise ModelError("omega is empty; give at least one frequency")
     nyquist = np.pi / model.sample_time
-    wrong = ~(np.abs(given) <= nyquist * (1 + 1e-9))
-    if wrong.any():
+    highest = nyquist * (1 + 1e-9)
+    if not (given.min() >= -highest and given.max() <= highest):
+        wrong = given[~(np.abs(given) <= highest)][0]
         raise ModelError(
-            f"omega holds {given[wrong][0]:g} rad/s; frequencies go up to half the sampling rate, {nyquist:.6g} rad/s"
+            f"omega holds {wrong:g} rad/s; frequencies go up to half the sampling rate, {nyquist:.6g} rad/s"
         )
     return given
 
 
-def _values(about: Deviations, angles: Array, form: str) -> Complex:
-    values = np.zeros(len(angles), dtype=np.complex128)
-    for block in _blocks(len(angles)):
-        tones = FORMS[form](angles[block])
+def values_at(about: Deviations, angles: Array, form: str) -> Complex:
+    """Return H_n about an equilibrium.
+
+    Parameters
+    ----------
+    about : Deviations
+        The model of the deviations.
+    angles : ndarray, shape (n, order)
+        Normalised frequencies, rad/sample.
+    form : str
+        As for `gfrf`.
+
+    Returns
+    -------
+    ndarray of complex, shape (n,)
+    """
+    shape, blocks = _blocks(about, angles, FORMS[form], 1)
+    values = np.zeros(shape, dtype=np.complex128)
+    for block, tones in blocks:
         jet = solve_parts(about.model.terms, about.model.theta, tones, by_theta=False).get(tones.whole)
         if jet is not None:
             values[block] = jet.value / tones.repeats
-    return values
+    return values.reshape(-1)
 
 
-def _gradient(about: Deviations, angles: Array, form: str) -> Complex:
-    gradient = np.zeros((len(angles), about.jacobian.shape[1]), dtype=np.complex128)
-    for block in _blocks(len(angles), 1 + len(about.model.terms)):
-        tones = FORMS[form](angles[block])
+def gradient_at(about: Deviations, angles: Array, form: str) -> Complex:
+    """Return the derivative of H_n by the parameters of the model that was expanded.
+
+    Parameters
+    ----------
+    about : Deviations
+        As for `values_at`.
+    angles : ndarray, shape (n, order)
+        Normalised frequencies, rad/sample.
+    form : str
+        As for `gfrf`.
+
+    Returns
+    -------
+    ndarray of complex, shape (n, n_terms)
+    """
+    shape, blocks = _blocks(about, angles, FORMS[form], 1 + len(about.model.terms))
+    gradient = np.zeros((*shape, about.jacobian.shape[1]), dtype=np.complex128)
+    for block, tones in blocks:
         jet = solve_parts(about.model.terms, about.model.theta, tones, by_theta=True).get(tones.whole)
         if jet is not None and jet.slope is not None:
-            gradient[block] = jet.slope.T @ about.jacobian / tones.repeats
-    return gradient
+            gradient[block] = np.moveaxis(jet.slope, 0, -1) @ about.jacobian / tones.repeats
+    return gradient.reshape(len(angles), -1)
 
 
-def _blocks(count: int, values: int = 1) -> list[slice]:
-    size = max(1, _BLOCK // values)
-    return [slice(first, first + size) for first in range(0, count, size)]
+def _blocks(
+    about: Deviations, angles: Array, form: type[Tones], numbers: int
+) -> tuple[tuple[int, ...], Iterator[tuple[tuple[slice, ...], Tones]]]:
+    """Cut the frequencies so that memory is bounded, where each product is ``numbers`` numbers at a frequency.
+
+    Returns the shape of the results, that of the grid if the frequencies make one, and the blocks of it.
+    """
+    held = len(form(angles[:0]).order) * products_of(about.model.terms)
+    size = max(1, min(_BLOCK, _HELD // held) // numbers)
+    axes = _axes(angles)
+    if axes is None:
+        lines = ((part,) for part in _cut(len(angles), size))
+        return (len(angles),), ((block, form(angles[block])) for block in lines)
+    shape = tuple(axis.size for axis in axes)
+    lengths = list(shape)
+    while prod(lengths) > size:  # the blocks' shape is near a cube's, whose faces are small
+        longest = int(np.argmax(lengths))
+        lengths[longest] = -(-lengths[longest] // 2)
+    boxes = product(*(_cut(n, length) for n, length in zip(shape, lengths, strict=True)))
+    return shape, ((box, form.on_grid([axis[cut] for axis, cut in zip(axes, box, strict=True)])) for box in boxes)
+
+
+def _cut(count: int, length: int) -> list[slice]:
+    return [slice(first, first + length) for first in range(0, count, length)]
+
+
+def _axes(angles: Array) -> list[Array] | None:
+    """The frequencies of each tone, if the points are all combinations of them, the last running fastest."""
+    lengths, stride = [], len(angles)
+    for column in angles.T:
+        changed = column != column[0]
+        step = int(np.argmax(changed)) if changed.any() else stride
+        if step > stride or stride % step:
+            return None
+        lengths.append(stride // step)
+        stride = step
+    if stride != 1:
+        return None
+    axes = []
+    grid = angles.reshape(*lengths, angles.shape[1])
+    for tone in range(angles.shape[1]):
+        along = np.moveaxis(grid[..., tone], tone, -1)
+        axes.append(along[(0,) * (len(lengths) - 1)])
+        if np.any(along != axes[-1]):
+            return None
+    return axes

@@ -26,9 +26,10 @@ from numpy.typing import NDArray
 
 from deatwin.ident.narx.terms import Term, Variable
 
-__all__ = ["Jet", "Parts", "solve_parts"]
+__all__ = ["Feedback", "Jet", "Parts", "products_of", "solve_parts"]
 
 Array = NDArray[Any]
+Feedback = Sequence[tuple[int, Array]]
 
 
 class Jet(NamedTuple):
@@ -91,7 +92,7 @@ class Parts(Protocol):
             Samples.
         """
 
-    def filtered(self, values: Array, part: int, feedback: Mapping[int, Array]) -> Array:
+    def filtered(self, values: Array, part: int, feedback: Feedback) -> Array:
         """Solve (1 - sum_l a_l q^-l) v = values.
 
         Parameters
@@ -100,8 +101,13 @@ class Parts(Protocol):
             Right side.
         part : int
             Which part it is.
-        feedback : mapping of int to ndarray
-            a_l for each lag, of shape (..., 1) or ().
+        feedback : sequence of (int, ndarray)
+            Lags l and their a_l, of shape (..., 1).
+
+        Raises
+        ------
+        ModelError
+            If there is a pole at a frequency of the part.
         """
 
 
@@ -123,6 +129,11 @@ def solve_parts(terms: Sequence[Term], theta: Array, parts: Parts, *, by_theta: 
     -------
     dict of int to Jet
         Parts that are zero are missing.
+
+    Raises
+    ------
+    ModelError
+        If the linear part has a pole at a frequency of a part.
     """
     return _Solver(terms=terms, theta=np.asarray(theta)[..., None], parts=parts, by_theta=by_theta).solve()
 
@@ -134,15 +145,14 @@ class _Solver:
     parts: Parts
     by_theta: bool
     outputs: dict[int, Jet] = field(default_factory=dict)
-    known: dict[tuple[tuple[Variable, ...], int], Jet | None] = field(default_factory=dict)
 
     def solve(self) -> dict[int, Jet]:
-        factors = [_arranged(term) for term in self.terms]
-        linear = {f[0].lag: m for m, f in enumerate(factors) if len(f) == 1 and f[0].kind == "y"}
-        feedback = {lag: self.theta[m] for lag, m in linear.items()}
-        others = [m for m in range(len(factors)) if m not in linear.values()]
+        chains, _ = _chains(self.terms)
+        linear = {m: chain.last.lag for m, chain in enumerate(chains) if chain.is_output}
+        feedback = [(lag, self.theta[m]) for m, lag in linear.items()]
+        others = {m: chain for m, chain in enumerate(chains) if m not in linear}
         for part in self.parts.order:
-            found = {m: self.product(factors[m], part) for m in others}
+            found = {m: self.product(chain, part) for m, chain in others.items()}
             products = {m: jet for m, jet in found.items() if jet is not None}
             if products:
                 value = self.parts.filtered(sum(self.theta[m] * p.value for m, p in products.items()), part, feedback)
@@ -151,9 +161,9 @@ class _Solver:
         return self.outputs
 
     def slope(self, value: Array, part: int, products: Mapping[int, Jet], linear: Mapping[int, int]) -> Array:
-        """Derivative of the right side: what each parameter multiplies, and what the products themselves change."""
+        """Derivative of the equation by each parameter: what it multiplies, and how the products change with it."""
         slope = np.zeros((len(self.terms), *value.shape), dtype=value.dtype)
-        for lag, m in linear.items():
+        for m, lag in linear.items():
             slope[m] = self.parts.delayed(value, part, lag)
         for m, product in products.items():
             slope[m] += product.value
@@ -161,20 +171,23 @@ class _Solver:
                 slope += self.theta[m] * product.slope
         return slope
 
-    def product(self, factors: tuple[Variable, ...], part: int) -> Jet | None:
+    def product(self, chain: _Chain, part: int) -> Jet | None:
         """The part of a product of lagged signals."""
-        key = factors, part
-        if key not in self.known:
-            self.known[key] = self.factor(factors[0], part) if len(factors) == 1 else self.split(factors, part)
-        return self.known[key]
+        if part not in chain.known:
+            if chain.split is None:
+                chain.known[part] = self.factor(chain.last, part)
+            else:
+                chain.known[part] = self.longer(*chain.split, part)
+        return chain.known[part]
 
-    def split(self, factors: tuple[Variable, ...], part: int) -> Jet | None:
+    def longer(self, earlier: _Chain, last: _Chain, part: int) -> Jet | None:
+        """The part of a product of more than one factor: all ways to share it between the last one and the others."""
         total: Jet | None = None
-        for rest, last in self.parts.splits(part):
-            earlier = self.product(factors[:-1], rest)
-            later = self.product(factors[-1:], last) if earlier is not None else None
-            if earlier is not None and later is not None:
-                total = _sum(total, _product(earlier, later))
+        for first, second in self.parts.splits(part):
+            a = self.product(earlier, first)
+            b = self.product(last, second) if a is not None else None
+            if a is not None and b is not None:
+                total = _sum(total, _product(a, b))
         return total
 
     def factor(self, variable: Variable, part: int) -> Jet | None:
@@ -186,6 +199,43 @@ class _Solver:
             return None
         slope = None if jet.slope is None else self.parts.delayed(jet.slope, part, variable.lag)
         return Jet(self.parts.delayed(jet.value, part, variable.lag), slope)
+
+
+def products_of(terms: Iterable[Term]) -> int:
+    """Return how many products of factors are kept for each part: those of the terms, and what they are made of.
+
+    Parameters
+    ----------
+    terms : iterable of Term
+        As for `solve_parts`.
+    """
+    return len(_chains(terms)[1])
+
+
+@dataclass(eq=False)
+class _Chain:
+    """A product of lagged signals: its last factor, for more than one the split before it, and the parts known."""
+
+    last: Variable
+    split: tuple[_Chain, _Chain] | None
+    known: dict[int, Jet | None] = field(default_factory=dict)
+
+    @property
+    def is_output(self) -> bool:
+        return self.split is None and self.last.kind == "y"
+
+
+def _chains(terms: Iterable[Term]) -> tuple[list[_Chain], dict[tuple[Variable, ...], _Chain]]:
+    """The products of the terms; and all that there are, each once, by their factors."""
+    made: dict[tuple[Variable, ...], _Chain] = {}
+
+    def chain(factors: tuple[Variable, ...]) -> _Chain:
+        if factors not in made:
+            split = (chain(factors[:-1]), chain(factors[-1:])) if len(factors) > 1 else None
+            made[factors] = _Chain(factors[-1], split)
+        return made[factors]
+
+    return [chain(_arranged(term)) for term in terms], made
 
 
 def _arranged(term: Term) -> tuple[Variable, ...]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from deatwin.ident.frequency.checks import real_numbers
 from deatwin.ident.narx.model import NarxModel
 from deatwin.plant.errors import ModelError
 
@@ -71,13 +72,14 @@ def operating_input_of(model: NarxModel, operating_input: ArrayLike | None) -> A
     Raises
     ------
     ModelError
-        If the number of inputs is not the model's, or the model has several outputs or noise terms.
+        If the inputs are not as many finite numbers as the model has inputs, or the model has several outputs or
+        noise terms.
     """
     model.require_one_output("frequency analysis")
     count = len(model.input_names)
     if operating_input is None:
         return np.zeros(count) if model.operating is None else model.operating.input_centre
-    values = np.atleast_1d(np.asarray(operating_input, dtype=np.float64))
+    values = np.atleast_1d(real_numbers(operating_input, "operating_input"))
     if values.shape != (count,) or not np.all(np.isfinite(values)):
         raise ModelError(f"operating_input must be {count} finite number(s); got {operating_input!r}")
     return values
@@ -221,7 +223,7 @@ def poles_of(lags: NDArray[np.int64], a: Array) -> NDArray[np.complex128]:
     """
     denominator = np.zeros(int(lags.max(initial=0)) + 1)
     denominator[0] = 1.0
-    denominator[lags] = -a
+    np.subtract.at(denominator, lags, a)
     return np.asarray(np.roots(denominator), dtype=np.complex128)
 
 

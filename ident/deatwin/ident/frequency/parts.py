@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
 from math import factorial
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.frequency.hierarchy import Feedback
+from deatwin.plant.errors import ModelError
+
 __all__ = ["FORMS", "Orders", "Tones", "TonesInOrder"]
 
 Array = NDArray[Any]
+
+_ROUNDING = 64 * np.finfo(float).eps  # what is left of a sum of that many roundings that is zero
 
 
 class Tones:
@@ -30,16 +35,35 @@ class Tones:
     ----------
     whole : int
         The set of all tones.
-    repeats : int
-        How often H_n is in its part.
     """
 
     def __init__(self, angles: Array) -> None:
-        self.count = angles.shape[1]
+        self._take(list(angles.T))
+
+    @classmethod
+    def on_grid(cls, axes: Sequence[Array]) -> Self:
+        """All combinations of the tones' frequencies: a set is computed once for those of its own tones.
+
+        Parameters
+        ----------
+        axes : sequence of ndarray, shape (n_i,)
+            Normalised frequencies of each tone, rad/sample; the values of a set stand on as many axes, of length 1
+            for tones that are not in it.
+        """
+        tones = cls.__new__(cls)
+        tones._take(np.meshgrid(*axes, indexing="ij", sparse=True))
+        return tones
+
+    def _take(self, angles: Sequence[Array]) -> None:
+        self.count = len(angles)
         self.whole = (1 << self.count) - 1
-        self.repeats = factorial(self.count)
-        self._single = [np.exp(-1j * angle) for angle in angles.T]
+        self._single = [np.exp(-1j * angle) for angle in angles]
         self._powers: dict[tuple[int, int], Array] = {}
+
+    @property
+    def repeats(self) -> int:
+        """How often H_n is in the part of all tones."""
+        return factorial(self.count)
 
     @cached_property
     def order(self) -> Sequence[int]:
@@ -85,7 +109,7 @@ class Tones:
         """
         return values * self._shift(part, lag)
 
-    def filtered(self, values: Array, part: int, feedback: Mapping[int, Array]) -> Array:
+    def filtered(self, values: Array, part: int, feedback: Feedback) -> Array:
         """Divide by 1 - sum_l a_l e^(-jwl) at the sum of the set's frequencies.
 
         Parameters
@@ -94,13 +118,15 @@ class Tones:
             Right side.
         part : int
             The set.
-        feedback : mapping of int to ndarray
-            a_l for each lag.
+        feedback : sequence of (int, ndarray)
+            Lags l and their a_l.
+
+        Raises
+        ------
+        ModelError
+            If there is a pole at one of these sums.
         """
-        denominator: Array | float = 1.0
-        for lag, a in feedback.items():
-            denominator = denominator - a * self._shift(part, lag)
-        return values / denominator
+        return values / _denominator(feedback, self._shift(part, 1), lambda lag: self._shift(part, lag))
 
     def _shift(self, part: int, lag: int) -> Array:
         """e^(-jwl) of the set's sum of frequencies, made of the tones' own by products."""
@@ -129,9 +155,10 @@ class TonesInOrder(Tones):
         As for `Tones`.
     """
 
-    def __init__(self, angles: Array) -> None:
-        super().__init__(angles)
-        self.repeats = 1
+    @property
+    def repeats(self) -> int:
+        """How often H_n is in the part of all tones."""
+        return 1
 
     @cached_property
     def order(self) -> Sequence[int]:
@@ -210,7 +237,7 @@ class Orders:
         """
         return np.roll(values, lag, axis=-1)
 
-    def filtered(self, values: Array, part: int, feedback: Mapping[int, Array]) -> Array:
+    def filtered(self, values: Array, part: int, feedback: Feedback) -> Array:
         """Filter in the frequency domain, which is exact in the steady state.
 
         Parameters
@@ -219,10 +246,29 @@ class Orders:
             Right side over one period.
         part : int
             The order.
-        feedback : mapping of int to ndarray
-            a_l for each lag.
+        feedback : sequence of (int, ndarray)
+            Lags l and their a_l.
+
+        Raises
+        ------
+        ModelError
+            If there is a pole at a line of the period: then there is no steady state.
         """
-        denominator: Array | float = 1.0
-        for lag, a in feedback.items():
-            denominator = denominator - a * self._turn**lag
+        denominator = _denominator(feedback, self._turn, lambda lag: self._turn**lag)
         return np.fft.irfft(np.fft.rfft(values) / denominator, self.excitation.size)
+
+
+def _denominator(feedback: Feedback, turn: Array, shift: Callable[[int], Array]) -> Array:
+    """1 - sum_l a_l e^(-jwl), which must not be zero; ``turn`` is e^(-jw) and ``shift(l)`` e^(-jwl)."""
+    denominator, size = np.ones_like(turn), np.ones(1)
+    for lag, a in feedback:
+        denominator = denominator - a * shift(lag)
+        size = size + np.abs(a)
+    poles = np.abs(denominator) <= _ROUNDING * size
+    if poles.any():
+        where = np.broadcast_to(turn, denominator.shape)[poles][0]
+        raise ModelError(
+            f"the linear part has a pole on the unit circle, at {abs(np.angle(where)) / (2 * np.pi):.6g} times the "
+            "sampling rate: no response is finite where frequencies add to that; leave them out"
+        )
+    return denominator

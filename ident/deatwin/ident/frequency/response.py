@@ -147,14 +147,42 @@ class FrequencyResponse:
     def phase_deg(self) -> Array:
         """Phase in degrees, shape (n,); unwrapped along the frequencies where there is one frequency to a value."""
         phase = np.angle(self.values)
-        return np.asarray(np.degrees(np.unwrap(phase) if self.omega.ndim == 1 else phase), dtype=np.float64)
+        if self.omega.ndim == 1:
+            known = np.isfinite(phase)
+            phase[known] = np.unwrap(phase[known])
+        return np.asarray(np.degrees(phase), dtype=np.float64)
 
     @property
     def gain_deviation(self) -> Array:
         """Standard deviation of the gain, shape (n,): the ellipse projected on the direction of the value."""
-        direction = np.where(self.values == 0, 1.0, self.values / np.where(self.gain == 0, 1.0, self.gain))
+        return self._deviation(self._direction)
+
+    @property
+    def phase_deviation_deg(self) -> Array:
+        """Standard deviation of the phase in degrees, shape (n,): that across the direction, by the gain.
+
+        To first order, as that of the gain; infinite where the gain is zero and uncertain.
+        """
+        across = self._deviation(1j * self._direction)
+        ratio = np.full(across.shape, np.inf)
+        np.divide(across, self.gain, out=ratio, where=self.gain > 0)
+        return np.degrees(np.where(across == 0, 0.0, ratio))
+
+    @property
+    def _direction(self) -> Complex:
+        """Unit vectors of the values; 1 for a value of zero."""
+        gain = self.gain
+        return np.where(gain == 0, 1.0, self.values / np.where(gain == 0, 1.0, gain))
+
+    def _deviation(self, direction: Complex) -> Array:
         parts = np.stack([direction.real, direction.imag], axis=-1)
         return np.sqrt(np.einsum("ni,nij,nj->n", parts, self.covariance, parts).clip(min=0.0))
+
+    @property
+    def _longest_deviation(self) -> Array:
+        """Standard deviation along the longer axis of the ellipse, the root of the larger eigenvalue."""
+        real, cross, imag = self.covariance[:, 0, 0], self.covariance[:, 0, 1], self.covariance[:, 1, 1]
+        return np.sqrt((real + imag) / 2 + np.hypot((real - imag) / 2, cross))
 
     def band(self, level: float = 0.95) -> Band:
         """Return a pointwise confidence band of the gain.
@@ -181,19 +209,18 @@ class FrequencyResponse:
         if not 0.0 < level < 1.0:
             raise ModelError(f"level = {level}; it must lie between 0 and 1")
         half = NormalDist().inv_cdf(0.5 + level / 2) * self.gain_deviation
-        longest = np.sqrt(np.linalg.eigvalsh(self.covariance)[:, -1].clip(min=0.0))
         return Band(
             level=level,
             low=read_only((self.gain - half).clip(min=0.0)),
             high=read_only(self.gain + half),
-            linear_law=self.gain >= LINEAR_LAW * longest,
+            linear_law=self.gain >= LINEAR_LAW * self._longest_deviation,
         )
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the gain: over frequency with its 95 % band, or over two frequencies as a map.
+        """Draw the gain: over frequency with its 95 % band, or over two frequencies as contours.
 
-        An order of three or more is drawn as a slice, over the first two frequencies with the others held, or over the
-        first alone.
+        An order of three or more on a grid is drawn as a slice, over the first two frequencies with the others held;
+        points that make no grid are drawn as points. See `bode`, `plot_surface` and `plot_slices` too.
 
         Parameters
         ----------
@@ -213,13 +240,21 @@ class FrequencyResponse:
         import xarray
 
         dims = ("point",) if self.omega.ndim == 1 else ("point", "tone")
-        attributes = {"units": self.unit, "symbol": self.symbol, "order": self.order}
+        attributes = {"units": self.unit}
+        squared = f"({self.unit})^2" if self.unit else ""
         return xarray.Dataset(
             {
                 "real": (("point",), self.values.real, attributes),
                 "imaginary": (("point",), self.values.imag, attributes),
-                "covariance": (("point", "part", "other_part"), self.covariance),
+                "covariance": (("point", "part", "other_part"), self.covariance, {"units": squared}),
                 "omega": (dims, self.omega, {"units": "rad/s"}),
             },
             coords={"part": ["real", "imaginary"], "other_part": ["real", "imaginary"]},
+            attrs={
+                "symbol": self.symbol,
+                "order": self.order,
+                "operating_input": self.point.operating_input.tolist(),
+                "operating_output": self.point.output,
+                "status": self.status.value,
+            },
         )

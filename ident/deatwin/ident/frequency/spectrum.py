@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
+from dataclasses import dataclass
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from deatwin.ident.frequency.checks import real_numbers, whole_order
 from deatwin.ident.frequency.dc import Deviations, deviations
 from deatwin.ident.frequency.gfrf import require_one_input
-from deatwin.ident.frequency.hierarchy import solve_parts
+from deatwin.ident.frequency.hierarchy import Jet, solve_parts
 from deatwin.ident.frequency.parts import Orders
 from deatwin.ident.frequency.response import FrequencyResponse, FrequencyStatus
 from deatwin.ident.narx.model import NarxModel
@@ -52,10 +54,11 @@ def output_spectrum(
     Raises
     ------
     ModelError
-        If the model has several inputs or no equilibrium, or the excitation is not a finite period.
+        If the order is not an integer, the model has several inputs or no equilibrium, the excitation is not a finite
+        period, or a line of it meets a pole on the unit circle.
     """
-    wanted = range(1, _checked_order(order) + 1)
-    return _response(model, excitation, operating_input, wanted, 0)
+    highest = whole_order(order)
+    return _steady(model, excitation, operating_input, highest).response(range(1, highest + 1), 0)
 
 
 def output_orders(
@@ -84,8 +87,9 @@ def output_orders(
     ModelError
         As `output_spectrum`.
     """
-    numbers = range(1, _checked_order(order) + 1)
-    return tuple(_response(model, excitation, operating_input, (n,), n) for n in numbers)
+    highest = whole_order(order)
+    steady = _steady(model, excitation, operating_input, highest)
+    return tuple(steady.response((n,), n) for n in range(1, highest + 1))
 
 
 def line_frequencies(n_samples: int, sample_time: float) -> Array:
@@ -132,9 +136,9 @@ def one_period(excitation: ArrayLike) -> Array:
     Raises
     ------
     ModelError
-        If it is not one-dimensional, finite and of at least two samples.
+        If it is not one-dimensional, real, finite and of at least two samples.
     """
-    values = read_only(excitation)
+    values = real_numbers(excitation, "the excitation")
     if values.ndim != 1 or values.size < 2 or not np.all(np.isfinite(values)):
         raise ModelError(
             f"the excitation has the shape {values.shape}; it must be one period of finite deviations from the "
@@ -143,41 +147,53 @@ def one_period(excitation: ArrayLike) -> Array:
     return values
 
 
-def _checked_order(order: int) -> int:
-    if not isinstance(order, int | np.integer) or order < 1:
-        raise ModelError(f"order = {order!r}; it must be an integer of at least 1")
-    return int(order)
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Steady:
+    """The orders of the output in the steady state; derivatives when they are first asked for."""
+
+    model: NarxModel
+    about: Deviations
+    parts: Orders
+
+    @cached_property
+    def values(self) -> dict[int, Jet]:
+        return self._solve(by_theta=False)
+
+    @cached_property
+    def slopes(self) -> dict[int, Jet]:
+        return self._solve(by_theta=True)
+
+    def _solve(self, *, by_theta: bool) -> dict[int, Jet]:
+        return solve_parts(self.about.model.terms, self.about.model.theta, self.parts, by_theta=by_theta)
+
+    def response(self, wanted: Sequence[int], number: int) -> FrequencyResponse:
+        """The sum of some orders."""
+        values = np.zeros(self.parts.excitation.size // 2 + 1, dtype=np.complex128)
+        for n in wanted:
+            if n in self.values:
+                values += spectrum_of(self.values[n].value)
+        return FrequencyResponse(
+            symbol="Y",
+            order=number,
+            values=values,
+            omega=line_frequencies(self.parts.excitation.size, self.model.sample_time),
+            point=self.about.point,
+            status=FrequencyStatus.at(self.about.point),
+            unit=self.model.output_units[0],
+            theta_cov=self.model.theta_cov,
+            differentiate=partial(self._gradient, wanted),
+        )
+
+    def _gradient(self, wanted: Sequence[int]) -> Complex:
+        gradient = np.zeros((self.parts.excitation.size // 2 + 1, self.about.jacobian.shape[1]), dtype=np.complex128)
+        for n in wanted:
+            slope = self.slopes[n].slope if n in self.slopes else None
+            if slope is not None:
+                gradient += spectrum_of(slope).T @ self.about.jacobian
+        return gradient
 
 
-def _response(
-    model: NarxModel, excitation: ArrayLike, operating_input: ArrayLike | None, wanted: Sequence[int], number: int
-) -> FrequencyResponse:
+def _steady(model: NarxModel, excitation: ArrayLike, operating_input: ArrayLike | None, highest: int) -> _Steady:
     require_one_input(model)
     about = deviations(model, operating_input)
-    parts = Orders(one_period(excitation), max(wanted))
-    found = solve_parts(about.model.terms, about.model.theta, parts, by_theta=False)
-    values = np.zeros(parts.excitation.size // 2 + 1, dtype=np.complex128)
-    for n in wanted:
-        if n in found:
-            values += spectrum_of(found[n].value)
-    return FrequencyResponse(
-        symbol="Y",
-        order=number,
-        values=values,
-        omega=line_frequencies(parts.excitation.size, model.sample_time),
-        point=about.point,
-        status=FrequencyStatus.at(about.point),
-        unit=model.output_units[0],
-        theta_cov=model.theta_cov,
-        differentiate=partial(_gradient, about, parts, wanted),
-    )
-
-
-def _gradient(about: Deviations, parts: Orders, wanted: Sequence[int]) -> Complex:
-    found = solve_parts(about.model.terms, about.model.theta, parts, by_theta=True)
-    gradient = np.zeros((parts.excitation.size // 2 + 1, about.jacobian.shape[1]), dtype=np.complex128)
-    for n in wanted:
-        slope = found[n].slope if n in found else None
-        if slope is not None:
-            gradient += spectrum_of(slope).T @ about.jacobian
-    return gradient
+    return _Steady(model=model, about=about, parts=Orders(one_period(excitation), highest))

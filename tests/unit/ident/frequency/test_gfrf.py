@@ -1,9 +1,13 @@
-"""H_1 against closed forms, differences, Monte Carlo and simulation."""
+"""Frequency responses of orders 1 to 4 against closed forms, a transcription, differences and Monte Carlo."""
+
+import cmath
+from dataclasses import replace
+from itertools import permutations, product
 
 import numpy as np
 import pytest
 
-from deatwin.ident.frequency import FrequencyStatus, equilibrium, gfrf, remove_dc
+from deatwin.ident.frequency import FrequencyStatus, equilibrium, frequency_grid, gfrf, linear_part, remove_dc
 from deatwin.ident.narx import NarxModel, OperatingRange
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
@@ -76,7 +80,7 @@ def test_gradient_against_differences():
 
 
 def test_covariance_against_monte_carlo():
-    """4000 draws: a variance is known to 2.2 %, so 12 % is beyond five standard deviations."""
+    """1000 draws: a variance is known to 4.5 %, so 23 % is five standard deviations; coverage to 0.7 %."""
     rng = np.random.default_rng(1)
     root = 2e-3 * rng.normal(size=(6, 6))
     omega = OMEGA[::8]
@@ -93,17 +97,17 @@ def test_covariance_against_monte_carlo():
     draws = np.array(
         [
             gfrf(nonlinear(theta + root @ rng.normal(size=6), operating=trained), 1, omega).values
-            for _ in range(4000)
+            for _ in range(1000)
         ]
     )
     for i in range(omega.size):
         sampled = np.cov(draws[:, i].real, draws[:, i].imag)
         size = np.sqrt(np.outer(np.diag(sampled), np.diag(sampled)))
-        np.testing.assert_allclose(response.covariance[i] / size, sampled / size, atol=0.12)
+        np.testing.assert_allclose(response.covariance[i] / size, sampled / size, atol=0.23)
     band = response.band(0.95)
     assert band.linear_law.all()
     inside = np.mean((np.abs(draws) > band.low) & (np.abs(draws) < band.high), axis=0)
-    assert np.all(np.abs(inside - 0.95) < 0.02)
+    assert np.all(np.abs(inside - 0.95) < 0.03)
 
 
 @pytest.mark.parametrize("cycles", [5, 40, 150])
@@ -137,23 +141,308 @@ def test_an_unstable_operating_point_is_a_status():
     assert not gfrf(model, 1, 0.1).status.ok
 
 
-def test_what_is_not_there_is_said():
-    with pytest.raises(ModelError, match=r"order 2 needs \(n, 2\)"):
-        gfrf(nonlinear(), 2, OMEGA)
-    with pytest.raises(ModelError, match="order = 0"):
-        gfrf(nonlinear(), 0, OMEGA)
+FIRST_ORDER = {
+    "quadratic in the output": "c",
+    "cubic in the output": "d",
+    "quadratic and cubic in the output": "cd",
+    "quadratic and cubic in the input": "fg",
+    "bilinear": "e",
+    "mixed": "ehs",
+    "all": "cdefghs",
+}
+COEFFICIENTS = {"c": 0.3, "d": -0.2, "e": 0.15, "f": 0.5, "g": -0.7, "h": 0.25, "s": -0.35}
+WRITTEN = {
+    "c": "y(k-1)^2", "d": "y(k-1)^3", "e": "y(k-1)u(k-1)", "f": "u(k-1)^2",
+    "g": "u(k-1)^3", "h": "y(k-1)^2u(k-1)", "s": "y(k-1)u(k-1)^2",
+}  # fmt: skip
+
+
+def closed_form(used, angles):
+    """H_n of y = a y + b u + c y^2 + d y^3 + e y u + f u^2 + g u^3 + h y^2 u + s y u^2, everything at k-1, by hand.
+
+    With y = y_1 + y_2 + ... the orders are y_1: b u; y_2: c y_1^2 + e y_1 u + f u^2; y_3: 2 c y_1 y_2 + d y_1^3 +
+    e y_2 u + h y_1^2 u + s y_1 u^2 + g u^3; y_4: c (2 y_1 y_3 + y_2^2) + 3 d y_1^2 y_2 + e y_3 u + 2 h y_1 y_2 u +
+    s y_2 u^2; each passes z / (1 - a z) at the sum of its frequencies. Here outputs take the first frequencies.
+    """
+    a, b = 0.6, 0.4
+    c, d, e, f, g, h, s = (COEFFICIENTS[name] if name in used else 0.0 for name in "cdefghs")
+
+    def passed(value, *tones):
+        z = np.exp(-1j * sum(angles[:, tone] for tone in tones))
+        return value * z / (1 - a * z)
+
+    def h1(i):
+        return passed(b, i)
+
+    def h2(i, j):
+        return passed(c * h1(i) * h1(j) + e * h1(i) + f, i, j)
+
+    def h3(i, j, k):
+        squares = h1(i) * h2(j, k) + h2(i, j) * h1(k)
+        cubes = h1(i) * h1(j) * h1(k)
+        return passed(c * squares + d * cubes + e * h2(i, j) + h * h1(i) * h1(j) + s * h1(i) + g, i, j, k)
+
+    def h4(i, j, k, m):
+        squares = h1(i) * h3(j, k, m) + h2(i, j) * h2(k, m) + h3(i, j, k) * h1(m)
+        cubes = h1(i) * h1(j) * h2(k, m) + h1(i) * h2(j, k) * h1(m) + h2(i, j) * h1(k) * h1(m)
+        mixed = h1(i) * h2(j, k) + h2(i, j) * h1(k)
+        return passed(c * squares + d * cubes + e * h3(i, j, k) + h * mixed + s * h2(i, j), i, j, k, m)
+
+    return (h1, h2, h3, h4)[angles.shape[1] - 1](*range(angles.shape[1]))
+
+
+def mean_over_permutations(response, omega):
+    orders = list(permutations(range(omega.shape[1])))
+    return sum(response(omega[:, list(order)]) for order in orders) / len(orders)
+
+
+def random_omega(order, count=25):
+    omega = np.random.default_rng(order).uniform(-np.pi, np.pi, (count, order)) / SAMPLE_TIME
+    omega[0] = 0.0  # a constant is a tone too
+    omega[1] = omega[1, 0]
+    return omega
+
+
+@pytest.mark.parametrize("order", [1, 2, 3, 4])
+@pytest.mark.parametrize("used", FIRST_ORDER.values(), ids=FIRST_ORDER.keys())
+def test_first_order_systems_have_closed_forms(used, order):
+    terms = {"y(k-1)": 0.6, "u(k-1)": 0.4} | {WRITTEN[name]: COEFFICIENTS[name] for name in used}
+    model = NarxModel.from_terms(terms, sample_time=SAMPLE_TIME)
+    omega = random_omega(order)
+    expected = closed_form(used, omega * SAMPLE_TIME)
+    size = np.abs(expected).max()
+    recursive = gfrf(model, order, omega, form="recursive").values
+    np.testing.assert_allclose(recursive, expected, rtol=1e-12, atol=1e-14 * size)
+    mean = mean_over_permutations(lambda w: closed_form(used, w * SAMPLE_TIME), omega)
+    np.testing.assert_allclose(gfrf(model, order, omega).values, mean, rtol=1e-12, atol=1e-14 * size)
+
+
+def test_the_bilinear_system_at_every_order():
+    """y = a y + b u + e y u: H_n is a chain, b z_1/(1 - a z_1) times e z/(1 - a z) at each partial sum."""
+    model = NarxModel.from_terms({"y(k-1)": 0.6, "u(k-1)": 0.4, "y(k-1)u(k-1)": 0.15}, sample_time=SAMPLE_TIME)
+    for order in range(1, 9):
+        omega = random_omega(order, 3)
+        z = np.exp(-1j * SAMPLE_TIME * np.cumsum(omega, axis=1))
+        chain = np.prod(z / (1 - 0.6 * z), axis=1) * 0.4 * 0.15 ** (order - 1)
+        np.testing.assert_allclose(gfrf(model, order, omega, form="recursive").values, chain, rtol=1e-12)
+
+
+LAGGED = {
+    "y(k-1)": 0.5, "y(k-3)": -0.2, "u(k)": 0.1, "u(k-2)": 0.4,
+    "y(k-1)y(k-3)": 0.3, "y(k-2)u(k)": -0.15, "u(k)u(k-3)": 0.2,
+    "y(k-1)y(k-2)y(k-4)": 0.07, "y(k-1)y(k-2)u(k-1)": -0.05, "y(k-3)u(k-1)u(k-2)": 0.25, "u(k)u(k-1)u(k-4)": -0.1,
+    "y(k-1)y(k-2)u(k)u(k-3)": 0.35, "y(k-2)^2y(k-3)^2": -0.4,
+}  # fmt: skip
+
+
+class Transcribed:
+    """The recursion as it is printed, eq. 18 to 20 of Peyton Jones and Billings, for one set of frequencies."""
+
+    def __init__(self, model):
+        self.c = {}
+        for term, value in zip(model.terms, model.theta, strict=True):
+            lags = [[v.lag for v in term.expanded if v.kind == kind] for kind in "yu"]
+            self.c.setdefault((len(lags[0]), len(lags[1])), []).append((tuple(lags[0] + lags[1]), value))
+
+    def h(self, w):
+        n = len(w)
+        total = sum(c * cmath.exp(-1j * sum(w[i] * k[i] for i in range(n))) for k, c in self.c.get((0, n), ()))
+        for q, p in product(range(1, n), range(1, n)):
+            if p <= n - q:
+                for k, c in self.c.get((p, q), ()):
+                    turned = cmath.exp(-1j * sum(w[n - q + i] * k[p + i] for i in range(q)))
+                    total += c * turned * self.hp(w[: n - q], p, k)
+        for p in range(2, n + 1):
+            total += sum(c * self.hp(w, p, k) for k, c in self.c.get((p, 0), ()))
+        return total / (1 - sum(c * cmath.exp(-1j * sum(w) * k[0]) for k, c in self.c.get((1, 0), ())))
+
+    def hp(self, w, p, k):
+        n = len(w)
+        if p == 1:
+            return self.h(w) * cmath.exp(-1j * sum(w) * k[0])
+        return sum(
+            self.h(w[:i]) * self.hp(w[i:], p - 1, k) * cmath.exp(-1j * sum(w[:i]) * k[p - 1])
+            for i in range(1, n - p + 2)
+        )
+
+
+@pytest.mark.parametrize("order", [1, 2, 3, 4])
+def test_the_recursive_form_is_the_recursion_as_printed(order):
+    model = NarxModel.from_terms(LAGGED, sample_time=SAMPLE_TIME)
+    omega = random_omega(order, 8)
+    printed = [Transcribed(model).h(tuple(w)) for w in omega * SAMPLE_TIME]
+    np.testing.assert_allclose(gfrf(model, order, omega, form="recursive").values, printed, rtol=1e-12)
+
+
+@pytest.mark.parametrize("order", [2, 3, 4])
+def test_the_symmetric_form_is_the_mean_of_the_recursive_one(order):
+    """And neither the order of the frequencies nor the sign of all of them matters."""
+    model = NarxModel.from_terms(LAGGED, sample_time=SAMPLE_TIME)
+    omega = random_omega(order)
+    symmetric = gfrf(model, order, omega).values
+    mean = mean_over_permutations(lambda w: gfrf(model, order, w, form="recursive").values, omega)
+    np.testing.assert_allclose(symmetric, mean, rtol=1e-12, atol=1e-15)
+    np.testing.assert_allclose(symmetric, gfrf(model, order, omega[:, ::-1]).values, rtol=1e-12, atol=1e-15)
+    np.testing.assert_allclose(symmetric.conj(), gfrf(model, order, -omega).values, rtol=1e-12, atol=1e-15)
+    recursive = gfrf(model, order, omega, form="recursive").values
+    assert np.abs(recursive - symmetric).max() > 1e-2 * np.abs(symmetric).max()  # they are not the same
+
+
+def test_at_an_operating_point_h1_is_the_transfer_function_of_the_linear_part():
+    control = pytest.importorskip("control")
+    part = linear_part(nonlinear(), 0.7, equilibrium(nonlinear(), 0.7).output)
+    a, b = np.zeros(3), np.zeros(3)
+    a[0] = 1.0
+    a[part.output_lags] -= part.a
+    b[part.input_lags] += part.b
+    plant = control.tf(b, a, SAMPLE_TIME)
+    expected = plant(np.exp(1j * OMEGA[:-1] * SAMPLE_TIME))
+    np.testing.assert_allclose(gfrf(nonlinear(), 1, OMEGA[:-1], operating_input=0.7).values, expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("form", ["symmetric", "recursive"])
+@pytest.mark.parametrize("order", [2, 3])
+def test_gradients_of_higher_orders_against_differences(order, form):
+    """The equilibrium moves with the parameters: some derivatives come through it alone."""
+    omega = random_omega(order, 6)
+    response = gfrf(nonlinear(), order, omega, operating_input=0.7, form=form)
+    theta = np.array(list(NONLINEAR.values()))
+    for m, step in enumerate(1e-5 * np.eye(theta.size)):
+        sides = [
+            gfrf(nonlinear(theta + sign * step), order, omega, operating_input=0.7, form=form).values
+            for sign in (1, -1)
+        ]
+        size = np.abs(response.gradient[:, m]).max()
+        assert size > 0
+        np.testing.assert_allclose(response.gradient[:, m], (sides[0] - sides[1]) / 2e-5, rtol=1e-6, atol=1e-7 * size)
+
+
+def test_a_parameter_of_zero_has_a_derivative():
+    """A term that does not act yet: y^2 at the equilibrium 0 changes nothing of order 1, and H_2 at once."""
+    model = NarxModel.from_terms({"y(k-1)": 0.6, "u(k-1)": 0.4, "y(k-1)^2": 0.0}, sample_time=SAMPLE_TIME)
+    omega = random_omega(2, 6)
+    response = gfrf(model, 2, omega)
+    np.testing.assert_array_equal(response.values, 0.0)
+    unit = replace(model, theta=np.array([0.6, 0.4, 1.0]))  # H_2 is linear in it
+    np.testing.assert_allclose(response.gradient[:, 2], gfrf(unit, 2, omega).values, rtol=1e-12)
+    np.testing.assert_array_equal(gfrf(model, 1, OMEGA).gradient[:, 2], 0.0)
+
+
+def test_blocks_join_without_a_seam():
+    omega = np.random.default_rng(0).uniform(-100, 100, (20000, 2))
+    model = NarxModel.from_terms(LAGGED, sample_time=SAMPLE_TIME)
+    whole = gfrf(model, 2, omega)
+    parts = [gfrf(model, 2, omega[i : i + 1999]) for i in range(0, 20000, 1999)]
+    np.testing.assert_array_equal(whole.values, np.concatenate([part.values for part in parts]))
+    gradients = [gfrf(model, 2, omega[i : i + 400]).gradient for i in range(0, 2400, 400)]
+    whole = gfrf(model, 2, omega[:2400])
+    np.testing.assert_allclose(whole.gradient, np.concatenate(gradients), rtol=1e-12, atol=1e-14)
+
+
+@pytest.mark.parametrize("form", ["symmetric", "recursive"])
+@pytest.mark.parametrize("lengths", [(7, 5, 3), (41, 23, 30), (1, 6, 4), (6, 1, 4), (6, 4, 1), (1, 1, 1), (3, 1, 1)])
+def test_a_grid_gives_what_its_points_give(lengths, form):
+    """Points in disorder are no grid; on a grid, also of several blocks, pairs of tones are computed once."""
+    rng = np.random.default_rng(3)
+    omega = frequency_grid(*(rng.uniform(-100, 100, n) for n in lengths))
+    model = NarxModel.from_terms(LAGGED, sample_time=SAMPLE_TIME)
+    order = rng.permutation(len(omega))
+    np.testing.assert_allclose(
+        gfrf(model, 3, omega, form=form).values[order], gfrf(model, 3, omega[order], form=form).values, rtol=1e-12
+    )
+    some = order[:50]  # the gradient of few points of the largest grid
+    grid = gfrf(model, 3, omega if len(omega) < 1000 else omega[: 4 * 23 * 30], form=form)
+    some = some[some < len(grid.omega)]
+    np.testing.assert_allclose(
+        grid.gradient[some], gfrf(model, 3, omega[some], form=form).gradient, rtol=1e-11, atol=1e-13
+    )
+
+
+def test_what_is_all_but_a_grid_is_none():
+    """A diagonal, frequencies that come again, a grid with one point moved, and one without its last point."""
+    axis = np.linspace(-100.0, 100.0, 5)
+    moved = frequency_grid(axis, axis).copy()
+    moved[7, 0] += 1.0
+    again = frequency_grid([1.0, 1.0, 2.0], [3.0, 3.0])
+    model = NarxModel.from_terms(LAGGED, sample_time=SAMPLE_TIME)
+    for omega in (np.stack([axis, axis], axis=1), again, moved, frequency_grid(axis, axis)[:-1], moved[:, ::-1]):
+        points = [gfrf(model, 2, point).values[0] for point in omega]
+        np.testing.assert_allclose(gfrf(model, 2, omega).values, points, rtol=1e-12)
+
+
+def test_models_of_inputs_alone_and_of_outputs_alone():
+    volterra = NarxModel.from_terms({"u(k)": 1.0, "u(k)u(k-2)": 0.5, "u(k-1)^3": 2.0}, sample_time=SAMPLE_TIME)
+    omega = random_omega(2)
+    z = np.exp(-1j * SAMPLE_TIME * omega)
+    np.testing.assert_allclose(gfrf(volterra, 2, omega).values, 0.25 * (z[:, 0] ** 2 + z[:, 1] ** 2), rtol=1e-12)
+    omega = random_omega(3)
+    cube = 2.0 * np.exp(-1j * SAMPLE_TIME * omega.sum(axis=1))
+    np.testing.assert_allclose(gfrf(volterra, 3, omega).values, cube, rtol=1e-12)
+    np.testing.assert_array_equal(gfrf(volterra, 4, random_omega(4)).values, 0.0)
+    unforced = NarxModel.from_terms({"y(k-1)": 0.5, "y(k-1)^2": 0.1}, sample_time=SAMPLE_TIME)
+    response = gfrf(unforced, 2, random_omega(2))
+    assert not response.values.any() and not response.gradient.any()
+
+
+def test_frequency_grid_runs_fastest_along_the_last():
+    grid = frequency_grid([1.0, 2.0], [3.0, 4.0, 5.0])
+    np.testing.assert_array_equal(grid, [[1, 3], [1, 4], [1, 5], [2, 3], [2, 4], [2, 5]])
+    for axes in ((), (1.0,), ([1.0, 2.0], "abc")):
+        with pytest.raises(ModelError, match="grid"):
+            frequency_grid(*axes)
+
+
+@pytest.mark.parametrize("order", [0, -1, 9, 2.5, 1.0, True, "2", None])
+def test_an_order_that_is_none_is_said(order):
+    with pytest.raises(ModelError, match="must be an integer from 1 to 8"):
+        gfrf(nonlinear(), order, OMEGA)
+
+
+@pytest.mark.parametrize(
+    ("order", "omega", "said"),
+    [
+        (1, np.nan, "nan rad/s; frequencies go up to half the sampling rate"),
+        (1, 1000.0, "1000 rad/s; frequencies go up to half the sampling rate"),
+        (1, [1.0, np.inf], "half the sampling rate"),
+        (1, np.array([1.0 + 2.0j]), "omega must be real numbers; got complex numbers"),
+        (1, "fast", "omega must be real numbers; got text"),
+        (1, [None], "omega must be real numbers"),
+        (1, [[1.0], [1.0, 2.0]], "rows differ in length"),
+        (1, [], "omega is empty"),
+        (2, np.empty((0, 2)), "omega is empty"),
+        (1, [[1.0, 2.0]], r"order 1 needs \(n,\)"),
+        (2, OMEGA, r"order 2 needs \(n, 2\)"),
+        (3, np.ones((4, 2)), r"order 3 needs \(n, 3\)"),
+    ],
+)
+def test_frequencies_that_are_none_are_said(order, omega, said):
+    with pytest.raises(ModelError, match=said):
+        gfrf(nonlinear(), order, omega)
+
+
+def test_models_and_operating_points_that_do_not_suit_are_said():
     with pytest.raises(ModelError, match="symmetric"):
         gfrf(nonlinear(), 1, OMEGA, form="symetric")
-    with pytest.raises(ModelError, match="half the sampling rate"):
-        gfrf(nonlinear(), 1, 1000.0)
     with pytest.raises(ModelError, match="one input"):
         gfrf(NarxModel.from_terms({"u1(k)": 1.0, "u2(k)": 1.0}, sample_time=1.0), 1, 0.1)
+    outputs = NarxModel.from_terms({"y1": {"u(k-1)": 1.0}, "y2": {"u(k-1)": 1.0}}, sample_time=1.0)
+    with pytest.raises(ModelError, match="one output; this one has 2"):
+        gfrf(outputs, 1, 0.1)
+    noisy = NarxModel.from_terms({"u(k-1)": 1.0, "e(k-1)": 0.5}, sample_time=1.0)
+    with pytest.raises(ModelError, match="without noise terms; give its `deterministic` part"):
+        gfrf(noisy, 1, 0.1)
+    np.testing.assert_allclose(gfrf(noisy.deterministic, 1, 0.1).gain, 1.0, rtol=1e-14)
+    for operating_input in ("high", 1j, [1.0, 2.0], np.nan):
+        with pytest.raises(ModelError, match="operating_input"):
+            gfrf(nonlinear(), 1, 0.1, operating_input=operating_input)
 
 
-def test_plot_has_units_and_labels():
-    pyplot = pytest.importorskip("matplotlib.pyplot")
-    pyplot.switch_backend("Agg")
-    axes = gfrf(nonlinear(cov=1e-6 * np.eye(6)), 1, OMEGA).plot()
-    assert axes.get_xlabel() == "frequency (Hz)" and axes.get_ylabel() == "gain (m/V)"
-    assert "95 % band" in [text.get_text() for text in axes.get_legend().get_texts()]
-    pyplot.close("all")
+def test_a_pole_at_the_frequency_is_said():
+    """y(k) = -y(k-2) + u(k-1) has poles at a quarter of the sampling rate, of either sign."""
+    model = NarxModel.from_terms({"y(k-2)": -1.0, "u(k-1)": 1.0, "u(k-1)^2": 1.0}, sample_time=0.5)
+    quarter = np.pi / 2 / 0.5
+    assert not gfrf(model, 1, 0.9 * quarter).status.ok
+    np.testing.assert_allclose(gfrf(model, 1, 0.5 * quarter).gain, 1 / abs(1 - 1j), rtol=1e-12)
+    for order, omega in ((1, quarter), (1, [0.1, -quarter]), (2, [[0.25 * quarter, 0.75 * quarter]])):
+        with pytest.raises(ModelError, match=r"pole on the unit circle, at 0\.25 times the sampling rate"):
+            gfrf(model, order, omega)

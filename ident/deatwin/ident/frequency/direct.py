@@ -1,0 +1,150 @@
+"""An order of the output as the sum over its frequency response, Y_n = sum of H_n U ... U."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from itertools import chain, combinations_with_replacement, islice
+from math import comb, factorial
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from deatwin.ident.frequency.checks import whole_order
+from deatwin.ident.frequency.dc import Deviations, deviations
+from deatwin.ident.frequency.gfrf import HIGHEST_ORDER, gradient_at, require_one_input, values_at
+from deatwin.ident.frequency.response import FrequencyResponse, FrequencyStatus
+from deatwin.ident.frequency.spectrum import line_frequencies, one_period
+from deatwin.ident.narx.model import NarxModel
+from deatwin.plant.errors import ModelError
+
+__all__ = ["direct_output"]
+
+Complex = NDArray[np.complex128]
+
+_EXCITED = 1e-12  # lines below this share of the largest hold the rounding of whoever made the signal
+_BLOCK = 1 << 16  # combinations at a time
+
+
+def direct_output(
+    model: NarxModel,
+    excitation: ArrayLike,
+    order: int,
+    *,
+    operating_input: ArrayLike | None = None,
+    most: int = 3_000_000,
+) -> FrequencyResponse:
+    """Sum the n-th order of the output over the combinations of the input's lines that reach each line.
+
+    Y_n(k) = sum of H_n(w_k1, ..., w_kn) U(k1) ... U(kn) over all k1 + ... + kn = k, lines of negative frequency
+    included; in discrete time the sum counts modulo the number of samples, beyond half the sampling rate it folds
+    back. `output_orders` gives the same by products in the time domain, far faster; this sum uses nothing but the
+    frequency response and is there to check it, and for inputs of few lines.
+
+    Parameters
+    ----------
+    model : NarxModel
+        Model of one input and one output.
+    excitation : array_like, shape (n_samples,)
+        One period of the input as deviations from the operating input, at the model's sample time, in the input's
+        unit.
+    order : int
+        n, from 1 to 8.
+    operating_input : float, optional
+        Constant input about which the model is expanded, in the input's unit; the centre of the training data by
+        default.
+    most : int
+        Combinations beyond which an error is raised instead; three million take some seconds at order 3.
+
+    Returns
+    -------
+    FrequencyResponse
+        Y_n as `output_orders` returns it.
+
+    Raises
+    ------
+    ModelError
+        As `output_orders`, or if the input's lines have too many combinations.
+
+    References
+    ----------
+    Lang, Billings, "Output frequency characteristics of nonlinear systems", Int. J. Control 64 (1996) 1049-1067,
+    doi:10.1080/00207179608921674.
+    """
+    order = whole_order(order, HIGHEST_ORDER)
+    require_one_input(model)
+    about = deviations(model, operating_input)
+    period = one_period(excitation)
+    spectrum = np.fft.fft(period) / period.size
+    size = np.abs(spectrum)
+    lines = np.flatnonzero(size > _EXCITED * size.max())
+    count = comb(lines.size + order - 1, order)
+    if count > most:
+        raise ModelError(
+            f"{lines.size} excited lines (of positive and negative frequency) make {count} combinations of order "
+            f"{order}, more than {most}; take `output_orders`, fewer lines or a larger `most`"
+        )
+    total = _Sum(spectrum=spectrum, lines=lines, order=order)
+    return FrequencyResponse(
+        symbol="Y",
+        order=order,
+        values=total.over(partial(values_at, about, form="symmetric"), ()),
+        omega=line_frequencies(period.size, model.sample_time),
+        point=about.point,
+        status=FrequencyStatus.at(about.point),
+        unit=model.output_units[0],
+        theta_cov=model.theta_cov,
+        differentiate=partial(_gradient, total, about),
+    )
+
+
+def _gradient(total: _Sum, about: Deviations) -> Complex:
+    return total.over(partial(gradient_at, about, form="symmetric"), (about.jacobian.shape[1],))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Sum:
+    """The sum over all multisets of excited lines.
+
+    Parameters
+    ----------
+    spectrum : ndarray of complex, shape (n_samples,)
+        Fourier coefficients of the input at all lines, those above the middle being the negative frequencies.
+    lines : ndarray of int
+        Those that are excited.
+    order : int
+        Size of the multisets.
+    """
+
+    spectrum: Complex
+    lines: NDArray[np.intp]
+    order: int
+
+    def over(self, response: Callable[[NDArray[np.float64]], Complex], shape: tuple[int, ...]) -> Complex:
+        """Sum a response at angles (n, order), with values of shape (n, *shape), to lines up to half the rate."""
+        n_samples = self.spectrum.size
+        total = np.zeros((n_samples // 2 + 1, *shape), dtype=np.complex128)
+        for lines in self._multisets():
+            reached = lines.sum(axis=1) % n_samples
+            wanted = reached < len(total)  # the others are the complex conjugates
+            chosen = lines[wanted]
+            weight = _permutations(chosen) * self.spectrum[chosen].prod(axis=1)
+            values = response(2 * np.pi * chosen / n_samples)
+            np.add.at(total, reached[wanted], (weight * values.T).T)
+        return total
+
+    def _multisets(self) -> Iterator[NDArray[np.intp]]:
+        """Yield blocks of shape (n, order), each row in increasing order."""
+        combinations = combinations_with_replacement(self.lines.tolist(), self.order)
+        while rows := list(islice(combinations, _BLOCK)):
+            yield np.fromiter(chain.from_iterable(rows), dtype=np.intp).reshape(-1, self.order)
+
+
+def _permutations(rows: NDArray[np.intp]) -> NDArray[np.float64]:
+    """In how many orders each sorted row can be written: n! by the factorials of how often each line comes."""
+    run, repeats = np.ones(len(rows)), np.ones(len(rows))
+    for earlier, later in zip(rows.T, rows.T[1:], strict=False):
+        run = np.where(earlier == later, run + 1, 1.0)
+        repeats *= run
+    return factorial(rows.shape[1]) / repeats

@@ -1,0 +1,286 @@
+"""Frequency responses of several frequencies: contours, surfaces and slices."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from deatwin.ident.frequency.checks import real_numbers
+from deatwin.ident.frequency.drawing import drawn_points, say_zero
+from deatwin.plant.errors import ModelError
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from deatwin.ident.frequency.response import FrequencyResponse
+
+__all__ = ["plot_map", "plot_slices", "plot_surface", "slice_of"]
+
+Array = NDArray[np.float64]
+
+_FEWEST_ON_A_LINE = 3  # a grid has at least as many frequencies on each axis
+_MOST_PANELS = 6
+
+
+def plot_map(response: FrequencyResponse, axes: Axes) -> Axes:
+    """Draw the gain over the first two frequencies: contours on a grid, else points coloured by gain.
+
+    Parameters
+    ----------
+    response : FrequencyResponse
+        Of order 2 or more.
+    axes : matplotlib Axes
+        Where to draw.
+
+    Returns
+    -------
+    matplotlib Axes
+    """
+    plane = _middle_slice(response)
+    grid = _grid(plane)
+    if grid is None:
+        return _plot_points(response, axes)
+    _label_map(axes.figure.colorbar(_contours(plane, grid, axes), ax=axes), plane, axes)
+    return axes
+
+
+def plot_surface(response: FrequencyResponse, ax: Any | None = None) -> Any:
+    """Draw the gain over a grid of two frequencies as a surface in dB.
+
+    Parameters
+    ----------
+    response : FrequencyResponse
+        Of order 2 or more on a grid, see `frequency_grid`; as for `plot_response`, further frequencies are held.
+    ax : matplotlib 3-D Axes, optional
+        Where to draw; new axes otherwise.
+
+    Returns
+    -------
+    matplotlib 3-D Axes
+
+    Raises
+    ------
+    ModelError
+        If the points make no grid, or the axes are not three-dimensional.
+    """
+    plane = _middle_slice(response)
+    grid = _grid(plane)
+    if grid is None:
+        raise ModelError("a surface needs values on a grid of two frequencies; see frequency_grid")
+    if ax is None:
+        from matplotlib import pyplot
+
+        ax = pyplot.figure().add_subplot(projection="3d")
+    if not hasattr(ax, "plot_surface"):
+        raise ModelError('a surface needs three-dimensional axes: add_subplot(projection="3d")')
+    heights = grid.of(_decibels(plane))
+    ax.plot_surface(*np.meshgrid(grid.first, grid.second, indexing="ij"), heights, cmap="viridis", linewidth=0)
+    ax.set_zlabel(_gain_label(plane))
+    _label_frequencies(plane, ax)
+    return ax
+
+
+def plot_slices(
+    response: FrequencyResponse, held_Hz: Sequence[ArrayLike] | None = None, axes: Sequence[Axes] | None = None
+) -> list[Axes]:
+    """Draw slices of a response of three frequencies or more side by side, with one scale of colours.
+
+    Parameters
+    ----------
+    response : FrequencyResponse
+        Of order 3 or more, on a grid.
+    held_Hz : sequence of float, or of array_like of shape (order - 2,), optional
+        For each slice the frequencies held, in Hz; up to six, spread over those that there are, by default.
+    axes : sequence of matplotlib Axes, optional
+        One for each slice; new ones otherwise.
+
+    Returns
+    -------
+    list of matplotlib Axes
+
+    Raises
+    ------
+    ModelError
+        If there is nothing to hold, a slice is no grid, or the axes are not as many as the slices.
+    """
+    _require_more_than_two(response)
+    wanted = _spread(response) if held_Hz is None else list(held_Hz)
+    slices = [slice_of(response, held) for held in wanted]
+    grids = [grid for grid in map(_grid, slices) if grid is not None]
+    if len(grids) < len(slices):
+        raise ModelError("slices need values on a grid of the first two frequencies; see frequency_grid")
+    if axes is None:
+        from matplotlib import pyplot
+
+        size = (1.2 + 3.2 * len(slices), 3.6)
+        made = pyplot.subplots(1, len(slices), figsize=size, sharey=True, squeeze=False, layout="constrained")
+        axes = list(made[1][0])
+    if len(axes) != len(slices):
+        raise ModelError(f"{len(slices)} slices need as many axes; got {len(axes)}")
+    levels = _levels(np.concatenate([_decibels(plane) for plane in slices]))
+    for plane, grid, panel in zip(slices, grids, axes, strict=True):
+        drawn = _contours(plane, grid, panel, levels)
+        _label_frequencies(plane, panel)
+        if panel is not axes[0]:
+            panel.set_ylabel("")
+            if panel.get_legend() is not None and axes[0].get_legend() is not None:
+                panel.get_legend().remove()
+    axes[0].figure.colorbar(drawn, ax=list(axes), label=_gain_label(response))
+    return list(axes)
+
+
+def slice_of(response: FrequencyResponse, held_Hz: ArrayLike) -> FrequencyResponse:
+    """Return the points of a response whose frequencies after the second are those nearest to given ones.
+
+    Parameters
+    ----------
+    response : FrequencyResponse
+        Of order 3 or more.
+    held_Hz : float, or array_like of shape (order - 2,)
+        Frequencies to hold, in Hz.
+
+    Returns
+    -------
+    FrequencyResponse
+        Of the same order, with fewer points.
+
+    Raises
+    ------
+    ModelError
+        If the order is below 3, or the frequencies are not as many numbers as there are to hold.
+    """
+    _require_more_than_two(response)
+    held = np.atleast_1d(real_numbers(held_Hz, "held_Hz"))
+    others = response.frequency_Hz[:, 2:]
+    if held.shape != others.shape[1:] or not np.all(np.isfinite(held)):
+        raise ModelError(f"held_Hz has the shape {held.shape}; order {response.order} needs {others.shape[1:]}, in Hz")
+    nearest = others[np.argmin(np.sum((others - held) ** 2, axis=1))]
+    chosen = np.flatnonzero(np.all(others == nearest, axis=1))
+    return replace(
+        response,
+        values=response.values[chosen],
+        omega=response.omega[chosen],
+        differentiate=lambda: response.gradient[chosen],
+    )
+
+
+class _Grid(NamedTuple):
+    """All pairs of two lists of frequencies in Hz, and where each pair stands among the points."""
+
+    first: Array
+    second: Array
+    position: NDArray[np.intp]
+
+    def of(self, values: NDArray[Any]) -> NDArray[Any]:
+        return values[self.position]
+
+
+def _grid(response: FrequencyResponse) -> _Grid | None:
+    """The grid that the first two frequencies make, if they do."""
+    if not _is_slice(response):
+        return None
+    first, row = np.unique(response.frequency_Hz[:, 0], return_inverse=True)
+    second, column = np.unique(response.frequency_Hz[:, 1], return_inverse=True)
+    if min(first.size, second.size) < _FEWEST_ON_A_LINE or first.size * second.size != len(row):
+        return None
+    position = np.full((first.size, second.size), -1, dtype=np.intp)
+    position[row, column] = np.arange(len(row))
+    return _Grid(first, second, position) if np.all(position >= 0) else None
+
+
+def _is_slice(response: FrequencyResponse) -> bool:
+    """Whether the frequencies after the second do not change."""
+    return response.omega.ndim == 2 and bool(np.all(response.omega[:, 2:] == response.omega[:1, 2:]))
+
+
+def _middle_slice(response: FrequencyResponse) -> FrequencyResponse:
+    if response.omega.ndim == 1 or response.omega.shape[1] == 2:
+        return response
+    held = _held(response)
+    return slice_of(response, held[len(held) // 2])
+
+
+def _held(response: FrequencyResponse) -> Array:
+    """The different frequencies after the second, Hz."""
+    return np.unique(response.frequency_Hz[:, 2:], axis=0)
+
+
+def _spread(response: FrequencyResponse) -> list[Array]:
+    held = _held(response)
+    chosen = np.unique(np.linspace(0, len(held) - 1, _MOST_PANELS).round().astype(int))
+    return [held[i] for i in chosen]
+
+
+def _require_more_than_two(response: FrequencyResponse) -> None:
+    if response.omega.ndim == 1 or response.omega.shape[1] < 3:
+        raise ModelError(f"a slice holds the third frequency; {response.label} has {response.omega.ndim}")
+
+
+def _decibels(response: FrequencyResponse) -> Array:
+    """Gain in dB relative to 1 unit; NaN where there is none."""
+    decibels = np.full(response.gain.shape, np.nan)
+    np.log10(response.gain, out=decibels, where=drawn_points(response))
+    return np.round(20 * decibels, 9)  # what is constant has no contours
+
+
+def _levels(decibels: Array) -> Array:
+    """Round levels of contours that hold all values."""
+    from matplotlib.ticker import MaxNLocator
+
+    known = decibels[np.isfinite(decibels)]
+    low, high = (known.min(), known.max()) if known.size else (0.0, 0.0)
+    margin = max(0.0, 0.5 - (high - low))  # a response that is constant has colours too
+    return np.asarray(MaxNLocator(18).tick_values(low - margin, high + margin), dtype=np.float64)
+
+
+def _contours(response: FrequencyResponse, grid: _Grid, axes: Axes, levels: Array | None = None) -> Any:
+    decibels = _decibels(response)
+    chosen = _levels(decibels) if levels is None else levels
+    drawn = axes.contourf(grid.first, grid.second, grid.of(decibels).T, levels=chosen, cmap="viridis")
+    axes.contour(drawn, colors="white", linewidths=0.3, linestyles="solid")
+    say_zero(drawn_points(response), axes)
+    if response.theta_cov.any():
+        doubtful = ~response.band().linear_law
+        if doubtful.any():
+            _hatch(grid.of(doubtful), grid, axes)
+    return drawn
+
+
+def _hatch(doubtful: NDArray[np.bool_], grid: _Grid, axes: Axes) -> None:
+    from matplotlib.patches import Patch
+
+    hatched = axes.contourf(
+        grid.first, grid.second, doubtful.T.astype(float), levels=[0.5, 1.5], colors="none", hatches=["//"]
+    )
+    hatched.set_edgecolor("white")
+    hatched.set_linewidth(0.0)
+    proxy = Patch(facecolor="0.5", edgecolor="white", hatch="//", label="linear law fails")
+    axes.legend(handles=[proxy], loc="upper right")
+
+
+def _plot_points(response: FrequencyResponse, axes: Axes) -> Axes:
+    drawn = axes.scatter(*response.frequency_Hz[:, :2].T, c=_decibels(response), cmap="viridis", s=14)
+    _label_map(axes.figure.colorbar(drawn, ax=axes), response, axes)
+    return axes
+
+
+def _label_map(bar: Any, response: FrequencyResponse, axes: Axes) -> None:
+    bar.set_label(_gain_label(response))
+    _label_frequencies(response, axes)
+
+
+def _label_frequencies(response: FrequencyResponse, axes: Any) -> None:
+    axes.set_xlabel("$f_1$ (Hz)")
+    axes.set_ylabel("$f_2$ (Hz)")
+    others = response.frequency_Hz[:, 2:]
+    if _is_slice(response) and others.size:
+        axes.set_title(", ".join(f"$f_{i}$ = {held:.3g} Hz" for i, held in enumerate(others[0], start=3)))
+
+
+def _gain_label(response: FrequencyResponse) -> str:
+    unit = response.unit.replace("^", "$^") + "$" if "^" in response.unit else response.unit
+    return f"|{response.label}| (dB re 1 {unit})" if unit else f"|{response.label}| (dB)"

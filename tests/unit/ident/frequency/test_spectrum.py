@@ -1,0 +1,177 @@
+"""Orders of the output: against the sum over the frequency responses, simulation, closed forms and differences."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+
+from deatwin.ident.frequency import equilibrium, gfrf, output_orders, output_spectrum
+from deatwin.ident.frequency.direct import direct_output
+from deatwin.ident.frequency.spectrum import line_frequencies, one_period, spectrum_of
+from deatwin.ident.narx import NarxModel
+from deatwin.plant.errors import ModelError
+from deatwin.plant.recording import Recording
+
+TERMS = {
+    "1": 0.2, "y(k-1)": 0.6, "y(k-3)": -0.1, "u(k)": 0.1, "u(k-1)": 0.4, "y(k-1)^2": 0.1, "y(k-1)u(k-2)": 0.1,
+    "u(k-1)^3": 0.1, "y(k-1)y(k-2)u(k-1)": -0.05,
+}  # fmt: skip
+SAMPLE_TIME = 0.1
+OPERATING = 0.3
+
+
+def model(theta=None):
+    values = TERMS.values() if theta is None else theta
+    return NarxModel.from_terms(
+        dict(zip(TERMS, values, strict=True)), sample_time=SAMPLE_TIME, input_units=("V",), output_units=("m",)
+    )
+
+
+def multisine(n_samples, lines, level=0.0):
+    rng = np.random.default_rng(n_samples)
+    k = np.arange(n_samples)
+    return level + sum(0.2 * np.cos(2 * np.pi * (line * k / n_samples + rng.uniform())) for line in lines)
+
+
+EXCITATIONS = {
+    "three lines": multisine(64, (3, 10, 14)),
+    "with a level, orders that fold back, and half the sampling rate": multisine(32, (5, 13, 16), level=0.1),
+    "odd length": multisine(27, (2, 9, 13)),
+    "noise": 0.2 * np.random.default_rng(0).normal(size=16),
+}
+
+
+@pytest.mark.parametrize("excitation", EXCITATIONS.values(), ids=EXCITATIONS.keys())
+def test_orders_are_sums_over_the_frequency_responses(excitation):
+    """Products in time against sums over combinations of lines: only rounding may differ."""
+    orders = output_orders(model(), excitation, 4, operating_input=OPERATING)
+    for n, by_products in enumerate(orders, start=1):
+        direct = direct_output(model(), excitation, n, operating_input=OPERATING)
+        assert (direct.order, direct.symbol, direct.unit) == (n, "Y", "m") == (
+            by_products.order, by_products.symbol, by_products.unit
+        )  # fmt: skip
+        np.testing.assert_array_equal(direct.omega, by_products.omega)
+        size = np.abs(direct.values).max()
+        np.testing.assert_allclose(by_products.values, direct.values, rtol=0, atol=1e-12 * size)
+        size = np.abs(direct.gradient).max()
+        np.testing.assert_allclose(by_products.gradient, direct.gradient, rtol=0, atol=1e-12 * size)
+
+
+@pytest.mark.parametrize("excitation", EXCITATIONS.values(), ids=EXCITATIONS.keys())
+def test_orders_are_the_powers_of_the_level_in_the_simulated_steady_state(excitation):
+    """v(alpha) = sum of alpha^n Y_n: 16 levels and a polynomial in them tell the orders apart.
+
+    The powers beyond the polynomial's degree, and its conditioning, leave 1e-10 of the third order.
+    """
+    n, levels, degree = excitation.size, 0.7 * np.cos(np.pi * (np.arange(16) + 0.5) / 16), 14
+    ybar = equilibrium(model(), OPERATING).output
+    spectra = []
+    for level in levels:
+        inputs = OPERATING + level * np.tile(excitation, -(-400 // n))
+        start = Recording.from_arrays(inputs, np.full(inputs.size, ybar), SAMPLE_TIME)
+        spectra.append(spectrum_of(model().simulate(start).outputs[0, -n:] - ybar))
+    powers = levels[:, None] ** np.arange(1, degree + 1)
+    separated = np.linalg.lstsq(powers, np.array(spectra), rcond=None)[0]
+    for order, response in enumerate(output_orders(model(), excitation, 3, operating_input=OPERATING)):
+        size = np.abs(response.values).max()
+        np.testing.assert_allclose(response.values, separated[order], rtol=0, atol=1e-8 * size)
+
+
+def test_the_sum_of_orders_approaches_the_simulated_output_at_its_order():
+    """What is left out after order N falls with the level to the power N + 1: by 2^(N+1) when it is halved."""
+    excitation = multisine(64, (3, 10, 14))
+    ybar = equilibrium(model(), OPERATING).output
+
+    def left_out(level, order):
+        inputs = OPERATING + level * np.tile(excitation, 8)
+        run = model().simulate(Recording.from_arrays(inputs, np.full(inputs.size, ybar), SAMPLE_TIME))
+        summed = output_spectrum(model(), level * excitation, order, operating_input=OPERATING)
+        assert summed.order == 0 and summed.label == "$Y$"
+        return np.abs(spectrum_of(run.outputs[0, -64:] - ybar) - summed.values).max()
+
+    for order in (1, 2, 3, 4):
+        # The next order adds its share, which falls with the level (and is 0.4 % here).
+        assert left_out(0.1, order) / left_out(0.05, order) == pytest.approx(2 ** (order + 1), rel=0.01)
+
+
+def test_a_square_of_two_tones_by_hand():
+    """u^2 of A cos(wt) + B cos(vt): A^2/2 + B^2/2, A^2/2 cos 2wt, B^2/2 cos 2vt, AB cos (v+w)t, AB cos (v-w)t."""
+    k = np.arange(20)
+    excitation = 0.5 * np.cos(2 * np.pi * 2 * k / 20) + 2.0 * np.cos(2 * np.pi * 5 * k / 20)
+    square = NarxModel.from_terms({"u(k)^2": 1.0}, sample_time=0.5)
+    for response in (output_orders(square, excitation, 2)[1], direct_output(square, excitation, 2)):
+        expected = np.zeros(11)
+        expected[[0, 4, 10, 7, 3]] = [0.125 + 2.0, 0.0625, 2.0, 0.5, 0.5]  # cos 10 at half the rate is not halved
+        np.testing.assert_allclose(response.values, expected, rtol=0, atol=1e-14)
+        np.testing.assert_allclose(response.frequency_Hz, np.arange(11) / 10.0, rtol=1e-14)
+
+
+def test_energy_appears_only_at_combinations_of_the_lines():
+    n, lines = 64, (3, 10, 14)
+    for order, response in enumerate(output_orders(model(), multisine(n, lines), 3, operating_input=OPERATING), 1):
+        signed = [sign * line for line in lines for sign in (1, -1)]
+        reached = sorted({abs((sum(c) + n // 2) % n - n // 2) for c in product(signed, repeat=order)})
+        silent = np.setdiff1d(np.arange(n // 2 + 1), reached)
+        assert silent.size
+        size = response.gain.max()
+        assert response.gain[silent].max() < 1e-15 * size * n
+        assert response.gain[reached].min() > 1e-9 * size
+
+
+def test_the_first_order_is_h1_times_the_input():
+    excitation = EXCITATIONS["noise"]
+    first = output_orders(model(), excitation, 1, operating_input=OPERATING)[0]
+    h1 = gfrf(model(), 1, first.omega, operating_input=OPERATING)
+    # Rounding of the Fourier transforms is that of the largest line.
+    np.testing.assert_allclose(first.values, h1.values * spectrum_of(excitation), rtol=1e-12, atol=1e-16)
+
+
+def test_gradient_against_differences():
+    theta = np.array(list(TERMS.values()))
+    excitation = EXCITATIONS["three lines"]
+    response = output_spectrum(model(), excitation, 3, operating_input=OPERATING)
+    for m, step in enumerate(1e-5 * np.eye(theta.size)):
+        sides = [
+            output_spectrum(model(theta + sign * step), excitation, 3, operating_input=OPERATING).values
+            for sign in (1, -1)
+        ]
+        size = np.abs(response.gradient[:, m]).max()
+        np.testing.assert_allclose(response.gradient[:, m], (sides[0] - sides[1]) / 2e-5, rtol=0, atol=1e-7 * size)
+
+
+def test_no_input_no_output():
+    for response in (output_spectrum(model(), np.zeros(8), 3), direct_output(model(), np.zeros(8), 3)):
+        assert response.values.shape == (5,) and not response.values.any() and not response.gradient.any()
+
+
+def test_too_many_combinations_are_counted():
+    excitation = np.random.default_rng(0).normal(size=512)
+    with pytest.raises(ModelError, match=r"512 excited lines .* 22500864 combinations of order 3, more than 3000000"):
+        direct_output(model(), excitation, 3)
+    with pytest.raises(ModelError, match="make 36 combinations of order 2, more than 35"):
+        direct_output(model(), excitation[:8], 2, most=35)
+    direct_output(model(), excitation[:8], 2, most=36)
+
+
+def test_lines_and_coefficients():
+    np.testing.assert_allclose(line_frequencies(5, 0.1), 2 * np.pi * np.array([0.0, 2.0, 4.0]), rtol=1e-15)
+    np.testing.assert_allclose(spectrum_of([3.0, 1.0, 3.0, 1.0]), [2.0, 0.0, 1.0], atol=1e-16)
+    assert not one_period([1.0, 2.0]).flags.writeable
+
+
+HOSTILE = {"a number": 1.0, "one sample": [1.0], "empty": [], "nan": [1.0, np.nan], "two rows": np.ones((2, 4))}
+
+
+@pytest.mark.parametrize("compute", [output_spectrum, output_orders, direct_output])
+def test_what_is_no_period_is_said(compute):
+    for excitation in HOSTILE.values():
+        with pytest.raises(ModelError, match="one period of finite deviations"):
+            compute(model(), excitation, 2)
+    for excitation in (np.ones(4) * 1j, "abc", [True, False]):
+        with pytest.raises(ModelError, match="the excitation must be real numbers"):
+            compute(model(), excitation, 2)
+    for order in (0, 2.5, True, "2"):
+        with pytest.raises(ModelError, match="must be an integer"):
+            compute(model(), np.ones(4), order)
+    with pytest.raises(ModelError, match="one input"):
+        compute(NarxModel.from_terms({"u1(k)": 1.0, "u2(k)": 1.0}, sample_time=1.0), np.ones(4), 1)
