@@ -6,6 +6,7 @@ from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import comb
+from typing import Any
 
 import numpy as np
 from numpy.polynomial import polynomial
@@ -218,7 +219,7 @@ def deviations(model: NarxModel, operating_input: ArrayLike | None = None) -> De
     expansion: dict[Term, Array] = defaultdict(lambda: np.zeros(len(model.terms)))
     slope: dict[Term, Array] = defaultdict(lambda: np.zeros(len(model.terms)))
     for m, term in enumerate(model.terms):
-        for remaining, share, change in _expand(term, point):
+        for remaining, share, change in expand(term, point.operating_input, point.output):
             expansion[remaining][m] += share
             slope[remaining][m] += change
     expansion.pop(Term(()), None)
@@ -251,12 +252,31 @@ def _written(model: NarxModel, point: Equilibrium) -> str:
     return ", ".join(f"{value:.9g} {unit}".strip() for value, unit in zip(values, units, strict=True))
 
 
-def _expand(term: Term, point: Equilibrium) -> Iterator[tuple[Term, float, float]]:
-    """Yield the terms of a product of (level + deviation)^power, each with weight and d weight / d output."""
-    parts: list[tuple[tuple[Variable, ...], float, float]] = [((), 1.0, 0.0)]
+def expand(term: Term, inputs: Array, output: Any) -> Iterator[tuple[Term, Any, Any]]:
+    """Expand a term about an equilibrium, as a product of (level + deviation)^power.
+
+    Parameters
+    ----------
+    term : Term
+        What is expanded.
+    inputs : ndarray, shape (n_inputs,)
+        Constant inputs in their units.
+    output : float, or ndarray of any shape
+        Equilibrium output in its unit, or many of them.
+
+    Yields
+    ------
+    Term
+        In the deviations.
+    float, or ndarray
+        Its weight.
+    float, or ndarray
+        Derivative of the weight by the output.
+    """
+    parts: list[tuple[tuple[Variable, ...], Any, Any]] = [((), 1.0, 0.0)]
     for variable, power in term.factors:
         is_output = variable.kind == "y"
-        level = point.output if is_output else float(point.operating_input[variable.index])
+        level = output if is_output else float(inputs[variable.index])
         grown = []
         for kept in range(power + 1):
             rest = power - kept

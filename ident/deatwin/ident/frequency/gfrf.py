@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from deatwin.ident.frequency.checks import real_numbers, whole_order
 from deatwin.ident.frequency.dc import Deviations, deviations
 from deatwin.ident.frequency.hierarchy import products_of, solve_parts
+from deatwin.ident.frequency.many import gfrf_of_many
 from deatwin.ident.frequency.parts import FORMS, Tones
 from deatwin.ident.frequency.response import FrequencyResponse, FrequencyStatus
 from deatwin.ident.narx.model import NarxModel
@@ -93,6 +94,7 @@ def gfrf(
         unit=unit_of(model, order),
         theta_cov=model.theta_cov,
         differentiate=partial(gradient_at, about, angles, form),
+        evaluate=partial(gfrf_of_many, model, about.point, angles, form),
     )
 
 

@@ -19,6 +19,8 @@ from deatwin.plant.errors import ModelError
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from deatwin.ident.frequency.many import Evaluated
+
 __all__ = ["Band", "FrequencyResponse", "FrequencyStatus"]
 
 Array = NDArray[np.float64]
@@ -99,6 +101,8 @@ class FrequencyResponse:
     differentiate : callable
         Returns the derivative by these parameters, complex of shape (n, n_terms), the motion of the equilibrium
         included.
+    evaluate : callable, optional
+        Takes parameters of shape (n_draws, n_terms) and returns the response at all of them, an ``Evaluated``.
     """
 
     symbol: str
@@ -110,6 +114,7 @@ class FrequencyResponse:
     unit: str
     theta_cov: Array
     differentiate: Callable[[], Complex]
+    evaluate: Callable[[Array], Evaluated] | None = None
 
     def __post_init__(self) -> None:
         for array in (self.values, self.omega):

@@ -13,6 +13,7 @@ from deatwin.ident.frequency.checks import real_numbers, whole_order
 from deatwin.ident.frequency.dc import Deviations, deviations
 from deatwin.ident.frequency.gfrf import require_one_input
 from deatwin.ident.frequency.hierarchy import Jet, solve_parts
+from deatwin.ident.frequency.many import spectrum_of_many
 from deatwin.ident.frequency.parts import Orders
 from deatwin.ident.frequency.response import FrequencyResponse, FrequencyStatus
 from deatwin.ident.narx.model import NarxModel
@@ -182,6 +183,7 @@ class _Steady:
             unit=self.model.output_units[0],
             theta_cov=self.model.theta_cov,
             differentiate=partial(self._gradient, wanted),
+            evaluate=partial(spectrum_of_many, self.model, self.about.point, self.parts, wanted),
         )
 
     def _gradient(self, wanted: Sequence[int]) -> Complex:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from deatwin.ident.narx.linear.polynomials import Orders, Polynomials
 
-__all__ = ["LinearFrequencyResponse", "frequency_response"]
+__all__ = ["LinearFrequencyResponse", "frequency_response", "transfer", "transfer_gradient"]
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -56,26 +56,82 @@ def frequency_response(
     sample_time : float
         Sampling interval in s.
     """
-    p = polynomials
-    shift = np.exp(-1j * omega * sample_time)
-
-    def powers(first: int, count: int) -> Complex:
-        return shift ** np.arange(first, first + count)[:, None]
-
-    def at(polynomial: Array) -> Complex:
-        return np.asarray(np.polyval(polynomial[::-1], shift), dtype=np.complex128)
-
-    slots = np.split(np.arange(orders.n_theta), np.cumsum(orders.sizes)[:-1])
-    m = len(p.b)
+    theta, angle = orders.join(polynomials), omega * sample_time
     values, covariance = [], []
-    for i in range(m):
-        denominator = at(p.a) * at(p.f[i])
-        g = at(p.b[i]) / denominator
-        gradient = np.zeros((orders.n_theta, omega.size), dtype=np.complex128)
-        gradient[slots[0]] = -g / at(p.a) * powers(1, orders.na)
-        gradient[slots[1 + i]] = powers(orders.nk[i], orders.nb[i]) / denominator
-        gradient[slots[1 + m + i]] = -g / at(p.f[i]) * powers(1, orders.nf[i])
-        parts = np.stack([gradient.real, gradient.imag])
-        values.append(g)
-        covariance.append(np.einsum("ajw,jk,bkw->wab", parts, theta_cov, parts))
+    for channel in range(len(polynomials.b)):
+        gradient = transfer_gradient(orders, theta, angle, channel)
+        parts = np.stack([gradient.real, gradient.imag], axis=1)
+        values.append(transfer(orders, theta, angle, channel))
+        covariance.append(parts @ theta_cov @ parts.swapaxes(1, 2))
     return LinearFrequencyResponse(omega=omega.copy(), values=np.array(values), covariance=np.array(covariance))
+
+
+def transfer(orders: Orders, theta: Array, angle: Array, channel: int) -> Complex:
+    """Return B_i/(A F_i) for one or many parameter vectors.
+
+    Parameters
+    ----------
+    orders : Orders
+        Of the polynomials.
+    theta : ndarray, shape (..., n_theta)
+        Parameters.
+    angle : ndarray, shape (n,)
+        Normalised frequency, rad/sample.
+    channel : int
+        i, from 0.
+
+    Returns
+    -------
+    ndarray of complex, shape (..., n)
+    """
+    a, b, f = _rows(orders, theta, angle, channel)
+    return np.asarray(b / (a * f))
+
+
+def transfer_gradient(orders: Orders, theta: Array, angle: Array, channel: int) -> Complex:
+    """Return the derivative of B_i/(A F_i) by the parameters.
+
+    Parameters
+    ----------
+    orders : Orders
+        Of the polynomials.
+    theta : ndarray, shape (n_theta,)
+        Parameters.
+    angle : ndarray, shape (n,)
+        Normalised frequency, rad/sample.
+    channel : int
+        i, from 0.
+
+    Returns
+    -------
+    ndarray of complex, shape (n, n_theta)
+    """
+    a, b, f = (values[:, None] for values in _rows(orders, theta, angle, channel))
+    in_a, in_b, in_f = _slots(orders, channel)
+    gradient = np.zeros((angle.size, orders.n_theta), dtype=np.complex128)
+    gradient[:, in_a] = -b / (a**2 * f) * _powers(angle, 1, orders.na)
+    gradient[:, in_b] = _powers(angle, orders.nk[channel], orders.nb[channel]) / (a * f)
+    gradient[:, in_f] = -b / (a * f**2) * _powers(angle, 1, orders.nf[channel])
+    return gradient
+
+
+def _rows(orders: Orders, theta: Array, angle: Array, channel: int) -> tuple[Complex, Complex, Complex]:
+    """A, B_i and F_i on the unit circle, each of shape (..., n)."""
+    in_a, in_b, in_f = _slots(orders, channel)
+    a = 1.0 + theta[..., in_a] @ _powers(angle, 1, orders.na).T
+    b = theta[..., in_b] @ _powers(angle, orders.nk[channel], orders.nb[channel]).T
+    f = 1.0 + theta[..., in_f] @ _powers(angle, 1, orders.nf[channel]).T
+    return a, b, f
+
+
+def _slots(orders: Orders, channel: int) -> tuple[slice, slice, slice]:
+    """Where the coefficients of A, B_i and F_i stand in the parameter vector."""
+    ends = np.cumsum((0, *orders.sizes))
+    m = len(orders.nb)
+    a, b, f = (slice(int(ends[i]), int(ends[i + 1])) for i in (0, 1 + channel, 1 + m + channel))
+    return a, b, f
+
+
+def _powers(angle: Array, first: int, count: int) -> Complex:
+    """q^-k on the unit circle, shape (n, count)."""
+    return np.asarray(np.exp(-1j * angle[:, None] * np.arange(first, first + count)))

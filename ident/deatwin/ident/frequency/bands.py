@@ -1,0 +1,164 @@
+"""The mean of a frequency response over a band of output frequencies: what a comparison compares.
+
+A model of few parameters can differ from another in few ways: its response over any band, taken frequency by frequency,
+holds them all, and a test of all frequencies at once is a test of the parameters, the same in every band. The mean over
+the band is what that band adds. It is linear in the response, so that its law does not depend on how large the response
+is, even where there is none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from deatwin.ident.frequency.equality import Scatter
+from deatwin.ident.frequency.gfrf import frequency_grid, gfrf
+from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.operating import read_only
+from deatwin.plant.errors import ModelError
+
+__all__ = ["BandMean", "Range", "band_frequencies", "band_means"]
+
+Array = NDArray[np.float64]
+Range = tuple[float, float]
+
+LINES = 8
+"""Of a band; a response of few poles does not bend more within it."""
+TONES = 16
+"""Of each further tone, over both signs of its frequency."""
+_HIGHEST = 5  # half a million combinations
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BandMean:
+    """H_n, averaged over the combinations of input frequencies whose sum lies in a band.
+
+    Parameters
+    ----------
+    order : int
+        n.
+    from_Hz, to_Hz : float
+        The band of the sum.
+    value : ndarray, shape (2,)
+        Real and imaginary part of the mean, in ``unit``.
+    gradient : ndarray, shape (2, n_terms)
+        Its derivative by the parameters of the model.
+    scatter : Scatter
+        Of the value, from the covariance of the parameters.
+    gain : float
+        Root mean square of the gain over the combinations, in ``unit``.
+    unit : str
+        Of H_n.
+    """
+
+    order: int
+    from_Hz: float
+    to_Hz: float
+    value: Array
+    gradient: Array
+    scatter: Scatter
+    gain: float
+    unit: str
+
+
+def band_frequencies(order: int, band: Range, input_band: Range) -> Array:
+    """Combinations of input frequencies whose sum lies in a band, spread evenly.
+
+    Parameters
+    ----------
+    order : int
+        Number of frequencies.
+    band : tuple of float
+        Of their sum, Hz.
+    input_band : tuple of float
+        Of each without its sign, Hz.
+
+    Returns
+    -------
+    ndarray, shape (n,) for order 1, else (n, order)
+        rad/s; empty where no combination reaches the band.
+    """
+    sums = band[0] + (band[1] - band[0]) * (np.arange(LINES) + 0.5) / LINES
+    tones = input_band[1] * (2 * np.arange(TONES) + 1 - TONES) / TONES
+    grid = frequency_grid(sums, *[tones] * (order - 1))
+    each = np.column_stack([grid[:, 1:], grid[:, 0] - grid[:, 1:].sum(axis=1)])
+    inside = np.all((np.abs(each) >= input_band[0]) & (np.abs(each) <= input_band[1]), axis=1)
+    chosen = 2 * np.pi * each[inside]
+    return chosen[:, 0] if order == 1 else chosen
+
+
+def band_means(
+    model: NarxModel,
+    orders: Iterable[int],
+    bands: Sequence[Range],
+    *,
+    operating_input: ArrayLike | None = None,
+    input_band: Range | None = None,
+) -> tuple[BandMean, ...]:
+    """Average a model's responses over bands.
+
+    Parameters
+    ----------
+    model : NarxModel
+        Of one input and one output.
+    orders : iterable of int
+        Of the responses.
+    bands : sequence of (float, float)
+        Of output frequencies, Hz.
+    operating_input : float, optional
+        As for `gfrf`.
+    input_band : tuple of float, optional
+        Of the input's frequencies, Hz; by default from 0 to the highest edge of the bands.
+
+    Returns
+    -------
+    tuple of BandMean
+        By order, then by band. What no combination of input frequencies reaches is left out.
+
+    Raises
+    ------
+    ModelError
+        If an order or a band is none, nothing is left, or as `gfrf`.
+    """
+    several = tuple(orders)
+    _check(several, bands, input_band)
+    inputs = input_band or (0.0, max(high for _, high in bands))
+    found = []
+    for order in several:
+        for band in bands:
+            omega = band_frequencies(order, band, inputs)
+            if len(omega):
+                found.append(_mean(model, order, band, omega, operating_input))
+    if not found:
+        raise ModelError(
+            f"no order reaches a band with input frequencies from {inputs[0]:g} to {inputs[1]:g} Hz"
+        )
+    return tuple(found)
+
+
+def _check(orders: Sequence[int], bands: Sequence[Range], input_band: Range | None) -> None:
+    wrong = [order for order in orders if not isinstance(order, int | np.integer) or not 1 <= order <= _HIGHEST]
+    if wrong or not orders:
+        raise ModelError(f"orders = {orders!r}; give integers from 1 to {_HIGHEST}")
+    for low, high in (*bands, *(() if input_band is None else (input_band,))):
+        if not 0 <= low < high:
+            raise ModelError(f"a band goes from 0 Hz or more to a higher frequency; got {low:g} to {high:g} Hz")
+    if not bands:
+        raise ModelError("no band was given: a comparison needs at least one, as ((0.0, 0.1), (0.1, 1.0))")
+
+
+def _mean(model: NarxModel, order: int, band: Range, omega: Array, operating_input: ArrayLike | None) -> BandMean:
+    response = gfrf(model, order, omega, operating_input=operating_input)
+    mean, slope = response.values.mean(), response.gradient.mean(axis=0)
+    gradient = np.stack([slope.real, slope.imag])
+    # A t law with that covariance has a smaller scale.
+    share = 1.0 if np.isinf(model.theta_dof) else (model.theta_dof - 2) / model.theta_dof
+    return BandMean(
+        order=order, from_Hz=float(band[0]), to_Hz=float(band[1]), value=read_only([mean.real, mean.imag]),
+        gradient=read_only(gradient),
+        scatter=Scatter(scale=read_only(share * gradient @ model.theta_cov @ gradient.T), dof=model.theta_dof),
+        gain=float(np.sqrt(np.mean(response.gain**2))), unit=response.unit,
+    )  # fmt: skip

@@ -1,0 +1,343 @@
+"""Do two models differ: in which order, in which band, and by how much?"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from enum import Enum
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from deatwin.ident.frequency.bands import BandMean, Range, band_means
+from deatwin.ident.frequency.equality import Equality, equality, holm
+from deatwin.ident.frequency.linear import operating_input_of
+from deatwin.ident.narx.model import NarxModel
+from deatwin.plant.errors import ModelError
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["Agreement", "Comparison", "Difference", "Drift", "compare", "difference_of", "tabulated"]
+
+
+class Agreement(Enum):
+    """Whether two responses agree in a band; the value is the advice."""
+
+    ALIKE = "no difference can be shown: in this band either may stand for the other"
+    DRIFT = "the means differ, but the drift within a record reaches that far: compare at the same age"
+    DIFFERENT = "the two differ by more than chance and drift explain: in this band neither stands for the other"
+
+    @property
+    def ok(self) -> bool:
+        """Whether no difference can be shown."""
+        return self is Agreement.ALIKE
+
+
+@dataclass(frozen=True, kw_only=True)
+class Difference:
+    """The difference of two responses of an order in a band.
+
+    Parameters
+    ----------
+    first, second : str
+        Names of the two.
+    order : int
+        n of H_n.
+    from_Hz, to_Hz : float
+        Band of output frequencies.
+    test : Equality
+        Of the hypothesis that the means over the band are the same.
+    adjusted : float
+        Its p-value, corrected for the number of tests.
+    size : float
+        Difference of the means over the band, without its sign, over the root mean square gain of the two there.
+    agreement : Agreement
+        What follows.
+    """
+
+    first: str
+    second: str
+    order: int
+    from_Hz: float
+    to_Hz: float
+    test: Equality
+    adjusted: float
+    size: float
+    agreement: Agreement
+
+    @property
+    def p_value(self) -> float:
+        """Of this test alone."""
+        return self.test.p_value
+
+    @property
+    def differs(self) -> bool:
+        """Whether the means over the band differ significantly, for whatever reason."""
+        return not self.agreement.ok
+
+    @property
+    def sentence(self) -> str:
+        """In words."""
+        what = f"H_{self.order} of {self.first} and {self.second} from {self.from_Hz:g} to {self.to_Hz:g} Hz"
+        if not self.differs:
+            return f"{what}: no difference can be shown (p = {self.adjusted:.2g})."
+        drift = ", which the drift within a record explains" if self.agreement is Agreement.DRIFT else ""
+        return f"{what}: they differ by {self.size:.2g} of the gain (p = {self.adjusted:.2g}){drift}."
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drift:
+    """The drift of a response of an order in a band within one record.
+
+    Parameters
+    ----------
+    name : str
+        Of the record.
+    order : int
+        n of H_n.
+    from_Hz, to_Hz : float
+        Band of output frequencies.
+    test : Equality
+        Of the hypothesis that there is none.
+    adjusted : float
+        Its p-value, corrected for the number of tests.
+    size : float
+        Largest difference between two times over the root mean square gain; chance makes some of it.
+    drifts : bool
+        Whether it is significant.
+    """
+
+    name: str
+    order: int
+    from_Hz: float
+    to_Hz: float
+    test: Equality
+    adjusted: float
+    size: float
+    drifts: bool
+
+    @property
+    def p_value(self) -> float:
+        """Of this test alone."""
+        return self.test.p_value
+
+
+@dataclass(frozen=True, kw_only=True)
+class Comparison:
+    """A table of where two or more responses differ.
+
+    Parameters
+    ----------
+    differences : tuple of Difference
+        Pair by pair, by order, then by band.
+    level : float
+        Probability of one false difference or more in the table.
+    drifts : tuple of Drift
+        Of each record, by order, then by band; empty where models were compared.
+    """
+
+    differences: tuple[Difference, ...]
+    level: float
+    drifts: tuple[Drift, ...] = ()
+
+    @property
+    def ok(self) -> bool:
+        """Whether no difference can be shown anywhere."""
+        return not self.significant
+
+    @property
+    def significant(self) -> tuple[Difference, ...]:
+        """The differences that are, the surest first."""
+        return tuple(sorted((d for d in self.differences if d.differs), key=lambda d: (d.p_value, -d.size)))
+
+    @property
+    def share(self) -> float:
+        """Share of the tests that find a difference."""
+        return len(self.significant) / len(self.differences)
+
+    @property
+    def pairs(self) -> tuple[tuple[str, str], ...]:
+        """Names of what is compared, each pair once."""
+        return tuple(dict.fromkeys((d.first, d.second) for d in self.differences))
+
+    @property
+    def columns(self) -> tuple[tuple[int, float, float], ...]:
+        """Orders with the edges of their bands, Hz."""
+        return tuple(dict.fromkeys((d.order, d.from_Hz, d.to_Hz) for d in self.differences))
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """The differences in words, the surest first; one that says so where there is none."""
+        return tuple(d.sentence for d in self.significant) or (
+            f"None of {len(self.differences)} tests finds a difference at the level of {self.level:g}.",
+        )
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the table: a row for each pair, a column for each order and band, with the size where they differ.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Where to draw; new axes otherwise.
+
+        Returns
+        -------
+        matplotlib Axes
+        """
+        from deatwin.ident.frequency.comparison_plot import plot_comparison
+
+        return plot_comparison(self, ax)
+
+    def to_xarray(self) -> Any:
+        """Return p-values, sizes and agreements as an `xarray.Dataset` over pairs and columns."""
+        import xarray
+
+        shape = (len(self.pairs), len(self.columns))
+        orders, low, high = zip(*self.columns, strict=True)
+
+        def table(values: Iterable[Any]) -> tuple[tuple[str, str], Any]:
+            return ("pair", "column"), np.array(list(values)).reshape(shape)
+
+        return xarray.Dataset(
+            {
+                "p_value": table(d.p_value for d in self.differences),
+                "adjusted": table(d.adjusted for d in self.differences),
+                "size": table(d.size for d in self.differences),
+                "agreement": table(d.agreement.name for d in self.differences),
+            },
+            coords={
+                "pair": [f"{first}, {second}" for first, second in self.pairs],
+                "order": ("column", list(orders)),
+                "from_Hz": ("column", list(low), {"units": "Hz"}),
+                "to_Hz": ("column", list(high), {"units": "Hz"}),
+            },
+            attrs={"level": self.level},
+        )
+
+
+def compare(
+    first: NarxModel,
+    second: NarxModel,
+    orders: Iterable[int],
+    bands: Sequence[Range],
+    *,
+    operating_input: ArrayLike | None = None,
+    input_band: Range | None = None,
+    level: float = 0.05,
+    least: float = 0.0,
+    names: tuple[str, str] = ("first", "second"),
+) -> Comparison:
+    """Test in which orders and bands two independent models differ.
+
+    For each order and band the mean of H_n over the band is compared, a complex number; its covariance is propagated
+    from those of the parameters. Models of different terms may be compared, if their covariances are to be believed:
+    where the terms leave out physics, only models of the same terms, fitted alike to records of like excitation,
+    have parameters that should be the same, and only `robust` covariances say how far they scatter.
+
+    Two limits: what averages out over a band is not seen there, as a resonance that moves within it (bands no wider
+    than the resonance show it). And a response that two parameters make has the same p-value in every band, for each
+    band tells both: there only ``least`` and the sizes tell bands apart.
+
+    Parameters
+    ----------
+    first, second : NarxModel
+        Of one input and one output, in the same units, identified from different data.
+    orders : iterable of int
+        Orders n of H_n, up to 5.
+    bands : sequence of (float, float)
+        Bands of output frequencies, w_1 + ... + w_n, Hz.
+    operating_input : float, optional
+        Constant input about which both are expanded, in the input's unit; by default halfway between the centres of
+        their training data.
+    input_band : tuple of float, optional
+        Of the input's frequencies, Hz; by default from 0 to the highest edge of the bands.
+    level : float
+        Probability of finding any difference where there is none, corrected over orders and bands (Holm).
+    least : float
+        Differences of up to this share of the gain do not count.
+    names : tuple of str
+        For the table.
+
+    Returns
+    -------
+    Comparison
+
+    Raises
+    ------
+    ModelError
+        If the models do not suit each other, have no covariance, or as `band_means`.
+    """
+    _require_alike(first, second)
+    where = operating_input
+    if where is None:
+        where = (operating_input_of(first, None) + operating_input_of(second, None)) / 2
+    several = tuple(orders)
+    ours, theirs = (
+        band_means(model, several, bands, operating_input=where, input_band=input_band) for model in (first, second)
+    )
+    return tabulated([difference_of(a, b, names, least) for a, b in zip(ours, theirs, strict=True)], level)
+
+
+def difference_of(a: BandMean, b: BandMean, names: tuple[str, str], least: float) -> Difference:
+    """Compare two means over a band, before any correction.
+
+    Parameters
+    ----------
+    a, b : BandMean
+        Of the same order and band.
+    names : tuple of str
+        Of the two.
+    least : float
+        As for `compare`.
+
+    Returns
+    -------
+    Difference
+        With its p-value as it is, and no judgement yet.
+    """
+    gain = float(np.hypot(a.gain, b.gain) / np.sqrt(2))
+    apart = a.value - b.value
+    test = equality(apart, (a.scatter, b.scatter), least * gain)
+    return Difference(
+        first=names[0], second=names[1], order=a.order, from_Hz=a.from_Hz, to_Hz=a.to_Hz, test=test,
+        adjusted=test.p_value, size=float(np.linalg.norm(apart)) / gain if gain > 0 else 0.0,
+        agreement=Agreement.ALIKE,
+    )  # fmt: skip
+
+
+def tabulated(differences: Sequence[Difference], level: float) -> Comparison:
+    """Correct tests for their number and judge them.
+
+    Parameters
+    ----------
+    differences : sequence of Difference
+        Not yet corrected.
+    level : float
+        Between 0 and 1.
+
+    Returns
+    -------
+    Comparison
+
+    Raises
+    ------
+    ModelError
+        If the level is not between 0 and 1.
+    """
+    if not 0.0 < level < 1.0:
+        raise ModelError(f"level = {level}; it must lie between 0 and 1")
+    corrected = holm([d.p_value for d in differences])
+    judged = (
+        replace(d, adjusted=float(p), agreement=Agreement.DIFFERENT if p < level else Agreement.ALIKE)
+        for d, p in zip(differences, corrected, strict=True)
+    )
+    return Comparison(differences=tuple(judged), level=level)
+
+
+def _require_alike(first: NarxModel, second: NarxModel) -> None:
+    for what in ("input_units", "output_units"):
+        one, other = getattr(first, what), getattr(second, what)
+        if one != other:
+            raise ModelError(f"the models have the {what.replace('_', ' ')} {one} and {other}: they must be the same")

@@ -1,0 +1,205 @@
+"""Are two vectors of means the same? Hotelling's test of two samples of unequal scatter, and Holm's correction."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from deatwin.ident.narx.robust import Cosines
+from deatwin.plant.errors import ModelError
+
+__all__ = ["Equality", "Scatter", "equality", "holm", "no_drift"]
+
+Array = NDArray[np.float64]
+
+_FLAT = 1e-12  # share of the larger variance below which a direction has none
+_DIRECTIONS = 180  # of a margin's edge
+
+
+class Scatter(NamedTuple):
+    """How well a vector of means is known.
+
+    Parameters
+    ----------
+    scale : ndarray, shape (..., q, q)
+        Squared scale of its t law.
+    dof : float
+        Degrees of freedom of that law; infinite for a normal one.
+    """
+
+    scale: Array
+    dof: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Equality:
+    """What a test says of the hypothesis that two vectors of means are the same.
+
+    Parameters
+    ----------
+    statistic : float
+        Squared distance in units of its scatter; of a drift, the ratio of variances.
+    dof : tuple of float
+        Of the F law that it has, or a multiple of it: of the difference, and of the scatter.
+    p_value : float
+        Probability of a larger statistic.
+    """
+
+    statistic: float
+    dof: tuple[float, float]
+    p_value: float
+
+
+def equality(difference: ArrayLike, scatters: Sequence[Scatter], margin: float = 0.0) -> Equality:
+    """Test whether a difference of independent means is zero, or at most a margin.
+
+    With a margin every difference within it is a null hypothesis of its own, and the largest p-value counts
+    (intersection-union test). So does it where several differences are given, as of several times: then the hypothesis
+    is that one of them is zero.
+
+    Parameters
+    ----------
+    difference : array_like, shape (2,) or (..., 2)
+        Real and imaginary part, or other two.
+    scatters : sequence of Scatter
+        Of the parts of the difference, which are independent; their scales broadcast against the differences.
+    margin : float
+        Largest length of a difference that does not count, in its unit.
+
+    Returns
+    -------
+    Equality
+
+    Raises
+    ------
+    ModelError
+        If there is no scatter at all.
+
+    References
+    ----------
+    Krishnamoorthy, Yu, "Modified Nel and Van der Merwe test for the multivariate Behrens-Fisher problem", Stat.
+    Probab. Lett. 66 (2004) 161-169.
+    Berger, "Multiparameter hypothesis testing and acceptance sampling", Technometrics 24 (1982) 295-300.
+    """
+    from scipy.stats import chi2, f
+
+    inverse, rank = _inverted(np.asarray(sum(s.scale for s in scatters), dtype=np.float64))
+    statistic = _beyond(np.asarray(difference, dtype=np.float64), inverse, margin)
+    freedom = np.broadcast_to(_freedom(inverse, scatters, rank), statistic.shape)
+    second = freedom - rank + 1
+    if np.isinf(freedom).all():
+        p = chi2.sf(statistic, rank)
+    else:
+        p = f.sf(statistic * second / (freedom * rank), rank, second)
+    worst = np.unravel_index(np.argmax(p), p.shape)
+    return Equality(
+        statistic=float(statistic[worst]), dof=(float(rank), float(second[worst])), p_value=float(p[worst])
+    )  # fmt: skip
+
+
+def _inverted(total: Array) -> tuple[Array, int]:
+    """Inverse of scales on the directions that have scatter, and the number of these."""
+    sizes, directions = np.linalg.eigh(total)
+    largest = sizes[..., -1:]
+    if not np.all(largest > 0):
+        raise ModelError("the models have no covariance: nothing says whether a difference is significant")
+    kept = sizes > _FLAT * largest
+    inverse = np.where(kept, 1.0, 0.0) / np.where(kept, sizes, 1.0)
+    return (directions * inverse[..., None, :]) @ directions.swapaxes(-1, -2), int(kept.sum(axis=-1).max())
+
+
+def _freedom(inverse: Array, scatters: Sequence[Scatter], rank: int) -> Array:
+    """Degrees of freedom of the sum of the scatters (Krishnamoorthy and Yu)."""
+    rates: Array = np.zeros(inverse.shape[:-2])
+    for scale, dof in scatters:
+        share = scale @ inverse
+        trace = np.trace(share, axis1=-2, axis2=-1)
+        rates = rates + (np.trace(share @ share, axis1=-2, axis2=-1) + trace**2) / dof
+    with np.errstate(divide="ignore"):
+        return np.asarray((rank + rank**2) / rates, dtype=np.float64)
+
+
+def _beyond(difference: Array, inverse: Array, margin: float) -> Array:
+    """Smallest squared distance to a point that is no farther from zero than the margin."""
+    if margin <= 0:
+        return np.asarray(np.einsum("...i,...ij,...j->...", difference, inverse, difference), dtype=np.float64)
+    angles = 2 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
+    left = difference[..., None, :] - margin * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    squared = np.einsum("...ki,...ij,...kj->...k", left, inverse, left).min(axis=-1)
+    return np.where(np.linalg.norm(difference, axis=-1) <= margin, 0.0, squared)
+
+
+def holm(p_values: ArrayLike) -> Array:
+    """Correct p-values for their number, so that at any level the chance of one false finding is at most that level.
+
+    Parameters
+    ----------
+    p_values : array_like, shape (n,)
+        Of tests that may depend on each other in any way.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Not below those given.
+
+    References
+    ----------
+    Holm, "A simple sequentially rejective multiple test procedure", Scand. J. Stat. 6 (1979) 65-70.
+    """
+    given = np.asarray(p_values, dtype=np.float64)
+    order = np.argsort(given, kind="stable")
+    corrected = np.empty_like(given)
+    corrected[order] = np.minimum(np.maximum.accumulate(given[order] * np.arange(given.size, 0, -1)), 1.0)
+    return corrected
+
+
+def no_drift(cosines: Cosines) -> Equality:
+    """Test whether the slow cosines of one or two series are no larger than the others: whether there is no drift.
+
+    Two tests share the level: one of the slowest cosine alone, which a drift to one side fills most, and one of all.
+
+    Parameters
+    ----------
+    cosines : Cosines
+        Of one or two series, with slow ones.
+
+    Returns
+    -------
+    Equality
+        The surer of the two, with twice its p-value.
+
+    Raises
+    ------
+    ModelError
+        If there are no slow cosines, more than two series, or no scatter.
+
+    References
+    ----------
+    Rao, "An asymptotic expansion of the distribution of Wilks' criterion", Bull. Inst. Int. Stat. 33 (1951) 177-180:
+    for two series Wilks' ratio has an exact F law.
+    """
+    slow, fast = cosines.slow, cosines.fast
+    if cosines.n_slow == 0 or slow.shape[1] > 2:
+        raise ModelError(f"{cosines.n_slow} slow cosines of {slow.shape[1]} series; give some, of one or two series")
+    sizes, directions = np.linalg.eigh(fast.T @ fast)
+    if not sizes[-1] > 0:
+        raise ModelError("the series do not scatter: nothing says whether a drift is significant")
+    kept = directions[:, sizes > _FLAT * sizes[-1]]
+    surer = min((_wilks(slow[:count] @ kept, fast @ kept) for count in (1, len(slow))), key=lambda t: t.p_value)
+    return replace(surer, p_value=min(1.0, 2 * surer.p_value))
+
+
+def _wilks(effect: Array, error: Array) -> Equality:
+    """Test whether one or two series have no larger values in ``effect`` than in ``error``."""
+    from scipy.stats import f
+
+    rank = effect.shape[1]
+    within = error.T @ error
+    ratio = float(np.linalg.det(within) / np.linalg.det(within + effect.T @ effect)) ** (1 / rank)
+    first, second = rank * len(effect), rank * (len(error) - rank + 1)
+    statistic = (1 - ratio) / ratio * second / first
+    return Equality(statistic=statistic, dof=(first, second), p_value=float(f.sf(statistic, first, second)))

@@ -1,0 +1,199 @@
+"""A test signal for nonlinear output frequency responses: a flat, band-limited pulse."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from deatwin.ident.frequency.powers import InputSpectrum, input_spectrum
+from deatwin.ident.frequency.ranges import checked_band, checked_sample_time
+from deatwin.ident.narx.operating import OperatingRange, read_only
+from deatwin.plant.drawing import axes_or_new
+from deatwin.plant.errors import ModelError
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["InputSpectrum", "TestSignal", "design_excitation", "input_spectrum"]
+
+Array = NDArray[np.float64]
+
+_LINES = 20  # up to the end of the band, when the period is not given
+_EDGE = 1e-9  # relative: lines that close to an end of the band are in it
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TestSignal:
+    """One period of a test signal; it is taken as an array wherever an excitation is.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n_samples,)
+        Deviations from the operating input in ``unit``, with the pulse at the first sample.
+    sample_time : float
+        Sampling interval in s.
+    band_Hz : tuple of two floats
+        Lowest and highest frequency that is excited.
+    unit : str
+        Unit of the values.
+    """
+
+    __test__ = False  # no test case, whatever its name
+
+    values: Array
+    sample_time: float
+    band_Hz: tuple[float, float]
+    unit: str
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "values", read_only(self.values))
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
+        if dtype is None and not copy:
+            return self.values
+        return np.array(self.values, dtype=dtype)
+
+    def __len__(self) -> int:
+        return self.values.size
+
+    @property
+    def amplitude(self) -> float:
+        """Largest magnitude of the values, in ``unit``."""
+        return float(np.abs(self.values).max())
+
+    @property
+    def period(self) -> float:
+        """Length in s."""
+        return self.values.size * self.sample_time
+
+    @property
+    def crest_factor(self) -> float:
+        """Amplitude by root mean square."""
+        return self.amplitude / float(np.sqrt(np.mean(self.values**2)))
+
+    def input_spectrum(self, order: int) -> InputSpectrum:
+        """Return the spectrum of a power of the signal.
+
+        Parameters
+        ----------
+        order : int
+            The power, at least 1.
+        """
+        return input_spectrum(self.values, order, self.sample_time, unit=self.unit)
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw one period, with the pulse in the middle.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Where to draw; new axes otherwise.
+
+        Returns
+        -------
+        matplotlib Axes
+        """
+        axes = axes_or_new(ax)
+        half = self.values.size // 2
+        timepts = (np.arange(self.values.size) - half) * self.sample_time
+        axes.plot(timepts, np.roll(self.values, half))
+        axes.set_xlabel("time (s)")
+        axes.set_ylabel(f"input ({self.unit})" if self.unit else "input")
+        return axes
+
+
+def design_excitation(
+    band_Hz: ArrayLike,
+    sample_time: float,
+    *,
+    amplitude: float | None = None,
+    operating: OperatingRange | None = None,
+    period: float | None = None,
+    unit: str = "",
+) -> TestSignal:
+    """Design a test signal whose powers have smooth spectra: all lines in a band, of equal size and in phase.
+
+    It is the periodic form of the pulse (3/2pi) (sin(2 pi b t) - sin(2 pi a t)) / t of the band from a to b. Since
+    all contributions to the spectrum of a power are in phase, none cancel, and a nonlinear output frequency response
+    is a mean of the generalised frequency response with positive weights. The price is a high crest factor.
+
+    Parameters
+    ----------
+    band_Hz : array_like, shape (2,)
+        Lowest and highest frequency, the latter below half the sampling rate.
+    sample_time : float
+        Sampling interval in s.
+    amplitude : float, optional
+        Largest deviation from the operating input, in the input's unit.
+    operating : OperatingRange, optional
+        Instead of the amplitude: that of the data of a model's training, within which the signal stays about their
+        centre at levels from -1 to 1.
+    period : float, optional
+        Length in s, which is rounded to whole samples; by default that of which the end of the band has 20 lines.
+    unit : str
+        Unit of the input.
+
+    Returns
+    -------
+    TestSignal
+
+    Raises
+    ------
+    ModelError
+        If the band is not two frequencies low <= high below half the sampling rate or holds no line of the period,
+        the amplitude is not positive, or amplitude and operating range are both given or both missing.
+
+    References
+    ----------
+    Lang, Billings, "Energy transfer properties of non-linear systems in the frequency domain", Int. J. Control 78
+    (2005) 345-362, doi:10.1080/00207170500095759.
+    """
+    low, high = checked_band(band_Hz, "Hz")
+    rate = 1.0 / checked_sample_time(sample_time)
+    if not 0 < high < rate / 2:
+        raise ModelError(
+            f"the band is {band_Hz!r}; it must be two frequencies (low, high) in Hz with the high one above 0 and "
+            f"below half the sampling rate, {rate / 2:g} Hz"
+        )
+    size = _amplitude(amplitude, operating)
+    n = _samples(_LINES / high if period is None else period, rate)
+    lines = np.fft.rfftfreq(n, sample_time)
+    excited = (lines >= low * (1 - _EDGE)) & (lines <= high * (1 + _EDGE))
+    if not excited[1:].any():
+        raise ModelError(
+            f"no line of a period of {n * sample_time:g} s lies in the band of {low:g} to {high:g} Hz; lines lie "
+            f"{1 / (n * sample_time):g} Hz apart: choose a longer period"
+        )
+    pulse = np.fft.irfft(excited.astype(np.float64), n)
+    inside = lines[excited]
+    return TestSignal(
+        values=size * (pulse / pulse[0]),
+        sample_time=float(sample_time),
+        band_Hz=(float(inside[0]), float(inside[-1])),
+        unit=unit,
+    )
+
+
+def _amplitude(amplitude: float | None, operating: OperatingRange | None) -> float:
+    if (amplitude is None) == (operating is None):
+        raise ModelError("give either the amplitude or the operating range of a model, and not both")
+    if operating is not None:
+        if operating.input_centre.size != 1:
+            raise ModelError(f"the operating range is of {operating.input_centre.size} inputs; it must be of one")
+        centre = operating.input_centre[0]
+        amplitude = min(centre - operating.input_min[0], operating.input_max[0] - centre)
+    if amplitude is None or not 0 < amplitude < math.inf:
+        raise ModelError(
+            f"the amplitude is {amplitude}; it must be positive (and the operating input inside of the training data)"
+        )
+    return float(amplitude)
+
+
+def _samples(period: float, rate: float) -> int:
+    if not (math.isfinite(period) and round(period * rate) >= 2):
+        raise ModelError(f"period = {period} s; it must hold at least two samples, {2 / rate:g} s")
+    return round(period * rate)

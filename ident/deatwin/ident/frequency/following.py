@@ -1,0 +1,166 @@
+"""The equilibrium of a model whose parameters change with time: followed from time to time, or held."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.frequency.dc import Equilibrium, equilibrium
+from deatwin.ident.frequency.gfrf import require_one_input
+from deatwin.ident.frequency.linear import levels, motion, operating_input_of
+from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.operating import OperatingRange
+from deatwin.ident.narx.terms import Term
+from deatwin.ident.narx.trajectory import ThetaTrajectory
+from deatwin.plant.errors import ModelError
+
+__all__ = ["followed", "hold_equilibrium"]
+
+Array = NDArray[np.float64]
+
+_CLEAR = 0.25  # an equilibrium is that of before if all others are four times as far away
+
+
+def followed(trajectory: ThetaTrajectory, timepts: Array, inputs: Array) -> Iterator[NarxModel | None]:
+    """Yield the model of each time, its centre at an equilibrium that is followed from the one that the data are near.
+
+    From one time to the next it is the nearest. Where others are about as near, the parameters of the times between
+    are asked too.
+
+    Parameters
+    ----------
+    trajectory : ThetaTrajectory
+        theta(t) of a model of one input and one output.
+    timepts : ndarray, shape (n_times,)
+        Increasing times in s.
+    inputs : ndarray, shape (n_times,)
+        Constant input of each in the input's unit.
+
+    Yields
+    ------
+    NarxModel or None
+        None where there is no equilibrium, or two meet; the last one before is then where to look from.
+    """
+    last: _Frozen | None = None
+    for time, level in zip(timepts.tolist(), inputs.tolist(), strict=True):
+        found = _step(trajectory, last, time, level)
+        last = found or last
+        yield None if found is None else found.model
+
+
+def hold_equilibrium(
+    trajectory: ThetaTrajectory, output: float, operating_input: float | None = None
+) -> ThetaTrajectory:
+    """Return a trajectory whose constant term holds the equilibrium, all other parameters being the same.
+
+    What its responses lack of the original's is the effect of the equilibrium's motion.
+
+    Parameters
+    ----------
+    trajectory : ThetaTrajectory
+        theta(t) of a model of one input and one output.
+    output : float
+        The equilibrium at all times, in the output's unit.
+    operating_input : float, optional
+        Constant input at which it is one, in the input's unit; the centre of the training data by default.
+
+    Returns
+    -------
+    ThetaTrajectory
+        With a constant term, last if there was none, and this point as the centre of its operating range.
+
+    Raises
+    ------
+    ModelError
+        If the model has several inputs or outputs, or output or input are not finite.
+    """
+    require_one_input(trajectory.model)
+    inputs = operating_input_of(trajectory.model, operating_input)
+    if not np.isfinite(output):
+        raise ModelError(f"output = {output}; the equilibrium must be a finite number")
+    regressors = trajectory.model.table.at(levels(trajectory.model, inputs, output))
+    constant, terms = Term(()), trajectory.terms
+    place = terms.index(constant) if constant in terms else len(terms)
+    others = np.where(np.arange(len(terms)) == place, 0.0, regressors)
+    # theta_new = change theta + level: the constant is what the others leave of the equilibrium, at any parameters.
+    change = np.eye(max(len(terms), place + 1), len(terms))
+    change[place] = -others
+    theta = change @ trajectory.theta
+    theta[place] += output
+    return replace(
+        trajectory,
+        model=_centred(_with_constant(trajectory.model, theta[:, -1], change), float(inputs[0]), output),
+        theta=theta,
+        theta_cov=change @ trajectory.theta_cov @ change.T,
+        drift_variance=np.zeros(len(change)),
+        log_likelihood=None,
+    )
+
+
+def _with_constant(model: NarxModel, theta: Array, change: Array) -> NarxModel:
+    return replace(
+        model,
+        terms=model.terms if len(theta) == len(model.terms) else (*model.terms, Term(())),
+        equations=(),
+        theta=theta,
+        theta_cov=change @ model.theta_cov @ change.T,
+    )
+
+
+class _Frozen(NamedTuple):
+    """The model of a time, and its equilibrium."""
+
+    time: float
+    level: float
+    output: float
+    model: NarxModel
+
+
+def _step(trajectory: ThetaTrajectory, last: _Frozen | None, time: float, level: float) -> _Frozen | None:
+    """Follow the equilibrium to a time."""
+    model = trajectory.at(time)
+    if last is not None:
+        model = _centred(model, level, last.output)
+    point = _equilibrium(model, level)
+    if point is None:
+        return None
+    if last is not None and not _is_clear(point, last.output) and _has_between(trajectory, last.time, time):
+        halfway = _step(trajectory, last, 0.5 * (last.time + time), 0.5 * (last.level + level))
+        if halfway is not None:
+            return _step(trajectory, halfway, time, level)
+    return _Frozen(time, level, point.output, _centred(model, level, point.output))
+
+
+def _equilibrium(model: NarxModel, level: float) -> Equilibrium | None:
+    """Return the equilibrium that the model's centre leads to; None if there is none, or just two that meet."""
+    try:
+        point = equilibrium(model, level)
+        motion(model, levels(model, point.operating_input, point.output))
+    except ModelError:
+        return None
+    return point
+
+
+def _is_clear(point: Equilibrium, near: float) -> bool:
+    """Whether the chosen equilibrium is much nearer to that of before than the others are."""
+    distances = np.abs(point.outputs - near)
+    return bool(np.all(distances[point.chosen] <= _CLEAR * np.delete(distances, point.chosen)))
+
+
+def _has_between(trajectory: ThetaTrajectory, first: float, last: float) -> bool:
+    """Whether the trajectory has a time between two."""
+    return bool(np.searchsorted(trajectory.timepts, last) > np.searchsorted(trajectory.timepts, first, side="right"))
+
+
+def _centred(model: NarxModel, level: float, output: float) -> NarxModel:
+    """Return the model as one whose data are near an equilibrium."""
+    u, y = np.array([level]), np.array([output])
+    if model.operating is None:
+        around = OperatingRange(input_min=u, input_max=u, input_centre=u, output_min=y, output_max=y, output_centre=y)
+    else:
+        around = replace(model.operating, input_centre=u, output_centre=y)
+    return replace(model, operating=around)

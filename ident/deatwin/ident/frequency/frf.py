@@ -1,0 +1,94 @@
+"""The frequency response of a linear model as that of any other."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from deatwin.ident.frequency.dc import Equilibrium
+from deatwin.ident.frequency.many import Evaluated, stable_polynomials
+from deatwin.ident.frequency.response import FrequencyResponse, FrequencyStatus
+from deatwin.ident.narx.linear import LinearModel
+from deatwin.ident.narx.linear.frequency import transfer, transfer_gradient
+from deatwin.ident.narx.linear.polynomials import Orders
+from deatwin.ident.narx.operating import read_only
+from deatwin.plant.errors import ModelError
+
+__all__ = ["frf"]
+
+Array = NDArray[np.float64]
+
+
+def frf(model: LinearModel, omega: ArrayLike, *, channel: int = 0) -> FrequencyResponse:
+    """Compute the frequency response B/(A F) of a linear model, with its covariance.
+
+    Parameters
+    ----------
+    model : LinearModel
+        ARX, ARMAX, output error or Box-Jenkins.
+    omega : array_like, shape (n,)
+        Angular frequency in rad/s, up to half the sampling rate on either side.
+    channel : int
+        The input, from 0.
+
+    Returns
+    -------
+    FrequencyResponse
+        H_1 in output unit by input unit; its operating point is that of no input.
+
+    Raises
+    ------
+    ModelError
+        If there is no such input, or a frequency is too high.
+    """
+    if not 0 <= channel < len(model.b):
+        raise ModelError(f"channel = {channel}; the model has {len(model.b)} input(s), counted from 0")
+    frequencies = read_only(np.atleast_1d(np.asarray(omega, dtype=np.float64)))
+    nyquist = np.pi / model.sample_time
+    if frequencies.ndim != 1 or not np.all(np.abs(frequencies) <= nyquist * (1 + 1e-9)):
+        raise ModelError(
+            f"omega must be of shape (n,) and go up to half the sampling rate, {nyquist:.6g} rad/s; got the shape "
+            f"{frequencies.shape}"
+        )
+    point, angle = _at_rest(model), frequencies * model.sample_time
+    units = (model.output_units[0], model.input_units[channel])
+    return FrequencyResponse(
+        symbol="H",
+        order=1,
+        values=transfer(model.orders, model.theta, angle, channel),
+        omega=frequencies,
+        point=point,
+        status=FrequencyStatus.at(point),
+        unit="/".join(units) if all(units) else "",
+        theta_cov=model.theta_cov,
+        differentiate=partial(transfer_gradient, model.orders, model.theta, angle, channel),
+        evaluate=partial(_of_many, model.orders, angle, channel),
+    )
+
+
+def _of_many(orders: Orders, angle: Array, channel: int, thetas: Array) -> Evaluated:
+    m = len(orders.nb)
+    ends = np.cumsum((0, *orders.sizes))
+    feedbacks = [0, *range(1 + m, 1 + 2 * m)]  # A and each F
+    ones = np.ones((len(thetas), 1))
+    stable = [stable_polynomials(np.hstack([ones, thetas[:, ends[i] : ends[i + 1]]])) for i in feedbacks]
+    return Evaluated(
+        values=transfer(orders, thetas, angle, channel),
+        exists=np.ones(len(thetas), dtype=np.bool_),
+        stable=np.all(stable, axis=0),
+    )
+
+
+def _at_rest(model: LinearModel) -> Equilibrium:
+    """The equilibrium of no input; infinite where the model integrates its offset, undefined without one."""
+    stiffness = float(model.a.sum())
+    with np.errstate(divide="ignore", invalid="ignore"):
+        output = np.divide(model.offset, stiffness)
+    return Equilibrium(
+        operating_input=read_only(np.zeros(len(model.b))),
+        outputs=read_only([output]),
+        stable=np.array([model.is_stable]),
+        chosen=0,
+    )

@@ -1,0 +1,240 @@
+"""Gain and phase of an uncertain complex number: the law of propagation, how far it holds, and the exact law.
+
+The complex number is normal in the plane (or bivariate Student-t), with any covariance of real and imaginary part.
+
+References
+----------
+Ridler, Salter, "An approach to the treatment of uncertainty in complex S-parameter measurements", Metrologia 39 (2002)
+295-302, doi:10.1088/0026-1394/39/3/6.
+Hall, "On the propagation of uncertainty in complex-valued quantities", Metrologia 41 (2004) 173-177,
+doi:10.1088/0026-1394/41/3/010.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.narx.posterior import quantile
+from deatwin.plant.errors import ModelError
+
+__all__ = ["Ellipses", "Polar", "exact_quantiles", "polar", "region_radius"]
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+_DEGENERATE = 1e-13  # of variances: below this an ellipse is a line, but for rounding
+_NOTHING = 1e-24  # of the largest variance over frequency: below this there is no response, but for rounding
+_SPIRAL = 8192  # points of the exact law; probabilities are then right to about 1e-3
+_GOLDEN = math.pi * (3.0 - math.sqrt(5.0))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Ellipses:
+    """Principal axes of covariances, without what only rounding made.
+
+    Parameters
+    ----------
+    variances : ndarray, shape (n, 2)
+        Along the axes; 0 where they are not above rounding, beside the other axis or beside all the ellipses.
+    axes : ndarray, shape (n, 2, 2)
+        In columns.
+    """
+
+    variances: Array
+    axes: Array
+
+    @classmethod
+    def of(cls, covariance: Array) -> Ellipses:
+        """Return the ellipses of covariances.
+
+        Parameters
+        ----------
+        covariance : ndarray, shape (n, 2, 2)
+            Of real and imaginary parts.
+        """
+        variances, axes = np.linalg.eigh(covariance)
+        least = np.maximum(_DEGENERATE * variances[:, -1:], _NOTHING * np.max(variances, initial=0.0))
+        return cls(variances=np.where(variances > least, variances, 0.0), axes=axes)
+
+    @property
+    def rank(self) -> NDArray[np.int64]:
+        """Number of axes that are not 0, shape (n,)."""
+        return np.asarray(np.sum(self.variances > 0, axis=-1), dtype=np.int64)
+
+    @property
+    def roots(self) -> Array:
+        """Roots R of the covariances R R', shape (n, 2, 2)."""
+        return np.asarray(self.axes * np.sqrt(self.variances)[:, None, :])
+
+    def squared_distance(self, away: Complex) -> Array:
+        """Return squared Mahalanobis distances; along an axis of 0 nothing counts.
+
+        Parameters
+        ----------
+        away : ndarray of complex, shape (..., n)
+            Deviations.
+
+        Returns
+        -------
+        ndarray, shape (..., n)
+        """
+        weights = np.divide(1.0, self.variances, out=np.zeros_like(self.variances), where=self.variances > 0)
+        along = (away.real * self.axes[:, 0, i] + away.imag * self.axes[:, 1, i] for i in (0, 1))
+        return sum((weights[:, i] * part**2 for i, part in enumerate(along)), start=np.zeros(away.shape))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Polar:
+    """Gain and phase by the law of propagation.
+
+    Parameters
+    ----------
+    covariance : ndarray, shape (n, 2, 2)
+        Of gain (in the values' unit) and phase (rad); infinite where the gain is 0.
+    gain_bend, phase_bend : ndarray, shape (n,)
+        Root mean square of the second-order term that the law leaves out, in standard deviations of the first-order
+        term; dimensionless.
+    relative_deviation : ndarray, shape (n,)
+        Standard deviation along the longer axis of the ellipse, by the gain. No series at the value sees how near 0 is,
+        on the other side of which gain and phase are others.
+    """
+
+    covariance: Array
+    gain_bend: Array
+    phase_bend: Array
+    relative_deviation: Array
+
+    @property
+    def gain_index(self) -> Array:
+        """How far the gain is from linear, shape (n,): the larger of its bend and the relative deviation."""
+        return np.maximum(self.gain_bend, self.relative_deviation)
+
+    @property
+    def phase_index(self) -> Array:
+        """How far the phase is from linear, shape (n,): the larger of its bend and the relative deviation."""
+        return np.maximum(self.phase_bend, self.relative_deviation)
+
+
+def polar(values: Complex, covariance: Array) -> Polar:
+    """Propagate the covariance of real and imaginary part to gain and phase.
+
+    With r along the value and t across it, in the same unit, the gain is g + r + t²/(2g) and the phase t/g - rt/g² to
+    second order. From the moments of a normal law follow the bends: sqrt(3) var t / (2g sd r) of the gain and
+    sqrt(var r var t + 2 cov(r, t)²) / (g sd t) of the phase.
+
+    Parameters
+    ----------
+    values : ndarray of complex, shape (n,)
+        The complex numbers.
+    covariance : ndarray, shape (n, 2, 2)
+        Of their real and imaginary parts.
+
+    Returns
+    -------
+    Polar
+    """
+    gain = np.abs(values)
+    direction = np.divide(values, gain, out=np.ones_like(values), where=gain > 0)
+    turn = np.stack([direction.real, direction.imag, -direction.imag, direction.real], axis=-1).reshape(-1, 2, 2)
+    ellipses = Ellipses.of(covariance)
+    roots = turn @ ellipses.roots
+    along = roots @ roots.swapaxes(1, 2)
+    radial, across, both = along[:, 0, 0], along[:, 1, 1], along[:, 0, 1]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        scale = np.stack([np.ones_like(gain), 1.0 / gain], axis=-1)
+        gain_bend = np.sqrt(3.0) * across / (2.0 * gain * np.sqrt(radial))
+        phase_bend = np.sqrt(radial * across + 2.0 * both**2) / (gain * np.sqrt(across))
+        turned = along * scale[:, :, None] * scale[:, None, :]
+        relative = np.sqrt(ellipses.variances.max(axis=-1)) / gain
+    # Nothing across the value bends neither, whatever the gain.
+    return Polar(
+        covariance=turned,
+        gain_bend=np.where(across > 0, gain_bend, 0.0),
+        phase_bend=np.where(across > 0, phase_bend, 0.0),
+        relative_deviation=np.where(ellipses.rank > 0, relative, 0.0),
+    )
+
+
+def region_radius(level: float, dof: float, rank: NDArray[np.int64]) -> Array:
+    """Return the Mahalanobis radius of the region of a probability, in the metric of the covariance.
+
+    Of two dimensions -2 ln(1 - level) is the square of the normal's, and (dof - 2)((1 - level)^(-2/dof) - 1) that of
+    the Student-t's. Where the covariance is of rank 1, the region is a segment, with the quantile of one dimension.
+
+    Parameters
+    ----------
+    level : float
+        Probability, between 0 and 1.
+    dof : float
+        Degrees of freedom of a Student-t law; infinite for a normal one.
+    rank : ndarray of int, shape (n,)
+        Rank of each covariance.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+
+    Raises
+    ------
+    ModelError
+        If the level is not between 0 and 1.
+    """
+    shrink = 1.0 if math.isinf(dof) else math.sqrt((dof - 2) / dof)
+    line = quantile(level, dof) * shrink
+    return np.where(rank == 1, line, math.sqrt(float(_squared_radius(np.array(level), dof))))
+
+
+def exact_quantiles(
+    values: Complex, covariance: Array, dof: float, gain_shares: Array, phase_shares: Array
+) -> tuple[Array, Array]:
+    """Return quantiles of the gain and of the phase of normal or Student-t complex numbers, without linearising.
+
+    They are those of points that fill the law evenly (a golden-angle spiral at the quantiles of the radius), so that
+    probabilities are right to about 1e-3.
+
+    Parameters
+    ----------
+    values : ndarray of complex, shape (n,)
+        Means.
+    covariance : ndarray, shape (n, 2, 2)
+        Of real and imaginary part.
+    dof : float
+        Degrees of freedom; infinite for a normal law.
+    gain_shares, phase_shares : ndarray, shape (n, k)
+        Probabilities, for each value its own.
+
+    Returns
+    -------
+    gain : ndarray, shape (n, k)
+        In the values' unit.
+    phase : ndarray, shape (n, k)
+        In rad, as deviations from the phase of the value, between -π and π.
+    """
+    points = _spiral(dof)
+    gains, phases = np.empty(gain_shares.shape), np.empty(phase_shares.shape)
+    for i, root in enumerate(Ellipses.of(covariance).roots):
+        real, imaginary = root @ points
+        cloud = values[i] + real + 1j * imaginary
+        turned = cloud * np.conj(values[i]) if values[i] != 0 else cloud
+        gains[i] = np.quantile(np.abs(cloud), gain_shares[i])
+        phases[i] = np.quantile(np.angle(turned), phase_shares[i])
+    return gains, phases
+
+
+def _spiral(dof: float) -> Array:
+    """Points of the law with unit covariance, shape (2, _SPIRAL)."""
+    number = np.arange(_SPIRAL)
+    radius = np.sqrt(_squared_radius((number + 0.5) / _SPIRAL, dof))
+    return radius * np.stack([np.cos(_GOLDEN * number), np.sin(_GOLDEN * number)])
+
+
+def _squared_radius(level: Array, dof: float) -> Array:
+    if not np.all((level > 0) & (level < 1)):
+        raise ModelError(f"level = {level}; it must lie between 0 and 1")
+    if math.isinf(dof):
+        return np.asarray(-2.0 * np.log1p(-level))
+    return np.asarray((dof - 2.0) * np.expm1(-2.0 / dof * np.log1p(-level)))

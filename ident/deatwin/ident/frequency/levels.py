@@ -1,0 +1,181 @@
+"""Levels of an excitation, and the fit of the output's orders to its spectra at several levels."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from deatwin.ident.frequency.checks import real_numbers
+from deatwin.ident.narx.operating import read_only
+from deatwin.plant.errors import ModelError
+
+__all__ = ["LevelFit", "chebyshev_levels", "checked_levels", "fit_orders"]
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Flags = NDArray[np.bool_]
+
+_BETTER = 2.0  # fewer orders are taken unless more of them make the error this many times smaller
+_ROUNDING = 1e-12  # share of the spectra that is rounding
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LevelFit:
+    """Orders of the output, fitted line by line to its spectra at several levels.
+
+    Parameters
+    ----------
+    orders : ndarray of complex, shape (N, n_lines)
+        Y_1, ..., Y_N at level 1 as Fourier coefficients; zero at lines that an order does not reach.
+    condition : float
+        Condition number of the powers of the levels, columns scaled to length one.
+    residual : ndarray, shape (n_levels, N)
+        Share of the spectrum at each level that the first n orders leave, in root sum of squares over the lines.
+    left_out : ndarray, shape (n_tried,)
+        For fits of 1, 2, ... orders: share of the spectra that the fit without a level leaves there, over all levels;
+        infinite where there are not more levels than orders.
+    changes : ndarray, shape (N, n_lines)
+        Magnitude by which each of the orders moves when two more are fitted; NaN where the levels are too few.
+    """
+
+    orders: Complex
+    condition: float
+    residual: Array
+    left_out: Array
+    changes: Array
+
+
+def chebyshev_levels(count: int) -> Array:
+    """Return levels of both signs for fitting polynomials without a constant: Chebyshev nodes, the largest at 1.
+
+    An even number of nodes leaves out zero, where the output is zero and tells nothing; the nodes crowd towards the
+    ends, which keeps the condition of the fit low.
+
+    Parameters
+    ----------
+    count : int
+        How many, even.
+
+    Returns
+    -------
+    ndarray, shape (count,)
+        Decreasing from 1 to -1.
+
+    Raises
+    ------
+    ModelError
+        If the number is not even and positive.
+    """
+    if count < 2 or count % 2:
+        raise ModelError(f"{count} levels; the number must be even and positive, so that they come in pairs without 0")
+    angles = (2 * np.arange(count // 2) + 1) * np.pi / (2 * count)
+    positive = np.cos(angles) / np.cos(angles[0])
+    return read_only(np.concatenate([positive, -positive[::-1]]))
+
+
+def checked_levels(levels: ArrayLike) -> Array:
+    """Return levels after a check.
+
+    Parameters
+    ----------
+    levels : array_like, shape (n_levels,)
+        Factors of the excitation.
+
+    Returns
+    -------
+    ndarray, shape (n_levels,)
+
+    Raises
+    ------
+    ModelError
+        If they are not distinct finite numbers other than 0.
+    """
+    values = real_numbers(levels, "the levels")
+    if values.ndim != 1:
+        raise ModelError(f"the levels have the shape {values.shape}; they must be of shape (n_levels,)")
+    if not np.all(np.isfinite(values)) or np.any(values == 0):
+        raise ModelError("the levels must be finite factors of the excitation other than 0, where the output is zero")
+    if np.unique(values).size < values.size:
+        raise ModelError("the levels must be distinct: one twice tells nothing new")
+    return values
+
+
+def fit_orders(levels: Array, spectra: Complex, in_range: Sequence[Flags], tried: range) -> LevelFit:
+    """Fit Y(a) = a Y_1 + a^2 Y_2 + ... at each line by least squares over the levels a.
+
+    Of several numbers of orders the smallest is taken whose error at levels left out, one after the other, is at most
+    twice the smallest.
+
+    Parameters
+    ----------
+    levels : ndarray, shape (n_levels,)
+        At least as many as the fewest orders.
+    spectra : ndarray of complex, shape (n_levels, n_lines)
+        The output's at each level.
+    in_range : sequence of ndarray of bool, shape (n_lines,)
+        Which lines each order reaches; only such orders are fitted to a line. Two more than the most orders.
+    tried : range
+        Numbers of orders.
+
+    Returns
+    -------
+    LevelFit
+    """
+    reached = np.array(in_range[: levels.size])
+    left_out = _left_out(levels, spectra, reached, min(tried[-1], levels.size))
+    errors = left_out[tried[0] - 1 :]
+    number = tried[int(np.argmax(errors <= max(_BETTER * errors.min(), _ROUNDING)))]
+    orders, _ = _least_squares(levels, spectra, reached[:number])
+    changes = np.full(orders.shape, np.nan)
+    if number + 2 <= levels.size:
+        changes = np.abs(_least_squares(levels, spectra, reached[: number + 2])[0][:number] - orders)
+    powers, lengths = _powers(levels, number)
+    return LevelFit(
+        orders=orders,
+        condition=float(np.linalg.cond(powers / lengths)),
+        residual=_residual(powers, spectra, orders),
+        left_out=left_out,
+        changes=changes,
+    )
+
+
+def _least_squares(levels: Array, spectra: Complex, in_range: Flags) -> tuple[Complex, Complex]:
+    """The orders; and of each spectrum, what the fit to all other levels leaves of it."""
+    powers, lengths = _powers(levels, len(in_range))
+    orders, left_out = np.zeros(in_range.shape, dtype=np.complex128), spectra.copy()
+    sets, which = np.unique(in_range, axis=1, return_inverse=True)
+    for number, present in enumerate(sets.T):
+        if not present.any():
+            continue
+        lines = which.ravel() == number
+        q, r = np.linalg.qr((powers / lengths)[:, present])
+        projected = q.T @ spectra[:, lines]
+        orders[np.ix_(present, lines)] = np.linalg.solve(r, projected) / lengths[present, None]
+        # without a level its residual grows by one over 1 - its leverage
+        freedom = np.maximum(1.0 - np.sum(q**2, axis=1), np.finfo(float).eps)
+        left_out[:, lines] = (spectra[:, lines] - q @ projected) / freedom[:, None]
+    return orders, left_out
+
+
+def _left_out(levels: Array, spectra: Complex, in_range: Flags, most: int) -> Array:
+    """For 1, 2, ... orders: the share of the spectra that is left at levels that the fit has not seen."""
+    errors = np.full(most, np.inf)
+    for n in range(1, min(most, levels.size - 1) + 1):
+        errors[n - 1] = np.linalg.norm(_least_squares(levels, spectra, in_range[:n])[1])
+    return np.asarray(errors / (np.linalg.norm(spectra) or 1.0), dtype=np.float64)
+
+
+def _residual(powers: Array, spectra: Complex, orders: Complex) -> Array:
+    """The share of each spectrum that the first n orders leave, shape (n_levels, n_orders)."""
+    sums = np.cumsum(powers[:, :, None] * orders, axis=1)
+    left, size = np.linalg.norm(spectra[:, None, :] - sums, axis=2), np.linalg.norm(spectra, axis=1)[:, None]
+    return np.divide(left, size, out=np.zeros_like(left), where=size > 0)
+
+
+def _powers(levels: Array, n_orders: int) -> tuple[Array, Array]:
+    """The matrix of the fit, shape (n_levels, n_orders), and the lengths of its columns."""
+    powers = levels[:, None] ** np.arange(1, n_orders + 1)
+    return powers, np.linalg.norm(powers, axis=0)

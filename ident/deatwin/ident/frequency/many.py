@@ -1,0 +1,243 @@
+"""Frequency responses of one structure at many parameters at once, as for draws of a posterior.
+
+The equilibrium of each is that on the branch of the model's own, to which it is followed in small steps of the
+parameters; where the branch ends, there is none.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.frequency.dc import Equilibrium, expand
+from deatwin.ident.frequency.hierarchy import Jet, solve_parts
+from deatwin.ident.frequency.linear import levels
+from deatwin.ident.frequency.parts import FORMS, Orders
+from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.terms import Term
+
+__all__ = ["Evaluated", "gfrf_of_many", "spectrum_of_many", "stable_polynomials"]
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+_BLOCK = 16384  # values of a block of draws, which stay in the processor's cache
+_MOST = 2048  # frequencies of a block
+_STEPS = 4  # of the parameters, from the model's own to the draw
+_NEWTON = 12
+_BETWEEN = 9  # points at which extrema between two outputs are looked for
+_SETTLED = 1e-9  # of the equation, relative to its terms
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Evaluated:
+    """A frequency response at many parameters.
+
+    Parameters
+    ----------
+    values : ndarray of complex, shape (n_draws, n)
+        NaN where there is no equilibrium.
+    exists : ndarray of bool, shape (n_draws,)
+        Whether there is one.
+    stable : ndarray of bool, shape (n_draws,)
+        Whether it is stable.
+    """
+
+    values: Complex
+    exists: NDArray[np.bool_]
+    stable: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Many:
+    """Models of the deviations from their equilibria, for the draws that have one.
+
+    Parameters
+    ----------
+    terms : sequence of Term
+        Of all.
+    theta : ndarray, shape (n_terms, n_kept)
+        Their parameters.
+    exists : ndarray of bool, shape (n_draws,)
+        Which draws have an equilibrium.
+    stable : ndarray of bool, shape (n_draws,)
+        Which have a stable one.
+    """
+
+    terms: Sequence[Term]
+    theta: Array
+    exists: NDArray[np.bool_]
+    stable: NDArray[np.bool_]
+
+
+def gfrf_of_many(model: NarxModel, point: Equilibrium, angles: Array, form: str, thetas: Array) -> Evaluated:
+    """Compute H_n at many parameters.
+
+    Parameters
+    ----------
+    model : NarxModel
+        The model.
+    point : Equilibrium
+        Its operating point.
+    angles : ndarray, shape (n, order)
+        Normalised frequencies, rad/sample.
+    form : str
+        As for `deatwin.ident.frequency.gfrf`.
+    thetas : ndarray, shape (n_draws, n_terms)
+        Parameters.
+
+    Returns
+    -------
+    Evaluated
+    """
+    many = _deviations(model, point, thetas)
+    values = np.full((len(thetas), len(angles)), np.nan + 0j)
+    for first in range(0, len(angles), _MOST):
+        tones = FORMS[form](angles[first : first + _MOST])
+        for draws, theta in _blocks(many, min(len(angles), _MOST)):
+            part = solve_parts(many.terms, theta, tones, by_theta=False).get(tones.whole)
+            values[draws, first : first + _MOST] = _or_zero(part) / tones.repeats
+    return Evaluated(values=values, exists=many.exists, stable=many.stable)
+
+
+def spectrum_of_many(
+    model: NarxModel, point: Equilibrium, parts: Orders, wanted: Sequence[int], thetas: Array
+) -> Evaluated:
+    """Compute a sum of orders of the output's spectrum at many parameters.
+
+    Parameters
+    ----------
+    model : NarxModel
+        The model.
+    point : Equilibrium
+        Its operating point.
+    parts : Orders
+        One period of the excitation.
+    wanted : sequence of int
+        The orders that are summed.
+    thetas : ndarray, shape (n_draws, n_terms)
+        Parameters.
+
+    Returns
+    -------
+    Evaluated
+    """
+    many = _deviations(model, point, thetas)
+    n = parts.excitation.size
+    values = np.full((len(thetas), n // 2 + 1), np.nan + 0j)
+    for draws, theta in _blocks(many, n):
+        found = solve_parts(many.terms, theta, parts, by_theta=False)
+        output = sum((_or_zero(found.get(order)) for order in wanted), start=np.zeros(n))
+        values[draws] = np.fft.rfft(output) / n
+    return Evaluated(values=values, exists=many.exists, stable=many.stable)
+
+
+def stable_polynomials(coefficients: Array) -> NDArray[np.bool_]:
+    """Return whether all roots of polynomials lie inside of the unit circle, by the recursion of Schur and Cohn.
+
+    Parameters
+    ----------
+    coefficients : ndarray, shape (..., order + 1)
+        Of powers of the backward shift, from q^0 on; the first is 1.
+
+    Returns
+    -------
+    ndarray of bool, shape (...)
+    """
+    rest = np.asarray(coefficients, dtype=np.float64)
+    stable = np.ones(rest.shape[:-1], dtype=np.bool_)
+    while rest.shape[-1] > 1:
+        last = rest[..., -1:]
+        stable &= np.abs(last[..., 0]) < 1.0
+        safe = np.where(np.abs(last) < 1.0, last, 0.0)
+        rest = (rest - safe * rest[..., ::-1])[..., :-1] / (1.0 - safe**2)
+    return stable
+
+
+def _or_zero(jet: Jet | None) -> Array:
+    return np.zeros(1) if jet is None else jet.value
+
+
+def _blocks(many: _Many, n: int) -> Iterator[tuple[NDArray[np.int64], Array]]:
+    """Cut the draws that have an equilibrium; yield where they stand, and their parameters."""
+    kept, size = np.flatnonzero(many.exists), max(1, _BLOCK // n)
+    for first in range(0, kept.size, size):
+        yield kept[first : first + size], many.theta[:, first : first + size]
+
+
+def _deviations(model: NarxModel, point: Equilibrium, thetas: Array) -> _Many:
+    """Expand the model at each parameters' equilibrium, as `deatwin.ident.frequency.dc.deviations` does at one."""
+    outputs, exists = _follow(model, point, thetas)
+    theta, outputs = thetas[exists].T, outputs[exists]
+    expansion: dict[Term, Array] = defaultdict(lambda: np.zeros(outputs.size))
+    for m, term in enumerate(model.terms):
+        for remaining, share, _ in expand(term, point.operating_input, outputs):
+            expansion[remaining] += share * theta[m]
+    expansion.pop(Term(()), None)
+    terms = tuple(sorted(expansion, key=lambda t: (t.degree, t.factors)))
+    stable = np.zeros(len(thetas), dtype=np.bool_)
+    stable[exists] = stable_polynomials(_feedback_polynomial(expansion, outputs.size))
+    return _Many(terms=terms, theta=np.array([expansion[term] for term in terms]), exists=exists, stable=stable)
+
+
+def _feedback_polynomial(expansion: dict[Term, Array], count: int) -> Array:
+    """1 - sum_l a_l q^-l of each, shape (count, largest lag + 1)."""
+    linear = {t.expanded[0].lag: a for t, a in expansion.items() if t.degree == 1 and t.expanded[0].kind == "y"}
+    polynomial = np.zeros((count, max(linear, default=0) + 1))
+    polynomial[:, 0] = 1.0
+    for lag, a in linear.items():
+        polynomial[:, lag] -= a
+    return polynomial
+
+
+def _follow(model: NarxModel, point: Equilibrium, thetas: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Follow the equilibrium from the model's parameters to others by Newton's method; say where it arrives.
+
+    A root beyond an extremum of y - f(y) belongs to another branch: the model's own has ended in a fold.
+    """
+    is_output = np.array([v.kind == "y" for v in model.table.variables], dtype=bool)
+    degrees = model.table.exponents[:, is_output].sum(axis=1)
+    weights = model.table.at(levels(model, point.operating_input, 1.0))
+    powers = np.arange(int(degrees.max(initial=0)) + 1)
+    collect = (degrees == powers[:, None]) * weights  # of f as a polynomial in the output, coefficient by term
+    outputs, follows = np.full(len(thetas), point.output), np.ones(len(thetas), dtype=np.bool_)
+    start, way = collect @ model.theta, (thetas - model.theta) @ collect.T
+    with np.errstate(all="ignore"):
+        for share in np.linspace(0.0, 1.0, _STEPS + 1)[1:]:
+            coefficients, before = start + share * way, outputs
+            for _ in range(_NEWTON):
+                residual, stiffness, size = _equation(coefficients, powers, outputs)
+                outputs = outputs - residual / stiffness
+                if np.all(np.abs(residual) <= _SETTLED * size):
+                    break
+            residual, _, size = _equation(coefficients, powers, outputs)
+            follows &= np.isfinite(outputs) & (np.abs(residual) <= _SETTLED * size)
+            follows &= ~_extremum_between(coefficients, powers, before, outputs)
+    return outputs, follows
+
+
+def _extremum_between(
+    coefficients: Array, powers: NDArray[np.int64], first: Array, last: Array
+) -> NDArray[np.bool_]:
+    """Return whether y - f(y) has an extremum between two outputs."""
+    if powers.size < 3:  # it is linear
+        return np.zeros(first.size, dtype=np.bool_)
+    shares = np.linspace(0.0, 1.0, _BETWEEN)
+    falls = np.array([_equation(coefficients, powers, first + s * (last - first))[1] < 0 for s in shares])
+    return np.asarray(np.any(falls != falls[0], axis=0))
+
+
+def _equation(coefficients: Array, powers: NDArray[np.int64], outputs: Array) -> tuple[Array, Array, Array]:
+    """Return y - f(y), its slope, and the size of its terms."""
+    residual, stiffness, size = outputs.copy(), np.ones_like(outputs), np.abs(outputs)
+    for power, coefficient in zip(powers, coefficients.T, strict=True):
+        term = coefficient * outputs**power
+        residual -= term
+        size += np.abs(term)
+        if power:
+            stiffness -= power * coefficient * outputs ** (power - 1)
+    return residual, stiffness, size

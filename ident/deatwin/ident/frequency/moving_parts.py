@@ -1,0 +1,187 @@
+"""What parameters that move add to a response of parameters that stand still, to first order in their rate.
+
+A part of the output of a system that varies slowly is Y(t) e^(jwt) with an amplitude that changes, so that a delay is
+
+    q^-l Y(t) e^(jwt) = (Y(t) - l dY/dt) e^(jw(t - l)) + second order,
+
+the rates being those of the amplitudes of parameters that stand still. The equations of the parts with this delay give
+the response of the system that varies. For a linear system with 1 - sum_l a_l e^(-jwl) = A, the difference is
+
+    -(dH/dt) sum_l l a_l e^(-jwl) / A :
+
+the rate of the response times the group delay of 1/A. The equilibrium lags in the same way, and each delayed factor of
+a product sees it at a level of its own.
+
+References
+----------
+Zadeh, "Frequency analysis of variable networks", Proc. IRE 38 (1950) 291-299.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.frequency.dc import deviations
+from deatwin.ident.frequency.hierarchy import Feedback, Jet, Parts, solve_parts
+from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.terms import Term, Variable
+
+__all__ = ["MovingParts", "Reading", "correction"]
+
+Array = NDArray[Any]
+Complex = NDArray[np.complex128]
+Reading = Callable[[Mapping[int, Jet]], Array | None]
+"""Takes from the parts what is wanted, shape (n_times, n); None where it is zero."""
+
+_BLOCK = 65536  # values of a block of times bound the memory
+
+
+class MovingParts:
+    """Parts whose amplitudes change along their first axis.
+
+    Parameters
+    ----------
+    parts : Parts
+        Of what kind.
+    rates : mapping of int to ndarray, shape (n_times, n)
+        Change of each part in one sample.
+    """
+
+    def __init__(self, parts: Parts, rates: Mapping[int, Array]) -> None:
+        self.parts = parts
+        self.rates = rates
+
+    @property
+    def order(self) -> Sequence[int]:
+        """As of the parts."""
+        return self.parts.order
+
+    def splits(self, part: int) -> Iterable[tuple[int, int]]:
+        """As of the parts.
+
+        Parameters
+        ----------
+        part : int
+            What is split.
+        """
+        return self.parts.splits(part)
+
+    def input(self, part: int, lag: int) -> Array | None:
+        """As of the parts: the input does not change its amplitude.
+
+        Parameters
+        ----------
+        part : int
+            Which part.
+        lag : int
+            Samples.
+        """
+        return self.parts.input(part, lag)
+
+    def delayed(self, values: Array, part: int, lag: int) -> Array:
+        """Delay a part, the amplitude of a lag ago included.
+
+        Parameters
+        ----------
+        values : ndarray, shape (n_times, n)
+            The part.
+        part : int
+            Which part it is.
+        lag : int
+            Samples.
+        """
+        return self.parts.delayed(values - lag * self.rates[part], part, lag)
+
+    def filtered(self, values: Array, part: int, feedback: Feedback) -> Array:
+        """Solve (1 - sum_l a_l q^-l) v = values with that delay.
+
+        Parameters
+        ----------
+        values : ndarray, shape (n_times, n)
+            Right side.
+        part : int
+            Which part it is.
+        feedback : sequence of (int, ndarray)
+            Lags l and their a_l.
+        """
+        memory = sum(lag * a * self.parts.delayed(self.rates[part], part, lag) for lag, a in feedback)
+        return self.parts.filtered(values - memory, part, feedback)
+
+
+def correction(models: Sequence[NarxModel | None], timepts: Array, parts: Parts, read: Reading, size: int) -> Complex:
+    """Compute what the motion of the parameters adds to a response, to first order.
+
+    Parameters
+    ----------
+    models : sequence of (NarxModel or None), length n_times
+        Model of each time, the centre of its operating range being its equilibrium; None where there is none.
+    timepts : ndarray, shape (n_times,)
+        Times in s.
+    parts : Parts
+        Of the response.
+    read : callable
+        Takes the response from the parts.
+    size : int
+        Number n of its values.
+
+    Returns
+    -------
+    ndarray of complex, shape (n_times, n)
+        NaN where a neighbour in time is missing.
+    """
+    added = np.full((timepts.size, size), np.nan, dtype=np.complex128)
+    step = max(_BLOCK // size, 1)
+    for first in range(0, timepts.size if timepts.size > 1 else 0, step):
+        low, high = max(first - 1, 0), min(first + step + 1, timepts.size)  # a rate takes both neighbours
+        block = _added(models[low:high], timepts[low:high], parts, read)
+        if block is not None:
+            added[first : first + step] = block[first - low : first - low + step]
+    return added
+
+
+def _added(models: Sequence[NarxModel | None], timepts: Array, parts: Parts, read: Reading) -> Array | None:
+    found = [None if model is None else deviations(model) for model in models]
+    known = [about for about in found if about is not None]
+    if not known:
+        return None
+    terms, blank = known[0].model.terms, np.full(known[0].model.theta.size, np.nan)
+    theta = np.stack([blank if about is None else about.model.theta for about in found], axis=-1)
+    points = [
+        (np.nan, np.nan) if about is None else (about.point.output, float(about.point.operating_input[0]))
+        for about in found
+    ]
+    samples = timepts / known[0].model.sample_time
+    with np.errstate(invalid="ignore"):  # of times that are missing
+        frozen = solve_parts(terms, theta, parts, by_theta=False)
+        rates = {part: np.gradient(jet.value, samples, axis=0) for part, jet in frozen.items()}
+        moved = _moved(terms, theta, *np.gradient(np.array(points), samples, axis=0).T)
+        true, still = read(solve_parts(terms, moved, MovingParts(parts, rates), by_theta=False)), read(frozen)
+    return 0.0 * theta[:1].T if true is None or still is None else true - still
+
+
+def _moved(terms: Sequence[Term], theta: Array, output_rate: Array, input_rate: Array) -> Array:
+    """Expand about the levels that the delayed factors see while the equilibrium moves, shape (n_terms, n_times)."""
+    place = {term: m for m, term in enumerate(terms)}
+    linear = {term.factors[0][0]: theta[m] for term, m in place.items() if term.degree == 1}
+    rates: dict[str, Array] = {"y": output_rate, "u": input_rate}
+    drive = sum(variable.lag * a * rates[variable.kind] for variable, a in linear.items())
+    behind = drive / (1.0 - sum(a for variable, a in linear.items() if variable.kind == "y"))
+    moved = theta.copy()
+    for m, term in enumerate(terms):
+        for variable, power in term.factors:
+            rest = _without(term, variable)
+            if rest in place:
+                lag = variable.lag * rates[variable.kind] + (behind if variable.kind == "y" else 0.0)
+                moved[place[rest]] -= power * theta[m] * lag
+    return moved
+
+
+def _without(term: Term, variable: Variable) -> Term:
+    """Take one factor away."""
+    factors = list(term.expanded)
+    factors.remove(variable)
+    return Term.product(factors)

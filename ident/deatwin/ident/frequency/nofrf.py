@@ -1,0 +1,326 @@
+"""Nonlinear output frequency responses of polynomial NARX models."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from deatwin.ident.frequency.checks import whole_order
+from deatwin.ident.frequency.dc import Deviations, deviations
+from deatwin.ident.frequency.excitation import TestSignal
+from deatwin.ident.frequency.gfrf import require_one_input, unit_of
+from deatwin.ident.frequency.levels import LevelFit, chebyshev_levels, checked_levels, fit_orders
+from deatwin.ident.frequency.many import Evaluated
+from deatwin.ident.frequency.nofrf_result import Nofrf, NofrfStatus, NofrfWarning
+from deatwin.ident.frequency.powers import InputSpectrum, input_spectrum
+from deatwin.ident.frequency.response import FrequencyResponse
+from deatwin.ident.frequency.spectrum import one_period, output_orders, spectrum_of
+from deatwin.ident.frequency.steady import steady_state
+from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.operating import read_only
+from deatwin.plant.errors import ModelError
+
+__all__ = ["Nofrf", "NofrfStatus", "NofrfWarning", "nofrf", "nofrf_direct"]
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+_MORE = 4  # orders beyond that asked for, which may be fitted
+_NOTHING = 1e-10  # changes below this share of the largest line are rounding, as of an order that is zero
+_CONDITION = 1e8  # beyond it half of the digits are lost
+_TRUNCATION = 0.01  # share of an order, root mean squares over its lines
+
+
+def nofrf(
+    model: NarxModel,
+    excitation: ArrayLike,
+    order: int,
+    *,
+    levels: ArrayLike | None = None,
+    highest: int | None = None,
+    operating_input: ArrayLike | None = None,
+) -> Nofrf:
+    """Compute nonlinear output frequency responses by least squares over levels of an excitation.
+
+    The output's spectrum in the steady state is Y = G_1 U_1 + G_2 U_2 + ..., where U_n is the spectrum of the input's
+    n-th power. The model is run at several levels of the excitation, and the orders are told apart line by line by
+    how they grow; an order is fitted only where sums of n of the input's frequencies reach.
+
+    Parameters
+    ----------
+    model : NarxModel
+        Model of one input and one output.
+    excitation : array_like, shape (n_samples,)
+        One period of the input as deviations from the operating input, at the model's sample time, in the input's
+        unit; see `design_excitation`.
+    order : int
+        The order n that is wanted, at least 1.
+    levels : array_like, shape (n_levels,), optional
+        Factors of the excitation; by default Chebyshev nodes of both signs, twice as many as orders.
+    highest : int, optional
+        How many orders are fitted; by default the fewest, from ``order`` to four more, whose error at levels left out
+        is at most twice the smallest.
+    operating_input : float, optional
+        Constant input about which the model is analysed, in the input's unit; the centre of the training data by
+        default.
+
+    Returns
+    -------
+    Nofrf
+
+    Warns
+    -----
+    NofrfWarning
+        If the status is not OK.
+
+    Raises
+    ------
+    ModelError
+        If order, levels or excitation are not as described, the levels (without those at which the model diverges)
+        are fewer than the orders, or the model has several inputs or no equilibrium.
+
+    References
+    ----------
+    Lang, Billings, "Energy transfer properties of non-linear systems in the frequency domain", Int. J. Control 78
+    (2005) 345-362, doi:10.1080/00207170500095759.
+    """
+    order = whole_order(order)
+    wanted = _wanted_orders(order, highest)
+    require_one_input(model)
+    period = _period_at(excitation, model.sample_time)
+    factors = chebyshev_levels(2 * max(wanted[-1], 2)) if levels is None else checked_levels(levels)
+    if factors.size < wanted[0]:
+        raise ModelError(f"{factors.size} level(s) cannot tell {wanted[0]} orders apart; give at least {wanted[0]}")
+    powers = _powers(model, period, wanted[-1] + 2)
+    runs = _run(deviations(model, operating_input), period, factors, wanted[0])
+    fit = fit_orders(runs.levels, runs.spectra, [u.in_range for u in powers], wanted)
+    exact = output_orders(model, period, len(fit.orders), operating_input=operating_input)
+    found = _judged(_result(model, order, exact, powers[: len(exact)], runs, fit), runs)
+    if not found.status.ok:
+        warnings.warn(_said(found), NofrfWarning, stacklevel=2)
+    return found
+
+
+def nofrf_direct(
+    model: NarxModel, excitation: ArrayLike, order: int, *, operating_input: ArrayLike | None = None
+) -> FrequencyResponse:
+    """Compute a nonlinear output frequency response from the model's equations, without truncation.
+
+    G_n = Y_n / U_n, with the n-th order of the output as `output_orders` computes it.
+
+    Parameters
+    ----------
+    model : NarxModel
+        As for `nofrf`.
+    excitation : array_like, shape (n_samples,)
+        As for `nofrf`.
+    order : int
+        n, at least 1.
+    operating_input : float, optional
+        As for `nofrf`.
+
+    Returns
+    -------
+    FrequencyResponse
+        G_n in output unit by power n of the input unit, at the lines of the period where U_n is not zero.
+
+    Warns
+    -----
+    NofrfWarning
+        If the excitation does not suit the order.
+
+    Raises
+    ------
+    ModelError
+        As `output_orders`, or if the excitation is zero.
+
+    References
+    ----------
+    Lang, Billings, "Energy transfer properties of non-linear systems in the frequency domain", Int. J. Control 78
+    (2005) 345-362, doi:10.1080/00207170500095759.
+    """
+    order = whole_order(order)
+    require_one_input(model)
+    period = _period_at(excitation, model.sample_time)
+    power = input_spectrum(period, order, model.sample_time, unit=model.input_units[0])
+    if not power.suitable:
+        warnings.warn(NofrfStatus.ERRATIC_EXCITATION.value, NofrfWarning, stacklevel=2)
+    output = output_orders(model, period, order, operating_input=operating_input)[-1]
+    return _quotient(output, power, unit_of(model, order))
+
+
+def _wanted_orders(order: int, highest: int | None) -> range:
+    """How many orders may be fitted."""
+    if highest is None:
+        return range(order, order + _MORE + 1)
+    is_whole = isinstance(highest, int | np.integer) and not isinstance(highest, bool)
+    if not is_whole or highest < order:
+        raise ModelError(f"highest = {highest!r}; it must be an integer, at least the order, {order}")
+    return range(int(highest), int(highest) + 1)
+
+
+def _period_at(excitation: ArrayLike, sample_time: float) -> Array:
+    if isinstance(excitation, TestSignal) and not np.isclose(excitation.sample_time, sample_time, rtol=1e-9, atol=0.0):
+        raise ModelError(
+            f"the excitation has a sample time of {excitation.sample_time:g} s, the model one of {sample_time:g} s; "
+            "design it at the model's"
+        )
+    return one_period(excitation)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Runs:
+    """Spectra of the output at the levels at which it stays finite.
+
+    Parameters
+    ----------
+    levels : ndarray, shape (n_levels,)
+        Factors of the excitation.
+    spectra : ndarray of complex, shape (n_levels, n_lines)
+        Of the output's deviations.
+    lost : ndarray
+        Factors at which the model diverges.
+    settled : bool
+        Whether all others repeat.
+    """
+
+    levels: Array
+    spectra: Complex
+    lost: Array
+    settled: bool
+
+
+def _run(about: Deviations, period: Array, levels: Array, needed: int) -> _Runs:
+    states = [steady_state(about.model, level * period) for level in levels]
+    kept = np.array([not state.diverged for state in states])
+    if kept.sum() < needed:
+        advice = "lower the amplitude of the excitation" if about.point.is_stable else NofrfStatus.UNSTABLE.value
+        raise ModelError(
+            f"the model diverges at {_written(levels[~kept])} times the excitation; {kept.sum()} level(s) left cannot "
+            f"tell {needed} orders apart: {advice}"
+        )
+    return _Runs(
+        levels=levels[kept],
+        spectra=spectrum_of([state.values for state in states if not state.diverged]),
+        lost=levels[~kept],
+        settled=all(state.settled for state in states if not state.diverged),
+    )
+
+
+def _powers(model: NarxModel, period: Array, count: int) -> tuple[InputSpectrum, ...]:
+    unit = model.input_units[0]
+    return tuple(input_spectrum(period, n, model.sample_time, unit=unit) for n in range(1, count + 1))
+
+
+def _result(
+    model: NarxModel,
+    order: int,
+    exact: Sequence[FrequencyResponse],
+    inputs: tuple[InputSpectrum, ...],
+    runs: _Runs,
+    fit: LevelFit,
+) -> Nofrf:
+    """What was fitted, before it is judged; its derivatives are those of the exact orders, without truncation."""
+    outputs = tuple(replace(y, values=values, evaluate=None) for y, values in zip(exact, fit.orders, strict=True))
+    return Nofrf(
+        order=order,
+        orders=tuple(_quotient(y, u, unit_of(model, u.order)) for y, u in zip(outputs, inputs, strict=True)),
+        outputs=outputs,
+        inputs=inputs,
+        levels=read_only(runs.levels),
+        lost_levels=read_only(runs.lost),
+        condition=fit.condition,
+        residual=fit.residual,
+        left_out=fit.left_out,
+        truncation=tuple(
+            change[u.defined] / np.abs(u.values[u.defined]) for change, u in zip(fit.changes, inputs, strict=True)
+        ),
+        advisable_level=1.0,
+        status=NofrfStatus.OK,
+    )
+
+
+def _judged(found: Nofrf, runs: _Runs) -> Nofrf:
+    """Say how far the levels should be lowered, and the gravest of what there is to say."""
+    largest = float(np.abs(runs.spectra).max())
+    advisable = _advisable_level([_truncated_share(found, n, largest) for n in range(1, found.order + 1)], found)
+    faults = {
+        NofrfStatus.UNSTABLE: not found.response.status.ok,
+        NofrfStatus.DIVERGED: runs.lost.size > 0,
+        NofrfStatus.NOT_SETTLED: not runs.settled,
+        NofrfStatus.ILL_CONDITIONED: found.condition > _CONDITION,
+        NofrfStatus.ERRATIC_EXCITATION: not all(u.suitable for u in found.inputs[: found.order]),
+        NofrfStatus.TRUNCATED: advisable < 1.0,
+    }
+    kept = float(np.abs(runs.levels).max())
+    finite = kept / max(kept, float(np.abs(runs.lost).max(initial=0.0)))
+    status = next((status for status, present in faults.items() if present), NofrfStatus.OK)
+    return replace(found, advisable_level=float(np.minimum(advisable, finite)), status=status)
+
+
+def _truncated_share(found: Nofrf, n: int, largest: float) -> float:
+    """The truncation error of G_n by G_n, root mean squares over its lines, but for rounding of the spectra."""
+    error, gain, u = found.truncation[n - 1], found.orders[n - 1].gain, found.inputs[n - 1]
+    rounding = error * np.abs(u.values[u.defined]) <= _NOTHING * largest
+    size = float(np.linalg.norm(gain))
+    return float(np.linalg.norm(np.where(rounding, 0.0, error))) / size if size else 0.0
+
+
+def _advisable_level(shares: Sequence[float], found: Nofrf) -> float:
+    """The factor of the levels at which all shares would be allowed; 1 where they are, NaN where one is not known.
+
+    What is left out begins with order N + 1, and spoils G_n as the level to the power of their difference; levels in
+    pairs of both signs tell even orders from odd ones, so that there the first of n's own parity counts.
+    """
+    paired = np.allclose(np.sort(found.levels), np.sort(-found.levels), rtol=1e-9, atol=0.0)
+    factors = [1.0]
+    for n, share in enumerate(shares, start=1):
+        power = found.highest + 1 - n
+        power += power % 2 if paired else 0
+        factors.append(1.0 if share <= _TRUNCATION else (_TRUNCATION / share) ** (1.0 / power))
+    return float(np.min(factors))
+
+
+def _quotient(output: FrequencyResponse, power: InputSpectrum, unit: str) -> FrequencyResponse:
+    """G_n = Y_n / U_n where it exists."""
+    lines = power.defined
+    powers = power.values[lines]
+    many = None if output.evaluate is None else partial(_quotients, output.evaluate, lines, powers)
+    return replace(
+        output,
+        symbol="G",
+        values=output.values[lines] / powers,
+        omega=output.omega[lines],
+        unit=unit,
+        differentiate=partial(_quotient_gradient, output, lines, powers),
+        evaluate=many,
+    )
+
+
+def _quotient_gradient(output: FrequencyResponse, lines: NDArray[np.bool_], powers: Complex) -> Complex:
+    return output.gradient[lines] / powers[:, None]
+
+
+def _quotients(
+    evaluate: Callable[[Array], Evaluated], lines: NDArray[np.bool_], powers: Complex, thetas: Array
+) -> Evaluated:
+    found = evaluate(thetas)
+    return replace(found, values=found.values[:, lines] / powers)
+
+
+def _said(found: Nofrf) -> str:
+    """The advice, and to what it refers."""
+    if found.status is NofrfStatus.DIVERGED:
+        return f"{found.status.value} ({_written(found.lost_levels)} times the excitation)"
+    if found.status is NofrfStatus.TRUNCATED:
+        return f"{found.status.value} (about {found.advisable_level:.2g} times these levels would do)"
+    return found.status.value
+
+
+def _written(levels: Array) -> str:
+    return ", ".join(f"{level:.3g}" for level in levels)

@@ -1,0 +1,140 @@
+"""A model at other parameters: draws of its posterior, and what a frequency response is at them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.frequency.many import Evaluated
+from deatwin.ident.frequency.response import FrequencyResponse
+from deatwin.ident.narx.linear import LinearModel
+from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.posterior import ThetaPosterior, covariance_root
+from deatwin.plant.errors import ModelError
+
+__all__ = ["Model", "Quantity", "dof_of", "draw_theta", "evaluate", "response_of", "with_theta"]
+
+Array = NDArray[np.float64]
+
+Model = NarxModel | LinearModel
+"""What has parameters, their covariance, and a frequency response."""
+
+Quantity = Callable[[Any], FrequencyResponse]
+"""Computes a frequency response of a model, as ``partial(gfrf, order=2, omega=omega)``."""
+
+
+def with_theta(model: Model, theta: Array) -> Model:
+    """Return a model with other parameters.
+
+    Parameters
+    ----------
+    model : NarxModel or LinearModel
+        The model.
+    theta : ndarray, shape (n_theta,)
+        In the order of ``model.theta``.
+    """
+    if isinstance(model, NarxModel):
+        return replace(model, theta=theta)
+    p = model.orders.split(theta)
+    return replace(model, a=p.a, b=p.b, c=p.c, d=p.d, f=p.f, offset=p.offset)
+
+
+def dof_of(model: Model) -> float:
+    """Return the degrees of freedom of the law of a model's parameters; infinite for a normal law.
+
+    Parameters
+    ----------
+    model : NarxModel or LinearModel
+        The law of a linear model's parameters is taken as normal.
+    """
+    return model.theta_dof if isinstance(model, NarxModel) else math.inf
+
+
+def draw_theta(model: Model, rng: np.random.Generator, n_draws: int) -> Array:
+    """Draw parameters from a model's posterior, which is normal or Student-t.
+
+    Parameters
+    ----------
+    model : NarxModel or LinearModel
+        The model.
+    rng : numpy.random.Generator
+        Of the draws.
+    n_draws : int
+        How many.
+
+    Returns
+    -------
+    ndarray, shape (n_draws, n_theta)
+    """
+    if isinstance(model, NarxModel):
+        return ThetaPosterior(model=model).sample(rng, n_draws).theta
+    normal = rng.standard_normal((n_draws, model.theta.size))
+    return np.asarray(model.theta + normal @ covariance_root(model.theta_cov).T)
+
+
+def response_of(model: Model, quantity: Quantity, level: float) -> FrequencyResponse:
+    """Return a quantity of a model after a check.
+
+    Parameters
+    ----------
+    model : NarxModel or LinearModel
+        The model.
+    quantity : callable
+        Takes it and returns a FrequencyResponse.
+    level : float
+        Must lie between 0 and 1.
+
+    Raises
+    ------
+    ModelError
+        If it does not, or the quantity is something else.
+    """
+    if not 0 < level < 1:
+        raise ModelError(f"level = {level}; it must lie between 0 and 1")
+    response = quantity(model)
+    if not isinstance(response, FrequencyResponse):
+        raise ModelError(
+            f"the quantity returned a {type(response).__name__}; it must return a FrequencyResponse, as "
+            "partial(gfrf, order=2, omega=omega) does, or partial(frf, omega=omega) of a linear model"
+        )
+    return response
+
+
+def evaluate(model: Model, quantity: Quantity, response: FrequencyResponse, thetas: Array) -> Evaluated:
+    """Compute a quantity at many parameters: all at once where the response knows how, else one by one.
+
+    One by one, the operating point of each is the one that the quantity chooses; all at once, it is on the branch of
+    the model's own.
+
+    Parameters
+    ----------
+    model : NarxModel or LinearModel
+        The model.
+    quantity : callable
+        Computes the response of a model.
+    response : FrequencyResponse
+        What it returned for the model.
+    thetas : ndarray, shape (n_draws, n_theta)
+        The parameters.
+
+    Returns
+    -------
+    Evaluated
+    """
+    if response.evaluate is not None:
+        return response.evaluate(thetas)
+    values = np.full((len(thetas), response.values.size), np.nan + 0j)
+    exists, stable = np.zeros(len(thetas), dtype=bool), np.zeros(len(thetas), dtype=bool)
+    for i, theta in enumerate(thetas):
+        try:
+            found = quantity(with_theta(model, theta))
+        except ModelError:  # the quantity was computed for the model itself: it is these parameters
+            continue
+        if found.values.shape == response.values.shape:
+            values[i], exists[i], stable[i] = found.values, True, found.status.ok
+    return Evaluated(values=values, exists=exists, stable=stable)

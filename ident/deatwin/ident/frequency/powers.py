@@ -1,0 +1,181 @@
+"""Spectra of the powers of an input, and whether they suit nonlinear output frequency responses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from deatwin.ident.frequency.checks import whole_order
+from deatwin.ident.frequency.ranges import checked_sample_time
+from deatwin.ident.frequency.spectrum import line_frequencies, one_period, spectrum_of
+from deatwin.plant.drawing import axes_or_new
+from deatwin.plant.errors import ModelError
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["AMPLIFICATION", "InputSpectrum", "input_spectrum"]
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Flags = NDArray[np.bool_]
+
+AMPLIFICATION = 5.0
+"""Largest sum of the magnitudes of the weights, which sum to one, that suits: beyond it G_n is erratic."""
+
+_EXCITED = 1e-12  # lines below this share of the largest hold the rounding of whoever made the signal
+_CANCELLED = 1e-12  # powers below this share of the largest are rounding
+_COUNTED = 1e-3  # -60 dB: lines whose contributions are below this share of the largest are skirts of the signal
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class InputSpectrum:
+    """The spectrum U_n of the n-th power of an input.
+
+    The nonlinear output frequency response G_n = Y_n / U_n is a mean of H_n over all combinations of lines that add
+    to a line, with the weights U(k_1) ... U(k_n) / U_n(k). They sum to one, but are complex: where contributions
+    cancel in U_n, the weights are large, and G_n can lie far outside of what it is a mean of.
+
+    Parameters
+    ----------
+    order : int
+        n.
+    values : ndarray of complex, shape (n_lines,)
+        U_n as Fourier coefficients, in ``unit``, at all lines of the period up to half the sampling rate.
+    in_phase : ndarray, shape (n_lines,)
+        What U_n would be with all its contributions in phase, the n-fold convolution of |U|, in ``unit``.
+    in_range : ndarray of bool, shape (n_lines,)
+        The lines that sums of n excited lines reach.
+    omega : ndarray, shape (n_lines,)
+        Angular frequency in rad/s.
+    unit : str
+        Unit of the values.
+    """
+
+    order: int
+    values: Complex
+    in_phase: Array
+    in_range: Flags
+    omega: Array
+    unit: str
+
+    def __post_init__(self) -> None:
+        for array in (self.values, self.in_phase, self.in_range, self.omega):
+            array.setflags(write=False)
+
+    @property
+    def frequency_Hz(self) -> Array:
+        """Frequency of the lines in Hz, shape (n_lines,)."""
+        return self.omega / (2 * np.pi)
+
+    @property
+    def defined(self) -> Flags:
+        """Where G_n exists, bool of shape (n_lines,): in the range, and not cancelled to rounding."""
+        return np.asarray(self.in_range & (np.abs(self.values) > _CANCELLED * self.in_phase.max()), dtype=np.bool_)
+
+    @property
+    def amplification(self) -> Array:
+        """Sum of the magnitudes of the weights of the mean, shape (n_lines,).
+
+        1 where all contributions are in phase, infinite where they cancel, NaN outside of the range.
+        """
+        found = np.where(self.in_range, np.inf, np.nan)
+        np.divide(self.in_phase, np.abs(self.values), out=found, where=self.defined)
+        return found
+
+    @property
+    def largest_amplification(self) -> float:
+        """The largest amplification at lines within 60 dB of the largest contributions in phase."""
+        counted = self.in_range & (self.in_phase >= _COUNTED * self.in_phase.max())
+        return float(self.amplification[counted].max())
+
+    @property
+    def suitable(self) -> bool:
+        """Whether the largest amplification is at most 5."""
+        return self.largest_amplification <= AMPLIFICATION
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the magnitude over frequency, with what it would be with all contributions in phase.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Where to draw; new axes otherwise.
+
+        Returns
+        -------
+        matplotlib Axes
+        """
+        axes = axes_or_new(ax)
+        inside = self.in_range
+        frequencies = self.frequency_Hz[inside]
+        axes.plot(frequencies, self.in_phase[inside], color="0.6", label="all contributions in phase")
+        axes.plot(frequencies, np.abs(self.values[inside]), ".", label=f"$|U_{self.order}|$")
+        axes.set_yscale("log")
+        axes.set_xlabel("frequency (Hz)")
+        axes.set_ylabel(f"input spectrum ({self.unit})" if self.unit else "input spectrum")
+        axes.legend()
+        return axes
+
+
+def input_spectrum(excitation: ArrayLike, order: int, sample_time: float, *, unit: str = "") -> InputSpectrum:
+    """Compute the spectrum of the n-th power of a periodic input.
+
+    Parameters
+    ----------
+    excitation : array_like, shape (n_samples,)
+        One period of the input as deviations from the operating input.
+    order : int
+        n, at least 1.
+    sample_time : float
+        Sampling interval in s.
+    unit : str
+        Unit of the input.
+
+    Returns
+    -------
+    InputSpectrum
+        At all lines of the period from 0 to half the sampling rate.
+
+    Raises
+    ------
+    ModelError
+        If the order is not an integer of at least 1, the sample time is not positive, or the excitation is not a
+        finite period or is zero.
+
+    References
+    ----------
+    Lang, Billings, "Energy transfer properties of non-linear systems in the frequency domain", Int. J. Control 78
+    (2005) 345-362, doi:10.1080/00207170500095759.
+    """
+    order = whole_order(order)
+    period = one_period(excitation)
+    if not np.any(period):
+        raise ModelError("the excitation is zero throughout; it has no spectrum to divide by")
+    n = period.size
+    omega = line_frequencies(n, checked_sample_time(sample_time))
+    size = np.abs(spectrum_of(period))
+    excited = size > _EXCITED * size.max()
+    in_range = _reached(excited, order, n)
+    in_phase = spectrum_of((n * np.fft.irfft(np.where(excited, size, 0.0), n)) ** order).real
+    return InputSpectrum(
+        order=order,
+        values=spectrum_of(period**order),
+        in_phase=np.where(in_range, in_phase, 0.0),
+        in_range=in_range,
+        omega=omega,
+        unit=f"{unit}^{order}" if unit and order > 1 else unit,
+    )
+
+
+def _reached(excited: Flags, order: int, n: int) -> Flags:
+    """The lines that sums of so many excited ones reach, modulo the period's n lines: by counting the ways."""
+    once = np.fft.irfft(excited.astype(np.float64), n)
+    reached = excited
+    for _ in range(order - 1):
+        ways = np.fft.rfft(np.fft.irfft(reached.astype(np.float64), n) * once) * n
+        reached = ways.real > 0.5
+    return np.asarray(reached, dtype=np.bool_)

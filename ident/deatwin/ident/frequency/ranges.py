@@ -1,0 +1,129 @@
+"""Frequencies at which an order of the output can have energy."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from deatwin.ident.frequency.checks import real_numbers, whole_order
+from deatwin.ident.narx.operating import read_only
+from deatwin.plant.errors import ModelError
+
+__all__ = ["checked_band", "checked_sample_time", "output_frequencies"]
+
+Array = NDArray[np.float64]
+
+_ROUNDING = 1e-9  # relative to half the sampling rate, or to the highest sum: intervals that meet
+
+
+def output_frequencies(band: ArrayLike, order: int, *, sample_time: float | None = None) -> Array:
+    """Return where the n-th order of the output can have energy when the input lies in a band.
+
+    Its frequencies are the sums w_1 + ... + w_n of n frequencies of the input, each of either sign: with k of them
+    negative they fill the interval from (n-k) low - k high to (n-k) high - k low. Negative sums stand for their
+    magnitude. In sampled signals, sums beyond half the sampling rate fold back below it.
+
+    Parameters
+    ----------
+    band : array_like, shape (2,)
+        Lowest and highest frequency of the input, rad/s.
+    order : int
+        n, at least 1.
+    sample_time : float, optional
+        Sampling interval in s; without one nothing folds.
+
+    Returns
+    -------
+    ndarray, shape (k, 2)
+        Lowest and highest frequency of each interval in rad/s, increasing and apart from each other.
+
+    Raises
+    ------
+    ModelError
+        If the order is not an integer of at least 1, the band is not two frequencies 0 <= low <= high, or it goes
+        beyond half the sampling rate.
+
+    References
+    ----------
+    Lang, Billings, "Output frequencies of nonlinear systems", Int. J. Control 67 (1997) 713-730.
+    """
+    order = whole_order(order)
+    low, high = checked_band(band, "rad/s")
+    sums = [((order - k) * low - k * high, (order - k) * high - k * low) for k in range(order + 1)]
+    positive = [piece for interval in sums for piece in _magnitudes(*interval)]
+    if sample_time is None:
+        return _merged(positive, order * high)
+    nyquist = np.pi / checked_sample_time(sample_time)
+    if high > nyquist * (1 + _ROUNDING):
+        raise ModelError(f"the band goes up to {high:g} rad/s, beyond half the sampling rate, {nyquist:.6g} rad/s")
+    return _merged([piece for interval in positive for piece in _folded(*interval, nyquist)], nyquist)
+
+
+def checked_band(band: ArrayLike, unit: str) -> tuple[float, float]:
+    """Return the lowest and the highest frequency of a band after a check.
+
+    Parameters
+    ----------
+    band : array_like, shape (2,)
+        What was given.
+    unit : str
+        Its unit, for the error.
+
+    Raises
+    ------
+    ModelError
+        If it is not two finite numbers with 0 <= low <= high.
+    """
+    values = real_numbers(band, "the band")
+    if values.shape != (2,) or not (np.all(np.isfinite(values)) and 0 <= values[0] <= values[1]):
+        raise ModelError(f"the band is {band!r}; it must be two numbers (low, high) in {unit} with 0 <= low <= high")
+    return float(values[0]), float(values[1])
+
+
+def checked_sample_time(sample_time: float) -> float:
+    """Return a sampling interval after a check.
+
+    Parameters
+    ----------
+    sample_time : float
+        What was given, s.
+
+    Raises
+    ------
+    ModelError
+        If it is not positive and finite.
+    """
+    if not 0 < sample_time < math.inf:
+        raise ModelError(f"sample_time = {sample_time}; it must be positive, in s")
+    return float(sample_time)
+
+
+def _magnitudes(low: float, high: float) -> list[tuple[float, float]]:
+    """The magnitudes of an interval of either sign."""
+    if low >= 0:
+        return [(low, high)]
+    return [(-high, -low)] if high <= 0 else [(0.0, max(-low, high))]
+
+
+def _folded(low: float, high: float, nyquist: float) -> list[tuple[float, float]]:
+    """Cut at the multiples of half the sampling rate; every second piece runs backwards."""
+    first = math.floor(low / nyquist)
+    last = max(math.ceil(high / nyquist), first + 1)
+    pieces = []
+    for m in range(first, last):
+        start, end = (min(max(w - m * nyquist, 0.0), nyquist) for w in (low, high))
+        pieces.append((start, end) if m % 2 == 0 else (nyquist - end, nyquist - start))
+    return pieces
+
+
+def _merged(intervals: list[tuple[float, float]], scale: float) -> Array:
+    """Join what overlaps or meets."""
+    joined: list[list[float]] = []
+    for low, high in sorted(intervals):
+        if joined and low <= joined[-1][1] + _ROUNDING * scale:
+            joined[-1][1] = max(joined[-1][1], high)
+        else:
+            joined.append([low, high])
+    return read_only(joined)

@@ -1,0 +1,182 @@
+"""Where do actuators differ, and is it the actuators or the age at which they were recorded?
+
+All records are fitted with the same terms. What each block of a record says of the parameters, carried on to the mean
+of H_n over a band, is a short series in time about that of the whole record. Its slowest cosines are the drift of that
+mean, the others its scatter: one fit of each record says how well the means are known, whether they drift, and how
+far.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from deatwin.ident.frequency.bands import BandMean, Range, band_means
+from deatwin.ident.frequency.comparison import Agreement, Comparison, Difference, Drift, difference_of, tabulated
+from deatwin.ident.frequency.equality import Equality, Scatter, equality, holm, no_drift
+from deatwin.ident.narx.fixed import Fixed
+from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.regression import Recordings
+from deatwin.ident.narx.robust import BLOCKS, Cosines, pseudovalues
+from deatwin.ident.narx.terms import Term
+from deatwin.plant.errors import ModelError
+
+__all__ = ["compare_records"]
+
+Array = NDArray[np.float64]
+
+SLOW = 8
+"""Cosines of a drift, of half a period to four periods in the record: a cycle that comes twice in it, at any phase, has
+most of its power in them."""
+TIMES = np.linspace(0.0, 1.0, 41)
+"""At which drifting records are compared, as shares of a record: ten to the period of the fastest cosine."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Track:
+    """The mean of H_n over a band in one record, and its cosines."""
+
+    mean: BandMean
+    cosines: Cosines
+    drift: Drift
+    moves: bool = False  # whether the record drifts, in whatever order and band
+
+    @property
+    def motion(self) -> tuple[Array, Array]:
+        """Values in the course of the record, (n_times, 2), and their squared scales; a single time without a drift."""
+        if not self.moves:
+            return self.mean.value[None], self.cosines.scale[None]
+        return self.mean.value + self.cosines.drift(TIMES), self.cosines.drift_scales(TIMES)
+
+
+def compare_records(
+    recordings: Mapping[str, Recordings],
+    terms: Sequence[Term | str],
+    orders: Iterable[int],
+    bands: Sequence[Range],
+    *,
+    operating_input: ArrayLike | None = None,
+    input_band: Range | None = None,
+    level: float = 0.05,
+    least: float = 0.0,
+    n_slow: int = SLOW,
+    n_blocks: int = BLOCKS,
+) -> Comparison:
+    """Test in which orders and bands records of several actuators differ, and tell drift from difference.
+
+    Every record is fitted with the same terms by least squares, and each pair compared like models in `compare`, the
+    scatter being that which the record itself shows. A pair whose means differ is different in earnest where no time of
+    one record is like any time of the other; else the drift explains it. Only records that drift significantly in some
+    order and band have times: a drift too small to be seen does not explain anything.
+
+    Parameters
+    ----------
+    recordings : mapping of str to Recording, Experiment, or several
+        One input and one output, by the name of the actuator; excited alike, of the same sample time and about the same
+        length.
+    terms : sequence of Term or str
+        Those of every model.
+    orders : iterable of int
+        Orders n of H_n, up to 5.
+    bands : sequence of (float, float)
+        Bands of output frequencies, Hz.
+    operating_input : float, optional
+        Constant input about which all are expanded, in the input's unit; by default the mean over all records.
+    input_band : tuple of float, optional
+        Of the input's frequencies, Hz; by default from 0 to the highest edge of the bands.
+    level : float
+        Probability of finding any difference where there is none, corrected over pairs, orders and bands (Holm); and
+        of finding any drift where there is none, corrected over records, orders and bands.
+    least : float
+        Differences of up to this share of the gain do not count.
+    n_slow : int
+        Cosines of half a period, one period, ... in the record that count as drift.
+    n_blocks : int
+        Blocks into which each record is cut; each is to be longer than what the actuators remember.
+
+    Returns
+    -------
+    Comparison
+        With ``drifts``.
+
+    Raises
+    ------
+    ModelError
+        If there are fewer than two records, they are too short, or as `Fixed` and `band_means`.
+    """
+    if len(recordings) < 2:
+        raise ModelError(f"{len(recordings)} record was given: a comparison needs at least two")
+    models = {name: Fixed(terms=terms).fit(given).model_ for name, given in recordings.items()}
+    where = operating_input if operating_input is not None else _centre(tuple(models.values()))
+    several = tuple(orders)
+    followed = {}
+    for name, model in models.items():
+        means = band_means(model, several, bands, operating_input=where, input_band=input_band)
+        values = Cosines.of(pseudovalues(model, recordings[name], n_blocks=n_blocks), n_slow)
+        followed[name] = tuple(_track(name, mean, values.projected(mean.gradient)) for mean in means)
+    tracks = _judged(followed, level)
+    pairs = [
+        (difference_of(a.mean, b.mean, (first, second), least), a, b)
+        for first, second in itertools.combinations(tracks, 2)
+        for a, b in zip(tracks[first], tracks[second], strict=True)
+    ]
+    table = tabulated([difference for difference, _, _ in pairs], level)
+    beyond = [_beyond_drift(d, a, b, least) for d, (_, a, b) in zip(table.differences, pairs, strict=True)]
+    explained = holm([test.p_value for test in beyond]) >= level
+    return replace(
+        table,
+        differences=tuple(
+            replace(d, agreement=Agreement.DRIFT) if d.differs and by_drift else d
+            for d, by_drift in zip(table.differences, explained, strict=True)
+        ),
+        drifts=tuple(track.drift for each in tracks.values() for track in each),
+    )
+
+
+def _centre(models: Sequence[NarxModel]) -> Array:
+    """Mean input over all records."""
+    return np.asarray(np.mean([m.operating.input_centre for m in models if m.operating is not None], axis=0))
+
+
+def _track(name: str, mean: BandMean, cosines: Cosines) -> _Track:
+    """How a mean goes through its record, before any correction."""
+    way = cosines.drift(TIMES)
+    reach = float(np.linalg.norm(way[:, None] - way, axis=-1).max())
+    test = no_drift(cosines)
+    drift = Drift(
+        name=name, order=mean.order, from_Hz=mean.from_Hz, to_Hz=mean.to_Hz, test=test, adjusted=test.p_value,
+        size=reach / mean.gain if mean.gain > 0 else 0.0, drifts=False,
+    )  # fmt: skip
+    known = replace(mean, scatter=Scatter(scale=cosines.scale, dof=float(cosines.dof)))
+    return _Track(mean=known, cosines=cosines, drift=drift)
+
+
+def _judged(tracks: Mapping[str, tuple[_Track, ...]], level: float) -> dict[str, tuple[_Track, ...]]:
+    """Correct the tests of drift for their number. A record that drifts anywhere is taken to drift everywhere."""
+    corrected = iter(holm([track.drift.p_value for each in tracks.values() for track in each]))
+    judged = {}
+    for name, each in tracks.items():
+        p_values = [float(next(corrected)) for _ in each]
+        moves = min(p_values) < level
+        judged[name] = tuple(
+            replace(track, drift=replace(track.drift, adjusted=p, drifts=p < level), moves=moves)
+            for track, p in zip(each, p_values, strict=True)
+        )
+    return judged
+
+
+def _beyond_drift(difference: Difference, a: _Track, b: _Track, least: float) -> Equality:
+    """Test whether some time of one record is like some time of the other."""
+    if not difference.differs or not (a.moves or b.moves):
+        return difference.test
+    (one, its), (other, others) = a.motion, b.motion
+    gain = float(np.hypot(a.mean.gain, b.mean.gain) / np.sqrt(2))
+    return equality(
+        one[:, None] - other,
+        (Scatter(its[:, None], a.cosines.dof), Scatter(others[None, :], b.cosines.dof)),
+        least * gain,
+    )

@@ -1,0 +1,217 @@
+"""The uncertainty that a model's parameters give its frequency responses, by sampling of the posterior."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.frequency.parameters import Model, Quantity, dof_of, draw_theta, evaluate, response_of
+from deatwin.ident.frequency.regions import Uncertain
+from deatwin.ident.frequency.response import Band
+from deatwin.ident.narx.operating import read_only
+from deatwin.plant.errors import ModelError
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["SampleStatus", "Sampled", "sample"]
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+
+class SampleStatus(Enum):
+    """Whether all draws have the model's operating point; the value is the advice."""
+
+    OK = "all draws have the operating point, with the model's stability"
+    LOST = (
+        "some draws have no equilibrium or another stability and are left out: what is shown holds on the condition "
+        "that the operating point is that of the model; identify on more data or leave out terms"
+    )
+
+    @property
+    def ok(self) -> bool:
+        """Whether no draw was left out."""
+        return self is SampleStatus.OK
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Sampled(Uncertain):
+    """Draws of a frequency response.
+
+    Parameters
+    ----------
+    response : FrequencyResponse
+        At the model's own parameters.
+    level : float
+        Probability of regions and bands where no other is given.
+    dof : float
+        Degrees of freedom of the parameters' Student-t law; infinite for a normal law.
+    draws : ndarray of complex, shape (n_kept, n)
+        The response at draws of the parameters.
+    n_without : int
+        Draws left out because they have no equilibrium.
+    n_other : int
+        Draws left out because the stability of their operating point is not the model's.
+    """
+
+    draws: Complex
+    n_without: int
+    n_other: int
+
+    linearised = False
+
+    @property
+    def source(self) -> str:
+        """Where the uncertainty comes from, for legends."""
+        return f"of {len(self.draws)} draws"
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the response in the complex plane with some draws and the ellipses of all.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Where to draw; new axes otherwise.
+
+        Returns
+        -------
+        matplotlib Axes
+        """
+        from deatwin.ident.frequency.uncertainty_drawing import plot_draws
+
+        axes = super().plot(ax)
+        plot_draws(self, self.draws, axes)
+        return axes
+
+    @property
+    def status(self) -> SampleStatus:
+        """Whether draws were left out."""
+        return SampleStatus.LOST if self.n_without or self.n_other else SampleStatus.OK
+
+    @property
+    def linear_law(self) -> NDArray[np.bool_]:
+        """True at all frequencies, shape (n,): the ellipses are those of the draws' own covariance."""
+        return np.ones(self.values.shape, dtype=np.bool_)
+
+    @property
+    def mean(self) -> Complex:
+        """Mean of the draws, complex, shape (n,)."""
+        return np.asarray(self.draws.mean(axis=0))
+
+    @cached_property
+    def covariance(self) -> Array:
+        """Covariance of real and imaginary part, shape (n, 2, 2), in the square of ``unit``."""
+        away = self.draws - self.mean
+        pairs = ((away.real, away.real), (away.real, away.imag), (away.imag, away.imag))
+        rr, ri, ii = (np.einsum("kn,kn->n", a, b) for a, b in pairs)
+        return read_only(np.stack([rr, ri, ri, ii], axis=-1).reshape(-1, 2, 2) / (len(away) - 1))
+
+    def joint_covariance(self) -> Array:
+        """Return the covariance of all real parts and then all imaginary parts, shape (2n, 2n)."""
+        away = self.draws - self.mean
+        parts = np.concatenate([away.real, away.imag], axis=1)
+        return read_only(parts.T @ parts / (len(parts) - 1))
+
+    def gain_band(self, level: float | None = None) -> Band:
+        """Return the central quantiles of the gain.
+
+        Parameters
+        ----------
+        level : float, optional
+            Their probability; ``self.level`` by default.
+
+        Returns
+        -------
+        Band
+            In ``unit``; no law is linearised, so that ``linear_law`` is False.
+        """
+        return self._band(np.abs(self.draws), level)
+
+    def phase_band(self, level: float | None = None) -> Band:
+        """Return the central quantiles of the phase's deviation from that of the model.
+
+        Parameters
+        ----------
+        level : float, optional
+            Their probability; ``self.level`` by default.
+
+        Returns
+        -------
+        Band
+            In degrees, about ``phase_deg``; ``linear_law`` is False.
+        """
+        turned = np.angle(self.draws * np.conj(np.where(self.values == 0, 1.0, self.values)))
+        return self._band(self.phase_deg + np.degrees(turned), level)
+
+    def _band(self, values: Array, level: float | None) -> Band:
+        level = self.level if level is None else level
+        if not 0 < level < 1:
+            raise ModelError(f"level = {level}; it must lie between 0 and 1")
+        low, high = np.quantile(values, [(1 - level) / 2, (1 + level) / 2], axis=0)
+        nowhere = np.zeros(low.shape, dtype=np.bool_)
+        return Band(level=level, low=read_only(low), high=read_only(high), linear_law=nowhere)
+
+    def to_xarray(self) -> Any:
+        """Return values, covariance, bands and draws as an `xarray.Dataset`."""
+        dataset = super().to_xarray()
+        dataset["draws_real"] = (("draw", "point"), self.draws.real, {"units": self.unit})
+        dataset["draws_imaginary"] = (("draw", "point"), self.draws.imag, {"units": self.unit})
+        dataset.attrs |= {"draws": self.status.name, "n_without": self.n_without, "n_other": self.n_other}
+        return dataset
+
+
+def sample(
+    model: Model, quantity: Quantity, rng: np.random.Generator, n_draws: int = 2000, *, level: float = 0.95
+) -> Sampled:
+    """Draw a frequency response from the posterior of a model's parameters.
+
+    Draws without an equilibrium, or of another stability than the model's, are left out and counted.
+
+    Parameters
+    ----------
+    model : NarxModel or LinearModel
+        With ``theta_cov``; its law is normal, or Student-t where ``theta_dof`` is finite.
+    quantity : callable
+        As for `deatwin.ident.frequency.propagate`.
+    rng : numpy.random.Generator
+        Of the draws.
+    n_draws : int
+        How many, at least 2.
+    level : float
+        Probability of regions and bands where no other is given.
+
+    Returns
+    -------
+    Sampled
+
+    Raises
+    ------
+    ModelError
+        If the level or the number of draws makes no sense, the quantity is no FrequencyResponse, or fewer than two
+        draws are left.
+    """
+    response = response_of(model, quantity, level)
+    if n_draws < 2:
+        raise ModelError(f"n_draws = {n_draws}; at least 2 are needed")
+    found = evaluate(model, quantity, response, draw_theta(model, rng, n_draws))
+    kept = found.exists & (found.stable == response.status.ok)
+    if kept.sum() < 2:
+        raise ModelError(
+            f"of {n_draws} draws {int(kept.sum())} have the model's operating point; its parameters are too uncertain"
+        )
+    draws = found.values if kept.all() else found.values[kept]
+    draws.setflags(write=False)
+    return Sampled(
+        response=response,
+        level=level,
+        dof=dof_of(model),
+        draws=draws,
+        n_without=int(np.sum(~found.exists)),
+        n_other=int(np.sum(found.exists & ~kept)),
+    )

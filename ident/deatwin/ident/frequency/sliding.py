@@ -1,0 +1,302 @@
+"""Mean and gain of a record in sliding windows, before any model is fitted: does it drift?"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.narx.panels import panels_or_new
+from deatwin.plant.errors import DataError
+from deatwin.plant.recording import Recording
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["SlidingStatistics", "SlidingStatus", "sliding_mean_and_gain"]
+
+Array = NDArray[np.float64]
+
+_BATCHES = 10  # of a window: their scatter measures what serial correlation leaves of the number of samples
+_LEAST = 4  # samples of a batch
+_UNCORRELATED = -0.2  # expected of ten independent observations about a straight line: -(sum of P[i, i+1]) / 8
+_CORRELATED = 0.2  # of neighbours: beyond, more distant batches are correlated too
+_MOST = 0.9
+_CHANCE = 0.01  # a change as large as this seldom is taken for drift
+
+
+class SlidingStatus(Enum):
+    """What the windows say about the record; the value is the advice."""
+
+    STEADY = "neither mean nor gain changes by more than chance: constant parameters may do"
+    DRIFTING = "mean or gain changes along the record: constant parameters will not do, let them vary with time"
+    SHORT = (
+        "neighbouring tenths of a window are correlated, so that the bands are too narrow and their changes may be "
+        "chance: take longer windows"
+    )
+    FEW = "the record holds a single window, which tells no change: take shorter windows"
+
+    @property
+    def ok(self) -> bool:
+        """Whether the windows can tell drift from chance."""
+        return self in (SlidingStatus.STEADY, SlidingStatus.DRIFTING)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SlidingStatistics:
+    """Mean and gain of a record in sliding windows.
+
+    Parameters
+    ----------
+    timepts : ndarray, shape (n_windows,)
+        Middle of each window on the experiment's clock in s.
+    window_s : float
+        Length of a window in s.
+    level : float
+        Probability of the bands, pointwise.
+    mean, mean_low, mean_high : ndarray, shape (n_windows,)
+        Mean of the output in its unit, with its band.
+    gain, gain_low, gain_high : ndarray, shape (n_windows,)
+        Standard deviation of the output by that of the input, with its band; NaN where the input stands still.
+    p_mean, p_gain : float
+        Probability that windows which do not overlap differ so much if nothing drifts; NaN for a single one.
+    mean_correlation, gain_correlation : float
+        Correlation of neighbouring batches (tenths of a window), by which the bands were made wider; near 0 where the
+        windows are long enough.
+    status : SlidingStatus
+        What they say.
+    output_name, output_unit, input_unit : str
+        For the labels.
+    """
+
+    timepts: Array
+    window_s: float
+    level: float
+    mean: Array
+    mean_low: Array
+    mean_high: Array
+    gain: Array
+    gain_low: Array
+    gain_high: Array
+    p_mean: float
+    p_gain: float
+    mean_correlation: float
+    gain_correlation: float
+    status: SlidingStatus
+    output_name: str = "output"
+    output_unit: str = ""
+    input_unit: str = ""
+
+    def __post_init__(self) -> None:
+        means, gains = (self.mean, self.mean_low, self.mean_high), (self.gain, self.gain_low, self.gain_high)
+        for array in (self.timepts, *means, *gains):
+            array.setflags(write=False)
+
+    @property
+    def gain_unit(self) -> str:
+        """Unit of the gain; empty where one of the signals' units is."""
+        return f"{self.output_unit}/{self.input_unit}" if self.output_unit and self.input_unit else ""
+
+    def plot(self, axes: Sequence[Axes] | None = None) -> list[Axes]:
+        """Draw mean and gain over time with their bands.
+
+        Parameters
+        ----------
+        axes : sequence of matplotlib Axes, length 2, optional
+            Where to draw; a new figure otherwise.
+
+        Returns
+        -------
+        list of matplotlib Axes, length 2
+
+        Raises
+        ------
+        ModelError
+            If there are fewer axes than two.
+        """
+        panels = panels_or_new(axes, 2, height=2.2, sharex=True)
+        drawn = (
+            (f"mean {self.output_name}", self.output_unit, self.mean, self.mean_low, self.mean_high, self.p_mean),
+            ("gain", self.gain_unit, self.gain, self.gain_low, self.gain_high, self.p_gain),
+        )
+        for ax, (name, unit, values, low, high, p) in zip(panels, drawn, strict=True):
+            (line,) = ax.plot(self.timepts, values, label=f"windows of {self.window_s:.4g} s")
+            band = f"{100 * self.level:.4g} % band"
+            ax.fill_between(self.timepts, low, high, color=line.get_color(), alpha=0.25, linewidth=0, label=band)
+            ax.set_ylabel(f"{name} ({unit})" if unit else name)
+            ax.set_title(f"chance without drift: {p:.2g}", loc="right", fontsize="small")
+        panels[0].legend(fontsize="small")
+        panels[-1].set_xlabel("time (s)")
+        return panels
+
+    def to_xarray(self) -> Any:
+        """Return mean and gain with their bands as an `xarray.Dataset` over time."""
+        import xarray
+
+        units = {"mean": self.output_unit, "gain": self.gain_unit}
+        return xarray.Dataset(
+            {
+                name: (("time",), getattr(self, name), {"units": units[name.partition("_")[0]]})
+                for name in ("mean", "mean_low", "mean_high", "gain", "gain_low", "gain_high")
+            },
+            coords={"time": ("time", self.timepts, {"units": "s"})},
+            attrs={
+                "window_s": self.window_s, "level": self.level, "p_mean": self.p_mean, "p_gain": self.p_gain,
+                "status": self.status.value,
+            },
+        )  # fmt: skip
+
+
+def sliding_mean_and_gain(
+    recording: Recording, window_s: float, *, step_s: float | None = None, level: float = 0.95
+) -> SlidingStatistics:
+    """Compute mean and gain of a record in sliding windows, with bands.
+
+    The gain is the standard deviation of the output by that of the input: the root mean square of the frequency
+    response over the band of the input. A slope of output on input would be less, the more the output lags behind.
+    Noise and drift within a window add to it.
+
+    A window is cut in ten batches. Their scatter gives the standard error of a mean whatever the serial correlation,
+    as long as a batch is long against it; what correlation is left between neighbouring batches, measured over all
+    windows, makes the band wider by sqrt((1 + r) / (1 - r)). The band is that of the t law with nine degrees of
+    freedom. The logarithm of the gain has one by the jackknife, leaving out batch after batch, which also takes out the
+    bias of a standard deviation of few samples. Whether windows that do not overlap differ by more than chance is an
+    analysis of variance of their batches.
+
+    Parameters
+    ----------
+    recording : Recording
+        Of one input and one output.
+    window_s : float
+        Length of a window in s, rounded to tens of samples: long against the time in which the output forgets.
+    step_s : float, optional
+        From window to window in s; a quarter of the window by default.
+    level : float
+        Probability of the bands, between 0 and 1.
+
+    Returns
+    -------
+    SlidingStatistics
+
+    Raises
+    ------
+    DataError
+        If the recording has several inputs or outputs, or lengths or level make no sense for it.
+
+    References
+    ----------
+    Schmeiser, "Batch size effects in the analysis of simulation output", Operations Research 30 (1982) 556-568.
+    Miller, "The jackknife - a review", Biometrika 61 (1974) 1-15.
+    """
+    from scipy.stats import t
+
+    if recording.inputs.shape[0] != 1 or recording.outputs.shape[0] != 1:
+        raise DataError(
+            f"the recording has {recording.inputs.shape[0]} inputs and {recording.outputs.shape[0]} outputs; mean and "
+            "gain are those of one input and one output"
+        )
+    if not 0.0 < level < 1.0:
+        raise DataError(f"level = {level}; it must lie between 0 and 1")
+    starts, length, apart = _windows(recording, window_s, step_s)
+    mean, gain = _batches(recording, starts, length)
+    half = float(t.ppf(0.5 + level / 2, _BATCHES - 1)) / np.sqrt(_BATCHES)
+    middle, log_gain = mean.mean(axis=1), gain.mean(axis=1)
+    correlations = _correlation(mean[::apart]), _correlation(gain[::apart])
+    wider = [np.sqrt((1 + r) / (1 - r)) for r in correlations]
+    far, wide = half * wider[0] * mean.std(axis=1, ddof=1), half * wider[1] * gain.std(axis=1, ddof=1)
+    p_mean, p_gain = _chance(mean[::apart], wider[0]), _chance(gain[::apart], wider[1])
+    return SlidingStatistics(
+        timepts=recording.timepts[0] + (starts + (length - 1) / 2) * recording.sample_time,
+        window_s=length * recording.sample_time,
+        level=level,
+        mean=middle,
+        mean_low=middle - far,
+        mean_high=middle + far,
+        gain=np.exp(log_gain),
+        gain_low=np.exp(log_gain - wide),
+        gain_high=np.exp(log_gain + wide),
+        p_mean=p_mean,
+        p_gain=p_gain,
+        mean_correlation=correlations[0],
+        gain_correlation=correlations[1],
+        status=_status(p_mean, p_gain, max(correlations), len(mean[::apart])),
+        output_name=recording.output_names[0],
+        output_unit=recording.output_units[0],
+        input_unit=recording.input_units[0],
+    )
+
+
+def _windows(recording: Recording, window_s: float, step_s: float | None) -> tuple[NDArray[np.intp], int, int]:
+    """Return the first samples of the windows, their length, and every how many do not overlap."""
+    sample_time, n = recording.sample_time, recording.n_samples
+    length = _BATCHES * round(window_s / sample_time / _BATCHES) if np.isfinite(window_s) else 0
+    if not _BATCHES * _LEAST <= length <= n:
+        raise DataError(
+            f"window_s = {window_s}; it must lie between {_BATCHES * _LEAST * sample_time:g} s ({_BATCHES} batches of "
+            f"{_LEAST} samples) and the record's {n * sample_time:g} s"
+        )
+    step = length // 4 if step_s is None else round(step_s / sample_time) if np.isfinite(step_s) else 0
+    if step < 1:
+        raise DataError(f"step_s = {step_s}; it must be at least the sample time, {sample_time:g} s")
+    return np.arange(0, n - length + 1, step), length, -(-length // step)
+
+
+def _batches(recording: Recording, starts: NDArray[np.intp], length: int) -> tuple[Array, Array]:
+    """Return the batches' means of the output and pseudo-values of the logarithmic gain, (n_windows, batches) each."""
+    rows = (starts[:, None] + np.arange(length)).reshape(len(starts), _BATCHES, -1)
+    y, u = recording.outputs[0][rows], recording.inputs[0][rows]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        gain = 0.5 * (_log_variance(y) - _log_variance(u))
+    return y.mean(axis=2), np.where(np.isfinite(gain), gain, np.nan)
+
+
+def _log_variance(signal: Array) -> Array:
+    """Return jackknife pseudo-values of the logarithm of the variance, shape (n_windows, batches).
+
+    With a batch left out the logarithm is l_i, without l: the pseudo-value is B l - (B - 1) l_i.
+    """
+    centred = signal - signal.mean(axis=(1, 2), keepdims=True)
+    sums, squares = centred.sum(axis=2), (centred**2).sum(axis=2)
+    rest, n = squares.sum(axis=1, keepdims=True) - squares, signal.shape[1] * signal.shape[2]
+    left = n - signal.shape[2]
+    without = np.log(rest / left - (sums / left) ** 2)
+    whole = np.log(squares.sum(axis=1, keepdims=True) / n)
+    return np.asarray(_BATCHES * whole - (_BATCHES - 1) * without)
+
+
+def _correlation(groups: Array) -> float:
+    """Return the correlation of neighbouring observations about a straight line, over all groups; not below 0."""
+    line = np.arange(_BATCHES) - (_BATCHES - 1) / 2
+    known = groups[np.isfinite(groups).all(axis=1)]
+    left = known - known.mean(axis=1, keepdims=True)
+    left = left - np.outer(left @ line, line) / (line @ line)
+    squares = float(np.sum(left**2))
+    if not squares > 0:
+        return 0.0
+    return min(max(float(np.sum(left[:, 1:] * left[:, :-1])) / squares - _UNCORRELATED, 0.0), _MOST)
+
+
+def _chance(groups: Array, wider: float) -> float:
+    """Return the probability that the means of groups differ so much by chance, each ``wider`` than its scatter."""
+    from scipy.stats import f
+
+    known = groups[np.isfinite(groups).all(axis=1)]
+    if len(known) < 2:
+        return float("nan")
+    within = float(known.var(axis=1, ddof=1).mean()) * wider**2
+    between = _BATCHES * float(known.mean(axis=1).var(ddof=1))
+    if within == 0:
+        return float(between == 0)
+    return float(f.sf(between / within, len(known) - 1, known.size - len(known)))
+
+
+def _status(p_mean: float, p_gain: float, correlation: float, n_windows: int) -> SlidingStatus:
+    if n_windows < 2:
+        return SlidingStatus.FEW
+    if correlation > max(_CORRELATED, 3.0 / np.sqrt(n_windows * _BATCHES)):  # by so much, and not by chance
+        return SlidingStatus.SHORT
+    return SlidingStatus.DRIFTING if np.nanmin([p_mean, p_gain, 1.0]) < _CHANCE else SlidingStatus.STEADY

@@ -1,0 +1,74 @@
+"""The steady state of a model under a periodic input, by marching."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.narx.free_run import free_run
+from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.response import divergence_limit
+
+__all__ = ["SteadyState", "steady_state"]
+
+Array = NDArray[np.float64]
+
+_RUN = 4096  # samples of one run at least: a call costs as much as hundreds of samples
+_PATIENCE = 1_000_000  # samples, or 100 periods where these are more
+_SMALL = 1e-11  # a change of the output by less, which falls no more, is rounding
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SteadyState:
+    """The last period of a march from rest.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n_samples,)
+        The output over one period, in the output's unit.
+    settled : bool
+        Whether it repeats from period to period up to rounding.
+    diverged : bool
+        Whether the march left all bounds; the values are then its last ones.
+    """
+
+    values: Array
+    settled: bool
+    diverged: bool
+
+
+def steady_state(model: NarxModel, excitation: Array) -> SteadyState:
+    """March a model from rest under a periodic input until its output repeats.
+
+    Parameters
+    ----------
+    model : NarxModel
+        Model of one input and one output, in deviations from an equilibrium.
+    excitation : ndarray, shape (n_samples,)
+        One period of the input's deviations in the input's unit.
+
+    Returns
+    -------
+    SteadyState
+    """
+    lag, n = model.table.max_lag, excitation.size
+    periods = -(-_RUN // n)
+    inputs = excitation[np.arange(-lag, periods * n) % n][None, :]
+    outputs = np.zeros((1, lag + periods * n))
+    limit = divergence_limit(model.operating, outputs)
+    last, fell = np.zeros(n), np.inf
+    for _ in range(max(_PATIENCE // (periods * n), 100 // periods) + 1):
+        run, failed = free_run(model.table, model.theta, inputs, outputs, limit)
+        values = run[0, -n:]
+        if failed is not None:
+            return SteadyState(values=values, settled=False, diverged=True)
+        before = run[0, -2 * n : -n] if periods > 1 else last
+        change, size = float(np.abs(values - before).max()), float(np.abs(values).max())
+        if change == 0.0 or fell <= change <= _SMALL * size:
+            return SteadyState(values=values, settled=True, diverged=False)
+        last, fell = values, change
+        outputs = np.zeros_like(outputs)
+        outputs[0, :lag] = run[0, run.shape[1] - lag :]
+    return SteadyState(values=last, settled=False, diverged=False)

@@ -1,0 +1,305 @@
+"""The uncertainty that a model's parameters give its frequency responses, by the law of propagation."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from enum import Enum
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.frequency.gain_phase import Ellipses, Polar, exact_quantiles, polar
+from deatwin.ident.frequency.parameters import Model, Quantity, dof_of, draw_theta, evaluate, response_of
+from deatwin.ident.frequency.regions import Uncertain
+from deatwin.ident.frequency.response import Band, FrequencyResponse
+from deatwin.ident.narx.operating import read_only
+from deatwin.ident.narx.posterior import quantile
+
+__all__ = ["Propagated", "UncertaintyStatus", "UncertaintyWarning", "propagate"]
+
+Array = NDArray[np.float64]
+
+LIMIT = 0.25
+"""Nonlinearity up to which the linear law is taken to hold."""
+
+_PAIRS = 32
+_HELD = 1 << 22  # complex numbers that probes may hold at once, 64 MB
+_PROBES = 20190501  # seed of the probes: the same model always gives the same index
+
+
+class UncertaintyWarning(UserWarning):
+    """A covariance was propagated, but does not describe the response; the text is the advice with its figures."""
+
+
+class UncertaintyStatus(Enum):
+    """Whether the law of propagation holds; the value is the advice."""
+
+    OK = "the response is linear in the parameters over their uncertainty"
+    LOW_GAIN = (
+        "the gain is not large against its uncertainty at some frequencies, where gain and phase are not normal: their "
+        "bands take the exact law there, and the phase is undefined where the ellipse contains 0"
+    )
+    BENT = (
+        "the response is not linear in the parameters over their uncertainty at some frequencies (linear_law is "
+        "False): ellipses and bands are wrong there; sample the posterior instead, or identify on more data"
+    )
+    LOST = (
+        "the parameters are so uncertain that for some of them the operating point has no equilibrium or another "
+        "stability: no covariance describes the response; sample the posterior, identify on more data or leave out "
+        "terms"
+    )
+    CERTAIN = "the model has no covariance of its parameters: nothing can be propagated; identify it with one"
+
+    @property
+    def ok(self) -> bool:
+        """Whether the law holds for real and imaginary part, gain and phase at all frequencies."""
+        return self is UncertaintyStatus.OK
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Propagated(Uncertain):
+    """A frequency response with the uncertainty that the parameters give it, to first order.
+
+    Parameters
+    ----------
+    response : FrequencyResponse
+        At the model's own parameters.
+    level : float
+        Probability of regions and bands where no other is given.
+    dof : float
+        Degrees of freedom of the parameters' Student-t law; infinite for a normal law.
+    nonlinearity : ndarray, shape (n,)
+        How far the response departs from its tangent over the uncertainty of the parameters: root mean square of the
+        departure over that of the tangent, both as Mahalanobis distances in the ellipse. Dimensionless; see
+        `propagate`.
+    lost : float
+        Share of the probed parameters that have no equilibrium or another stability.
+    """
+
+    nonlinearity: Array
+    lost: float
+
+    linearised = True
+
+    @property
+    def source(self) -> str:
+        """Where the uncertainty comes from, for legends."""
+        return "by propagation"
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance of real and imaginary part, shape (n, 2, 2), in the square of ``unit``."""
+        return self.response.covariance
+
+    @cached_property
+    def _polar(self) -> Polar:
+        return polar(self.values, self.covariance)
+
+    @property
+    def gain_phase_covariance(self) -> Array:
+        """Covariance of gain (in ``unit``) and phase (rad), shape (n, 2, 2); only where both laws hold."""
+        return self._polar.covariance
+
+    @property
+    def linear_law(self) -> NDArray[np.bool_]:
+        """Whether the ellipse describes real and imaginary part, shape (n,)."""
+        return np.asarray(self.nonlinearity <= LIMIT)
+
+    @property
+    def gain_nonlinearity(self) -> Array:
+        """The index of the gain, shape (n,): that of the response plus what the gain's own law leaves out."""
+        return np.asarray(self.nonlinearity + self._polar.gain_index)
+
+    @property
+    def phase_nonlinearity(self) -> Array:
+        """The index of the phase, shape (n,): that of the response plus what the phase's own law leaves out."""
+        return np.asarray(self.nonlinearity + self._polar.phase_index)
+
+    @property
+    def status(self) -> UncertaintyStatus:
+        """Whether the law of propagation holds."""
+        if not np.any(self.response.theta_cov):
+            return UncertaintyStatus.CERTAIN
+        if self.lost > 0:
+            return UncertaintyStatus.LOST
+        if not np.all(self.linear_law):
+            return UncertaintyStatus.BENT
+        if np.any(np.maximum(self.gain_nonlinearity, self.phase_nonlinearity) > LIMIT):
+            return UncertaintyStatus.LOW_GAIN
+        return UncertaintyStatus.OK
+
+    @property
+    def advice(self) -> str:
+        """The advice with its figures: the largest index and where the law fails."""
+        low_gain = self.status is UncertaintyStatus.LOW_GAIN
+        index = np.maximum(self.gain_nonlinearity, self.phase_nonlinearity) if low_gain else self.nonlinearity
+        failing = int(np.sum(~(index <= LIMIT)))
+        largest = float(np.max(index, initial=0.0))
+        lost = f"; {self.lost:.0%} of the probed parameters lost the operating point" if self.lost else ""
+        return (
+            f"{self.label}: {self.status.value} (nonlinearity up to {largest:.2g}, limit {LIMIT:g}, above it at "
+            f"{failing} of {index.size} frequencies{lost})"
+        )
+
+    def joint_covariance(self) -> Array:
+        """Return the covariance of all real parts and then all imaginary parts, shape (2n, 2n).
+
+        Its rank is at most the number of parameters.
+        """
+        gradient = np.concatenate([self.response.gradient.real, self.response.gradient.imag])
+        return read_only(gradient @ self.response.theta_cov @ gradient.T)
+
+    def gain_band(self, level: float | None = None) -> Band:
+        """Return a pointwise band of the gain.
+
+        Where the linear law of the gain fails, it is that of the exact law of the gain of a complex number that is
+        normal (or Student-t) with this covariance: from its lower to its upper quantile, and from 0 where the ellipse
+        contains 0.
+
+        Parameters
+        ----------
+        level : float, optional
+            Its probability; ``self.level`` by default.
+
+        Returns
+        -------
+        Band
+            In ``unit``; ``linear_law`` says where the linear law was used.
+
+        Raises
+        ------
+        ModelError
+            If the level is not between 0 and 1.
+        """
+        level = self.level if level is None else level
+        holds = self.gain_nonlinearity <= LIMIT
+        half = self._half_width(level, self._polar.covariance[:, 0, 0])
+        low, high = (self.gain - half).clip(min=0.0), self.gain + half
+        if not holds.all():
+            zero = self.contains(0.0, level)[~holds]
+            shares = np.where(zero[:, None], [0.0, level], [(1 - level) / 2, (1 + level) / 2])
+            exact, _ = exact_quantiles(self.values[~holds], self.covariance[~holds], self.dof, shares, shares)
+            low[~holds], high[~holds] = np.where(zero, 0.0, exact[:, 0]), exact[:, 1]
+        return Band(level=level, low=read_only(low), high=read_only(high), linear_law=holds)
+
+    def phase_band(self, level: float | None = None) -> Band:
+        """Return a pointwise band of the phase.
+
+        Where the linear law of the phase fails, it is that of the exact law; where the ellipse contains 0 the phase is
+        undefined, and the limits are NaN.
+
+        Parameters
+        ----------
+        level : float, optional
+            Its probability; ``self.level`` by default.
+
+        Returns
+        -------
+        Band
+            In degrees, about ``phase_deg``; ``linear_law`` says where the linear law was used.
+
+        Raises
+        ------
+        ModelError
+            If the level is not between 0 and 1.
+        """
+        level = self.level if level is None else level
+        holds = self.phase_nonlinearity <= LIMIT
+        half = self._half_width(level, self._polar.covariance[:, 1, 1])
+        ends = np.stack([-half, half], axis=-1)
+        ends[~holds] = np.nan
+        bent = ~holds & ~self.contains(0.0, level)
+        if bent.any():
+            shares = np.tile([(1 - level) / 2, (1 + level) / 2], (int(bent.sum()), 1))
+            ends[bent] = exact_quantiles(self.values[bent], self.covariance[bent], self.dof, shares, shares)[1]
+        low, high = self.phase_deg + np.degrees(ends).T
+        return Band(level=level, low=read_only(low), high=read_only(high), linear_law=holds)
+
+    def _half_width(self, level: float, variance: Array) -> Array:
+        shrink = 1.0 if np.isinf(self.dof) else (self.dof - 2) / self.dof
+        return np.asarray(quantile(level, self.dof) * np.sqrt(shrink * variance))
+
+    def to_xarray(self) -> Any:
+        """Return values, covariance, bands and nonlinearity as an `xarray.Dataset`."""
+        dataset = super().to_xarray()
+        dataset["nonlinearity"] = (("point",), self.nonlinearity)
+        dataset.attrs |= {"law": self.status.name, "advice": self.advice, "lost": self.lost}
+        return dataset
+
+
+def propagate(model: Model, quantity: Quantity, *, level: float = 0.95) -> Propagated:
+    """Propagate the uncertainty of a model's parameters to a frequency response.
+
+    The covariance of real and imaginary part is J theta_cov J', J being their exact derivative by the parameters,
+    through the equilibrium too. That is the law of a response linear in the parameters. How far it is from linear is
+    probed at 32 pairs of parameters drawn from the posterior, mirrored at its mean: the nonlinearity is the root mean
+    square of the departure of the response from its tangent, in units of the ellipse, over that of the tangent. With an
+    index v, the covariance is wrong by at most about 2v + v² of itself, and by v² where the departure is of second
+    order (a quadratic form in normal parameters is not correlated with a linear one). Up to 0.25 the law is taken to
+    hold.
+
+    Parameters
+    ----------
+    model : NarxModel or LinearModel
+        With ``theta_cov``.
+    quantity : callable
+        Takes a model and returns a FrequencyResponse: ``partial(gfrf, order=2, omega=omega)``,
+        ``lambda m: output_orders(m, excitation, 3)[1]``, or ``partial(frf, omega=omega)`` of a linear model.
+    level : float
+        Probability of regions and bands where no other is given.
+
+    Returns
+    -------
+    Propagated
+        With a ``status`` and an ``advice``.
+
+    Warns
+    -----
+    UncertaintyWarning
+        Where ellipses do not describe the response, with the nonlinearity.
+
+    Raises
+    ------
+    ModelError
+        If the level is not between 0 and 1, or the quantity is no FrequencyResponse.
+
+    References
+    ----------
+    Jacobs, Dodd, Anderson, "Frequency-domain analysis for nonlinear systems with time-domain model parameter
+    uncertainty", IEEE Trans. Automatic Control 64 (2019) 1905-1915, doi:10.1109/TAC.2018.2866474.
+    Hall, "On the propagation of uncertainty in complex-valued quantities", Metrologia 41 (2004) 173-177,
+    doi:10.1088/0026-1394/41/3/010.
+    """
+    response = response_of(model, quantity, level)
+    nonlinearity, lost = _probe(model, quantity, response)
+    found = Propagated(
+        response=response, level=level, dof=dof_of(model), nonlinearity=read_only(nonlinearity), lost=lost
+    )
+    if found.status in (UncertaintyStatus.BENT, UncertaintyStatus.LOST):
+        warnings.warn(found.advice, UncertaintyWarning, stacklevel=2)
+    return found
+
+
+def _probe(model: Model, quantity: Quantity, response: FrequencyResponse) -> tuple[Array, float]:
+    """Nonlinearity at each frequency, and the share of probes that lost the operating point."""
+    if not np.any(response.theta_cov):
+        return np.zeros(response.values.size), 0.0
+    steps = draw_theta(model, np.random.default_rng(_PROBES), _PAIRS) - model.theta
+    steps = np.concatenate([steps, -steps])
+    ellipses = Ellipses.of(response.covariance)
+    departed, moved, kept = np.zeros(response.values.size), np.zeros(response.values.size), 0
+    for some in np.array_split(steps, max(1, len(steps) * response.values.size // _HELD)):
+        found = evaluate(model, quantity, response, model.theta + some)
+        usable = found.exists & (found.stable == response.status.ok)
+        tangent = some[usable] @ response.gradient.T
+        departure = found.values[usable] - response.values - tangent
+        departed += ellipses.squared_distance(departure).sum(axis=0)
+        moved += ellipses.squared_distance(tangent).sum(axis=0)
+        kept += int(usable.sum())
+    if not kept:
+        return np.full(response.values.size, np.inf), 1.0
+    ratio = np.divide(departed, moved, out=np.zeros_like(moved), where=moved > 0)
+    return np.sqrt(ratio), 1.0 - kept / len(steps)

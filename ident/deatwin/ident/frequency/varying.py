@@ -1,0 +1,271 @@
+"""Frequency responses along time: the equilibrium followed, and about it the response of the model of each time."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from deatwin.ident.frequency.checks import real_numbers, whole_order
+from deatwin.ident.frequency.excitation import input_spectrum
+from deatwin.ident.frequency.following import followed
+from deatwin.ident.frequency.gfrf import gfrf, require_one_input
+from deatwin.ident.frequency.hierarchy import Jet, Parts
+from deatwin.ident.frequency.linear import operating_input_of
+from deatwin.ident.frequency.moving_parts import Reading, correction
+from deatwin.ident.frequency.nofrf import NofrfStatus, NofrfWarning, nofrf_direct
+from deatwin.ident.frequency.parts import Orders, Tones
+from deatwin.ident.frequency.response import FrequencyResponse
+from deatwin.ident.frequency.spectrum import one_period, output_spectrum, spectrum_of
+from deatwin.ident.frequency.varying_response import VaryingResponse
+from deatwin.ident.narx.identifier import Progress
+from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.operating import read_only
+from deatwin.ident.narx.trajectory import ThetaTrajectory
+from deatwin.plant.errors import ModelError
+
+__all__ = ["tv_gfrf", "tv_nofrf", "tv_output_spectrum"]
+
+Array = NDArray[np.float64]
+
+_MOST_TIMES = 200  # of a map, unless the times are given
+
+
+def tv_gfrf(
+    trajectory: ThetaTrajectory,
+    order: int,
+    omega: ArrayLike,
+    *,
+    timepts: ArrayLike | None = None,
+    operating_input: ArrayLike | None = None,
+    progress: Progress | None = None,
+) -> VaryingResponse:
+    """Compute the generalised frequency response H_n of a model whose parameters change with time.
+
+    At each time it is that of the model with the parameters of this time (frozen), about the equilibrium of this time:
+    an equilibrium that moves changes every order.
+
+    Parameters
+    ----------
+    trajectory : ThetaTrajectory
+        theta(t) of a model of one input and one output.
+    order : int
+        n, as `gfrf`.
+    omega : array_like, shape (n,) for order 1, else (n, order)
+        Angular frequencies in rad/s, as `gfrf`.
+    timepts : array_like, shape (n_times,), optional
+        Increasing times in s, each taking the parameters of the nearest time of the trajectory; by default all of
+        the trajectory's, at most 200 of them evenly spread.
+    operating_input : array_like, shape () or (n_times,), optional
+        Constant input, or that of each time, in the input's unit; the centre of the training data by default.
+    progress : callable, optional
+        Takes the share that is done and what is being done.
+
+    Returns
+    -------
+    VaryingResponse
+        In output unit by power n of the input unit, with its covariance from that of the parameters at each time.
+
+    Raises
+    ------
+    ModelError
+        As `gfrf`; or if times lie outside the trajectory or do not increase, or no time has an equilibrium.
+
+    References
+    ----------
+    Zadeh, "Frequency analysis of variable networks", Proc. IRE 38 (1950) 291-299.
+    """
+
+    def plan(response: FrequencyResponse) -> tuple[Parts, Reading]:
+        angles = response.omega.reshape(-1, order) * trajectory.model.sample_time
+        tones = Tones(angles)
+
+        def read(found: Mapping[int, Jet]) -> NDArray[Any] | None:
+            return found[tones.whole].value / tones.repeats if tones.whole in found else None
+
+        return tones, read
+
+    quantity = partial(gfrf, order=order, omega=omega)
+    return _along(trajectory, quantity, plan, timepts, operating_input, progress)
+
+
+def tv_output_spectrum(
+    trajectory: ThetaTrajectory,
+    excitation: ArrayLike,
+    order: int,
+    *,
+    timepts: ArrayLike | None = None,
+    operating_input: ArrayLike | None = None,
+    progress: Progress | None = None,
+) -> VaryingResponse:
+    """Compute the spectrum of the output to a periodic input, along time.
+
+    Parameters
+    ----------
+    trajectory : ThetaTrajectory
+        As for `tv_gfrf`.
+    excitation : array_like, shape (n_samples,)
+        One period of the input as deviations from the operating input, as for `output_spectrum`.
+    order : int
+        Highest order N of Y = Y_1 + ... + Y_N.
+    timepts : array_like, shape (n_times,), optional
+        As for `tv_gfrf`.
+    operating_input : array_like, shape () or (n_times,), optional
+        As for `tv_gfrf`.
+    progress : callable, optional
+        As for `tv_gfrf`.
+
+    Returns
+    -------
+    VaryingResponse
+        Y as Fourier coefficients, as `output_spectrum` returns them for each time.
+
+    Raises
+    ------
+    ModelError
+        As `output_spectrum` and `tv_gfrf`.
+    """
+    orders = Orders(one_period(excitation), whole_order(order))
+
+    def read(found: Mapping[int, Jet]) -> NDArray[Any] | None:
+        return spectrum_of(sum(jet.value for jet in found.values())) if found else None
+
+    def plan(_: FrequencyResponse) -> tuple[Parts, Reading]:
+        return orders, read
+
+    quantity = partial(output_spectrum, excitation=excitation, order=order)
+    return _along(trajectory, quantity, plan, timepts, operating_input, progress)
+
+
+def tv_nofrf(
+    trajectory: ThetaTrajectory,
+    excitation: ArrayLike,
+    order: int,
+    *,
+    timepts: ArrayLike | None = None,
+    operating_input: ArrayLike | None = None,
+    progress: Progress | None = None,
+) -> VaryingResponse:
+    """Compute the nonlinear output frequency response G_n of a periodic input, along time.
+
+    G_n = Y_n / U_n of the model of each time, Y_n being the exact n-th order of its output in the steady state and U_n
+    the spectrum of the input's n-th power; on the lines where U_n is not zero.
+
+    Parameters
+    ----------
+    trajectory : ThetaTrajectory
+        As for `tv_gfrf`.
+    excitation : array_like, shape (n_samples,)
+        One period of the input as deviations from the operating input, as for `output_orders`.
+    order : int
+        n, at least 1.
+    timepts : array_like, shape (n_times,), optional
+        As for `tv_gfrf`.
+    operating_input : array_like, shape () or (n_times,), optional
+        As for `tv_gfrf`.
+    progress : callable, optional
+        As for `tv_gfrf`.
+
+    Returns
+    -------
+    VaryingResponse
+        In output unit by power n of the input unit, on the lines where U_n is not zero.
+
+    Warns
+    -----
+    NofrfWarning
+        If the excitation does not suit the order.
+
+    Raises
+    ------
+    ModelError
+        As `output_orders` and `tv_gfrf`, or if the input is zero throughout.
+
+    References
+    ----------
+    Lang, Billings, "Energy transfer properties of non-linear systems in the frequency domain", Int. J. Control 78
+    (2005) 345-362, doi:10.1080/00207170500095759.
+    """
+    period = one_period(excitation)
+    spectrum = input_spectrum(period, order, trajectory.model.sample_time)
+    lines, powers = spectrum.defined, spectrum.values[spectrum.defined]
+    if not spectrum.suitable:
+        warnings.warn(NofrfStatus.ERRATIC_EXCITATION.value, NofrfWarning, stacklevel=2)
+
+    def quantity(model: NarxModel) -> FrequencyResponse:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", NofrfWarning)  # said once, for all times
+            return nofrf_direct(model, excitation, order)
+
+    def read(found: Mapping[int, Jet]) -> NDArray[Any] | None:
+        return spectrum_of(found[order].value)[:, lines] / powers if order in found else None
+
+    def plan(_: FrequencyResponse) -> tuple[Parts, Reading]:
+        return Orders(period, order), read
+
+    return _along(trajectory, quantity, plan, timepts, operating_input, progress)
+
+
+def _along(
+    trajectory: ThetaTrajectory,
+    quantity: Callable[[NarxModel], FrequencyResponse],
+    plan: Callable[[FrequencyResponse], tuple[Parts, Reading]],
+    timepts: ArrayLike | None,
+    operating_input: ArrayLike | None,
+    progress: Progress | None,
+) -> VaryingResponse:
+    """Compute a quantity of the model of each time, about its equilibrium."""
+    require_one_input(trajectory.model)
+    times = _times(trajectory, timepts)
+    inputs = _inputs(trajectory, operating_input, times.size)
+    models: list[NarxModel | None] = []
+    responses: list[FrequencyResponse | None] = []
+    for model in followed(trajectory, times, inputs):
+        models.append(model)
+        responses.append(None if model is None else quantity(model))
+        if progress is not None:
+            progress(len(models) / times.size, f"response of {len(models)} of {times.size} times")
+    some = next((response for response in responses if response is not None), None)
+    if some is None:
+        raise ModelError(
+            f"no model from {times[0]:g} s to {times[-1]:g} s has an equilibrium at its operating input; choose another"
+        )
+    parts, read = plan(some)
+    stable = tuple(m if r is not None and r.status.ok else None for m, r in zip(models, responses, strict=True))
+    return VaryingResponse(
+        timepts=times,
+        operating_inputs=inputs,
+        models=tuple(models),
+        responses=tuple(responses),
+        correct=partial(correction, stable, times, parts, read, some.values.size),
+    )
+
+
+def _times(trajectory: ThetaTrajectory, timepts: ArrayLike | None) -> Array:
+    """Return the times of a map after a check."""
+    known = trajectory.timepts
+    if timepts is None:
+        chosen = np.linspace(0, known.size - 1, min(known.size, _MOST_TIMES)).round().astype(int)
+        return read_only(known[chosen])
+    times = np.atleast_1d(real_numbers(timepts, "timepts"))
+    if times.ndim != 1 or times.size == 0 or not np.all(np.isfinite(times)) or np.any(np.diff(times) <= 0):
+        raise ModelError("timepts must be finite times that increase, of shape (n_times,), in s")
+    trajectory.at(float(times[0]))
+    trajectory.at(float(times[-1]))
+    return times
+
+
+def _inputs(trajectory: ThetaTrajectory, operating_input: ArrayLike | None, count: int) -> Array:
+    """Return the operating input of each time after a check."""
+    centre = operating_input_of(trajectory.model, None)
+    given = real_numbers(centre if operating_input is None else operating_input, "operating_input")
+    if given.shape not in ((), (1,), (count,)) or not np.all(np.isfinite(given)):
+        raise ModelError(
+            f"operating_input has the shape {given.shape}; it must be one finite number, or one for each of the "
+            f"{count} times"
+        )
+    return read_only(np.broadcast_to(given, count))

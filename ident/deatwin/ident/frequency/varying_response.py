@@ -1,0 +1,282 @@
+"""A frequency response along time: that of the model of each time, as if its parameters stayed so."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.frequency.linear import levels, motion
+from deatwin.ident.frequency.response import Band, FrequencyResponse
+from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.operating import read_only
+from deatwin.plant.errors import ModelError
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["VaryingResponse", "VaryingStatus"]
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+
+class VaryingStatus(Enum):
+    """Whether there is a frequency response at a time; the value is the advice."""
+
+    OK = "the equilibrium of this time is stable"
+    UNSTABLE = (
+        "the equilibrium of this time is unstable: the response is that of the linearised model, no experiment "
+        "settles to it; choose another operating input or identify again"
+    )
+    NONE = (
+        "the model of this time has no equilibrium that could be followed at its operating input, and so no "
+        "response; choose another operating input or identify again"
+    )
+
+    @property
+    def ok(self) -> bool:
+        """Whether the equilibrium is stable."""
+        return self is VaryingStatus.OK
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class VaryingResponse:
+    """H_n, G_n or Y_n along time: at each time that of a model whose parameters and operating input stay as they are.
+
+    Parameters
+    ----------
+    timepts : ndarray, shape (n_times,)
+        Increasing times on the experiment's clock in s.
+    operating_inputs : ndarray, shape (n_times,)
+        Constant input of each time in the input's unit.
+    models : tuple of (NarxModel or None), length n_times
+        Model of each time; the centre of its ``operating`` range is its equilibrium. None where it has none.
+    responses : tuple of (FrequencyResponse or None), length n_times
+        Theirs; at least one is not None.
+    correct : callable
+        Returns ``frozen_correction``.
+    """
+
+    timepts: Array
+    operating_inputs: Array
+    models: tuple[NarxModel | None, ...]
+    responses: tuple[FrequencyResponse | None, ...]
+    correct: Callable[[], Complex]
+
+    @property
+    def _first(self) -> FrequencyResponse:
+        return next(response for response in self.responses if response is not None)
+
+    @property
+    def symbol(self) -> str:
+        """What it is: "H", "G" or "Y"."""
+        return self._first.symbol
+
+    @property
+    def order(self) -> int:
+        """Its order n; 0 for the sum of all orders."""
+        return self._first.order
+
+    @property
+    def label(self) -> str:
+        """Symbol and order, for axes and legends."""
+        return self._first.label
+
+    @property
+    def omega(self) -> Array:
+        """Angular frequency in rad/s, shape (n,), or (n, order) for H_n of order 2 and more."""
+        return self._first.omega
+
+    @property
+    def frequency_Hz(self) -> Array:
+        """Frequency in Hz, of the shape of ``omega``."""
+        return self._first.frequency_Hz
+
+    @property
+    def unit(self) -> str:
+        """Unit of the values."""
+        return self._first.unit
+
+    @cached_property
+    def statuses(self) -> tuple[VaryingStatus, ...]:
+        """Whether there is a response at each time, length n_times."""
+        return tuple(VaryingStatus.NONE if r is None else VaryingStatus[r.status.name] for r in self.responses)
+
+    @cached_property
+    def equilibria(self) -> Array:
+        """Equilibrium output of each time in the output's unit, shape (n_times,); NaN where there is none."""
+        return read_only([np.nan if response is None else response.point.output for response in self.responses])
+
+    @cached_property
+    def equilibrium_std(self) -> Array:
+        """Standard deviation that the parameters give the equilibrium, in the output's unit, shape (n_times,)."""
+        return read_only([
+            np.nan if model is None or response is None else _std_of(model, response)
+            for model, response in zip(self.models, self.responses, strict=True)
+        ])  # fmt: skip
+
+    @cached_property
+    def values(self) -> Complex:
+        """The response, complex, shape (n_times, n), in ``unit``; NaN where there is none."""
+        values = self._stacked(lambda response: response.values)
+        values.setflags(write=False)
+        return values
+
+    @cached_property
+    def covariance(self) -> Array:
+        """Covariance of real and imaginary part, shape (n_times, n, 2, 2), to first order."""
+        return read_only(self._stacked(lambda response: response.covariance))
+
+    @property
+    def gain(self) -> Array:
+        """Magnitude, shape (n_times, n)."""
+        return np.asarray(np.abs(self.values), dtype=np.float64)
+
+    @cached_property
+    def frozen_correction(self) -> Complex:
+        """What the motion of the parameters adds to the response, complex, shape (n_times, n), in ``unit``.
+
+        The response of the system that varies, to a tone that never began, is ``values`` + this, to first order in the
+        rate of variation; see `moving_parts`. The rate is that between neighbours in ``timepts``: NaN where a
+        neighbour has no stable equilibrium, and for a single time.
+        """
+        correction = self.correct()
+        correction.setflags(write=False)
+        return correction
+
+    @property
+    def frozen_error(self) -> Array:
+        """Magnitude of ``frozen_correction``, shape (n_times, n): how far off the response of standing parameters is.
+
+        For H_1 it is the rate at which H_1 changes times the delay of the feedback, so that a system that changes
+        little in its own memory has little of it.
+        """
+        return np.asarray(np.abs(self.frozen_correction), dtype=np.float64)
+
+    def band(self, level: float = 0.95) -> Band:
+        """Return the pointwise confidence band of the gain at each time.
+
+        Parameters
+        ----------
+        level : float
+            Probability at each time and frequency, between 0 and 1; the variation that the response of standing
+            parameters leaves out (``frozen_error``) is not in it.
+
+        Returns
+        -------
+        Band
+            As `FrequencyResponse.band`, of shape (n_times, n); NaN where there is no response.
+
+        Raises
+        ------
+        ModelError
+            If the level is not between 0 and 1.
+        """
+        low = self._stacked(lambda response: response.band(level).low)
+        high = self._stacked(lambda response: response.band(level).high)
+        law = self._stacked(lambda response: response.band(level).linear_law.astype(float)) == 1.0
+        return Band(level=level, low=read_only(low), high=read_only(high), linear_law=law)
+
+    def at(self, time: float) -> FrequencyResponse:
+        """Return the response of the nearest of ``timepts``.
+
+        Parameters
+        ----------
+        time : float
+            On the experiment's clock in s.
+
+        Raises
+        ------
+        ModelError
+            If the time is before the first or after the last, or there is no response.
+        """
+        slack = 1e-9 * max(1.0, float(np.abs(self.timepts).max()))
+        if not self.timepts[0] - slack <= time <= self.timepts[-1] + slack:
+            raise ModelError(
+                f"asked for {time:g} s; the response is known from {self.timepts[0]:g} s to {self.timepts[-1]:g} s"
+            )
+        nearest = int(np.argmin(np.abs(self.timepts - time)))
+        found = self.responses[nearest]
+        if found is None:
+            raise ModelError(f"at {self.timepts[nearest]:g} s: {VaryingStatus.NONE.value}")
+        return found
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the gain as a map over time and frequency; unstable times are hatched, times without response empty.
+
+        Orders of several frequencies are drawn along their line: ``omega`` must lie on a straight one, as
+        ``np.stack([w, w], axis=-1)`` for f2 = f1 does.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Where to draw; new axes otherwise.
+
+        Returns
+        -------
+        matplotlib Axes
+
+        Raises
+        ------
+        ModelError
+            If the frequencies do not lie on a line.
+        """
+        from deatwin.ident.frequency.varying_plots import plot_map
+
+        return plot_map(self, ax)
+
+    def plot_equilibria(self, ax: Axes | None = None) -> Axes:
+        """Draw the equilibrium over time with the 95 % band that the parameters give it.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Where to draw; new axes otherwise.
+
+        Returns
+        -------
+        matplotlib Axes
+        """
+        from deatwin.ident.frequency.varying_plots import plot_equilibria
+
+        return plot_equilibria(self, ax)
+
+    def to_xarray(self) -> Any:
+        """Return an `xarray.Dataset` over time and point: values, covariance, error, equilibria and statuses."""
+        import xarray
+
+        dims = ("time", "point")
+        units, squared = {"units": self.unit}, {"units": f"({self.unit})^2" if self.unit else ""}
+        parts = ["real", "imaginary"]
+        return xarray.Dataset(
+            {
+                "real": (dims, self.values.real, units),
+                "imaginary": (dims, self.values.imag, units),
+                "covariance": ((*dims, "part", "other_part"), self.covariance, squared),
+                "frozen_error": (dims, self.frozen_error, units),
+                "omega": (("point",) if self.omega.ndim == 1 else ("point", "tone"), self.omega, {"units": "rad/s"}),
+                "equilibrium": (("time",), self.equilibria),
+                "equilibrium_std": (("time",), self.equilibrium_std),
+                "operating_input": (("time",), self.operating_inputs),
+                "status": (("time",), [status.name for status in self.statuses]),
+            },
+            coords={"time": ("time", self.timepts, {"units": "s"}), "part": parts, "other_part": parts},
+            attrs={"symbol": self.symbol, "order": self.order},
+        )
+
+    def _stacked(self, get: Callable[[FrequencyResponse], NDArray[Any]]) -> NDArray[Any]:
+        """Stack what the responses have; NaN where there is none."""
+        missing = np.full_like(get(self._first), np.nan)
+        return np.stack([missing if response is None else get(response) for response in self.responses])
+
+
+def _std_of(model: NarxModel, response: FrequencyResponse) -> float:
+    moves = motion(model, levels(model, response.point.operating_input, response.point.output))
+    variance = float(moves @ model.theta_cov @ moves)
+    return max(variance, 0.0) ** 0.5

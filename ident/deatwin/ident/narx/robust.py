@@ -1,0 +1,272 @@
+"""How well the parameters of a model are known when its residuals are neither white nor of one size.
+
+Least squares gives a covariance that holds for white residuals. Where the terms leave out physics the residuals are
+correlated, and the parameters scatter more from record to record than that covariance says. Here a record is cut into
+blocks, longer than what it remembers, and each is left out in turn (jackknife): how far the parameters move says how
+they scatter. In the order of time the blocks also say whether the parameters drift: the slowest cosines through them
+are larger then than the others.
+
+References
+----------
+Künsch, "The jackknife and the bootstrap for general stationary observations", Ann. Stat. 17 (1989) 1217-1241.
+Lazarus, Lewis, Stock, Watson, "HAR inference: recommendations for practice", J. Bus. Econ. Stat. 36 (2018) 541-559:
+equally weighted cosines, and the t and F laws that follow.
+White, "Maximum likelihood estimation of misspecified models", Econometrica 50 (1982) 1-25.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import solve_triangular
+
+from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.operating import read_only
+from deatwin.ident.narx.regression import Recordings, Regression
+from deatwin.plant.errors import ModelError
+
+__all__ = ["BLOCKS", "Cosines", "pseudovalues", "robust", "robust_covariance"]
+
+Array = NDArray[np.float64]
+
+BLOCKS = 64
+"""Into which a record is cut: those of five minutes are five seconds long."""
+_ALONE = 1e-9  # share of what is known of a parameter that has to remain without a block
+_FEWEST = 8  # cosines of the scatter
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Cosines:
+    """The cosine coefficients of short series, and what they say of the mean and of a drift.
+
+    The coefficients of an uncorrelated stationary series are uncorrelated, with one covariance: n times that of its
+    mean.
+
+    Parameters
+    ----------
+    coefficients : ndarray, shape (n - 1, n_series)
+        Of cosines of unit norm with 1, 2, ... half periods in the series, in the unit of the series.
+    n_slow : int
+        The first of them, which belong to a drift and do not count as scatter.
+    """
+
+    coefficients: Array
+    n_slow: int
+
+    @classmethod
+    def of(cls, series: ArrayLike, n_slow: int = 0) -> Cosines:
+        """Transform series.
+
+        Parameters
+        ----------
+        series : array_like, shape (n, n_series)
+            In order of time, of any unit.
+        n_slow : int
+            As many coefficients are set apart as drift.
+
+        Returns
+        -------
+        Cosines
+
+        Raises
+        ------
+        ModelError
+            If too few are left for the scatter.
+        """
+        values = np.asarray(series, dtype=np.float64)
+        n = len(values)
+        if n_slow < 0 or n - 1 - n_slow < _FEWEST:
+            raise ModelError(
+                f"{n} values with {n_slow} cosines of a drift; at least {_FEWEST + 1 + max(n_slow, 0)} are needed"
+            )
+        shapes = _shapes(np.arange(1, n), (np.arange(n) + 0.5) / n, n)
+        return cls(coefficients=read_only(shapes @ values), n_slow=n_slow)
+
+    @property
+    def dof(self) -> int:
+        """Degrees of freedom of the scatter."""
+        return len(self.coefficients) - self.n_slow
+
+    @property
+    def slow(self) -> Array:
+        """Coefficients of the drift, shape (n_slow, n_series)."""
+        return self.coefficients[: self.n_slow]
+
+    @property
+    def fast(self) -> Array:
+        """Coefficients of the scatter, shape (dof, n_series)."""
+        return self.coefficients[self.n_slow :]
+
+    @property
+    def scale(self) -> Array:
+        """Squared scale of the t law of the means, shape (n_series, n_series)."""
+        return np.asarray(self.fast.T @ self.fast / (self.dof * self._count), dtype=np.float64)
+
+    def projected(self, directions: ArrayLike) -> Cosines:
+        """Return the cosines of linear combinations of the series.
+
+        Parameters
+        ----------
+        directions : array_like, shape (n_combinations, n_series)
+            One combination a row.
+
+        Returns
+        -------
+        Cosines
+        """
+        return replace(self, coefficients=read_only(self.coefficients @ np.asarray(directions, dtype=np.float64).T))
+
+    def drift(self, shares: ArrayLike) -> Array:
+        """Return by how much the series lie off their means, as the slow cosines have it.
+
+        Parameters
+        ----------
+        shares : array_like, shape (n_times,)
+            Times, as shares of the series from 0 to 1.
+
+        Returns
+        -------
+        ndarray, shape (n_times, n_series)
+            In the unit of the series.
+        """
+        return np.asarray(self._slow_shapes(shares).T @ self.slow, dtype=np.float64)
+
+    def drift_scales(self, shares: ArrayLike) -> Array:
+        """Return the squared scales of mean plus drift at some times.
+
+        Parameters
+        ----------
+        shares : array_like, shape (n_times,)
+            Times, as shares of the series from 0 to 1.
+
+        Returns
+        -------
+        ndarray, shape (n_times, n_series, n_series)
+        """
+        larger = 1 + self._count * (self._slow_shapes(shares) ** 2).sum(axis=0)
+        return np.asarray(larger[:, None, None] * self.scale, dtype=np.float64)
+
+    @property
+    def _count(self) -> int:
+        return len(self.coefficients) + 1
+
+    def _slow_shapes(self, shares: ArrayLike) -> Array:
+        return _shapes(np.arange(1, self.n_slow + 1), np.asarray(shares, dtype=np.float64), self._count)
+
+
+def _shapes(half_periods: NDArray[np.int_], shares: Array, n: int) -> Array:
+    """Cosines of unit norm over n values, shape (n_cosines, n_times)."""
+    return np.asarray(np.sqrt(2 / n) * np.cos(np.pi * np.outer(half_periods, shares)), dtype=np.float64)
+
+
+def pseudovalues(
+    model: NarxModel, recordings: Recordings, *, n_blocks: int = BLOCKS, instruments: Recordings | None = None
+) -> Array:
+    """Compute what each block of samples says of the parameters, beside what all say.
+
+    With regressors P and residuals e of a least-squares fit, leaving out block k changes the parameters by
+    -(P P' - P_k P_k')^-1 P_k e_k exactly. n_blocks - 1 times the opposite is what the block has by itself, corrected
+    for its leverage.
+
+    Parameters
+    ----------
+    model : NarxModel
+        Of one output and without noise terms; fitted to the recordings by least squares, or about so.
+    recordings : Recording, Experiment, or several
+        What it was fitted to; several are cut as if one followed the other.
+    n_blocks : int
+        Number of blocks of equal length.
+    instruments : Recording, Experiment, or several, optional
+        Where the model was fitted with instruments, the recordings whose regressors Z these are: Z takes the place of
+        the first P of each product.
+
+    Returns
+    -------
+    ndarray, shape (n_blocks, n_terms)
+        In the units of the parameters, as deviations from those of the model.
+
+    Raises
+    ------
+    ModelError
+        If the recordings do not suit the model, or do not determine its parameters without a block.
+    """
+    model.require_one_output("the jackknife")
+    data = Regression.on(recordings, model.table)
+    rows, target = data.matrix()
+    others = rows if instruments is None else Regression.on(instruments, model.table).matrix()[0]
+    if others.shape != rows.shape:
+        raise ModelError(f"the recordings have {rows.shape[1]} usable samples, the instruments {others.shape[1]}")
+    n_terms, n = rows.shape
+    if n < 2 * n_blocks or n <= n_terms:
+        raise ModelError(f"{n} samples are too few for {n_blocks} blocks and {n_terms} parameters")
+    residual = target - (model.theta / data.term_scales) @ rows
+    # In orthonormal regressors no digits are lost to a Gram matrix.
+    (q, r), z = np.linalg.qr(rows.T), np.linalg.qr(others.T)[0]
+    found = np.empty((n_blocks, n_terms))
+    edges = np.linspace(0, n, n_blocks + 1).round().astype(int)
+    for k, block in enumerate(map(slice, edges[:-1], edges[1:])):
+        remaining = z.T @ q - z[block].T @ q[block]
+        if np.linalg.svd(remaining, compute_uv=False)[-1] < _ALONE:
+            raise ModelError(
+                f"without samples {edges[k]} to {edges[k + 1]} the parameters are not determined: leave terms out"
+            )
+        found[k] = np.linalg.solve(remaining, z[block].T @ residual[block])
+    return np.asarray((n_blocks - 1) * solve_triangular(r, found.T).T * data.term_scales, dtype=np.float64)
+
+
+def robust_covariance(model: NarxModel, recordings: Recordings, *, n_blocks: int = BLOCKS) -> Array:
+    """Estimate the covariance of parameters that were fitted by least squares, whatever the residuals are like.
+
+    Valid too where no parameters make the terms right: then it is the scatter, about those that fit an endless record
+    best, that other records of like excitation would give. What the terms cannot hold does not average out, and
+    parameters of differently excited records differ for that reason alone.
+
+    Parameters
+    ----------
+    model : NarxModel
+        As for `pseudovalues`.
+    recordings : Recording, Experiment, or several
+        What it was fitted to.
+    n_blocks : int
+        Blocks into which they are cut; each is to be longer than what the actuator remembers.
+
+    Returns
+    -------
+    ndarray, shape (n_terms, n_terms)
+        Of the t law of `robust`, so that it can stand for ``theta_cov``. Its rank is at most n_blocks - 1: it serves
+        for a few combinations of the parameters at a time.
+
+    Raises
+    ------
+    ModelError
+        As `pseudovalues`.
+    """
+    return robust(model, recordings, n_blocks=n_blocks).theta_cov
+
+
+def robust(model: NarxModel, recordings: Recordings, *, n_blocks: int = BLOCKS) -> NarxModel:
+    """Return a model with the covariance of its parameters that `robust_covariance` estimates.
+
+    Parameters
+    ----------
+    model : NarxModel
+        As for `pseudovalues`.
+    recordings : Recording, Experiment, or several
+        What it was fitted to.
+    n_blocks : int
+        As for `robust_covariance`.
+
+    Returns
+    -------
+    NarxModel
+        With ``theta_cov`` and ``theta_dof`` of the t law of n_blocks - 1 degrees of freedom.
+
+    Raises
+    ------
+    ModelError
+        As `pseudovalues`.
+    """
+    cosines = Cosines.of(pseudovalues(model, recordings, n_blocks=n_blocks))
+    return replace(model, theta_cov=cosines.scale * cosines.dof / (cosines.dof - 2), theta_dof=float(cosines.dof))

@@ -1,0 +1,293 @@
+"""Comparison of models and of records: against closed forms, classical tests, repeats and known changes."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy import stats
+from scipy.optimize import minimize
+
+from deatwin.ident.frequency.bands import band_frequencies, band_means
+from deatwin.ident.frequency.comparison import Agreement, compare
+from deatwin.ident.frequency.equality import Scatter, equality, holm, no_drift
+from deatwin.ident.frequency.records import compare_records
+from deatwin.ident.narx import Fixed, NarxModel
+from deatwin.ident.narx.robust import Cosines
+from deatwin.plant.errors import ModelError
+from deatwin.plant.recording import Recording
+
+TERMS = ["y(k-1)", "u(k-1)", "u(k-1)^2"]
+TRUE = (0.6, 0.4, 0.1)
+BANDS = ((0.0, 0.1), (0.1, 0.25), (0.25, 0.5))
+
+
+def recorded(seed, n=400, gain=1.0, theta=TRUE, noise=0.1):
+    """The system of TRUE, driven by white noise, with white equation error; what the input does times ``gain``."""
+    rng = np.random.default_rng(seed)
+    u, e = rng.standard_normal(n), noise * rng.standard_normal(n)
+    drive = np.broadcast_to(gain, n) * (theta[1] * u + theta[2] * u**2)
+    y = np.zeros(n)
+    for k in range(1, n):
+        y[k] = theta[0] * y[k - 1] + drive[k - 1] + e[k]
+    return Recording.from_arrays(u, y, 1.0)
+
+
+def model_of(theta, deviations=(0.01, 0.01, 0.01)):
+    return NarxModel.from_terms(
+        dict(zip(TERMS, theta, strict=True)), sample_time=1.0, theta_cov=np.diag(np.square(deviations))
+    )
+
+
+# ---- the test of two means
+
+
+def test_with_one_direction_it_is_welchs_t_test():
+    rng = np.random.default_rng(1)
+    a, b = rng.standard_normal(9), 0.3 + 3 * rng.standard_normal(25)
+    flat = np.diag([1.0, 0.0])
+    found = equality(
+        [a.mean() - b.mean(), 0.0],
+        [Scatter(flat * a.var(ddof=1) / a.size, 8.0), Scatter(flat * b.var(ddof=1) / b.size, 24.0)],
+    )
+    welch = stats.ttest_ind(a, b, equal_var=False)
+    assert found.p_value == pytest.approx(welch.pvalue, rel=1e-10)
+    assert found.statistic == pytest.approx(welch.statistic**2, rel=1e-10)
+
+
+def test_with_one_sample_it_is_hotellings_test():
+    rng = np.random.default_rng(2)
+    x = rng.standard_normal((20, 2)) + 0.3
+    found = equality(x.mean(axis=0), [Scatter(np.cov(x.T) / 20, 19.0)])
+    squared = 20 * x.mean(axis=0) @ np.linalg.solve(np.cov(x.T), x.mean(axis=0))
+    assert found.p_value == pytest.approx(stats.f.sf(squared * 18 / (19 * 2), 2, 18), rel=1e-10)
+    normal = equality(x.mean(axis=0), [Scatter(np.cov(x.T) / 20, np.inf)])
+    assert normal.p_value == pytest.approx(stats.chi2.sf(squared, 2), rel=1e-10)
+
+
+def test_of_unequal_scatters_it_keeps_its_level():
+    """1500 trials at 5 %: the share scatters by 0.6 %, and the approximation is good to about half a per cent."""
+    rng = np.random.default_rng(3)
+    low, high = np.array([[1.0, 0.6], [0.6, 1.0]]), np.diag([9.0, 0.5])
+    rejected = 0
+    for _ in range(1500):
+        a = rng.multivariate_normal([0, 0], low, 12)
+        b = rng.multivariate_normal([0, 0], high, 20)
+        scatters = [Scatter(np.cov(a.T) / 12, 11.0), Scatter(np.cov(b.T) / 20, 19.0)]
+        rejected += equality(a.mean(axis=0) - b.mean(axis=0), scatters).p_value < 0.05
+    assert rejected / 1500 == pytest.approx(0.05, abs=0.02)
+
+
+def test_a_margin_counts_from_its_nearest_point():
+    scale, apart, margin = np.array([[2.0, 0.9], [0.9, 1.0]]), np.array([3.0, -2.0]), 1.5
+    inverse = np.linalg.inv(scale)
+    nearest = minimize(
+        lambda m: (apart - m) @ inverse @ (apart - m), [0.0, 0.0], method="SLSQP",
+        constraints={"type": "ineq", "fun": lambda m: margin**2 - m @ m},
+    )  # fmt: skip
+    found = equality(apart, [Scatter(scale, np.inf)], margin)
+    # the edge is walked in steps of 2 degrees, which leaves at most (1 deg)^2 of relative excess around the minimum
+    assert found.statistic == pytest.approx(nearest.fun, rel=2e-3)
+    assert equality(apart, [Scatter(scale, np.inf)], 4.0).p_value == 1.0  # within the margin
+
+
+def test_of_several_differences_the_most_alike_counts():
+    scale = np.eye(2)
+    found = equality([[3.0, 0.0], [1.0, 0.0], [0.0, 2.0]], [Scatter(scale, np.inf)])
+    assert found.p_value == pytest.approx(stats.chi2.sf(1.0, 2), rel=1e-12)
+
+
+def test_holms_correction():
+    # worked by hand: 4 * 0.005, then 3 * 0.01, then 2 * 0.03, then the largest before or 0.04
+    np.testing.assert_allclose(holm([0.01, 0.04, 0.03, 0.005]), [0.03, 0.06, 0.06, 0.02])
+    np.testing.assert_allclose(holm([0.5, 0.9]), [1.0, 1.0])
+
+
+@pytest.mark.parametrize(("shape", "count"), [(lambda t: 2.0 * t, 1), (lambda t: np.cos(3 * np.pi * t), 3)])
+def test_a_drift_of_one_series_is_the_f_test_of_a_regression(shape, count):
+    times = (np.arange(40) + 0.5) / 40
+    series = np.random.default_rng(4).standard_normal(40) + shape(times)
+    design = np.column_stack([np.ones(40), *(np.cos(j * np.pi * times) for j in (1, 2, 3))])
+
+    def left(columns):
+        return series - design[:, columns] @ np.linalg.lstsq(design[:, columns], series, rcond=None)[0]
+
+    within, about = (np.sum(left(columns) ** 2) for columns in ([0, 1, 2, 3], [0]))
+    by_all = stats.f.sf((about - within) / 3 / (within / 36), 3, 36)
+    by_one = stats.f.sf((about - np.sum(left([0, 1]) ** 2)) / (within / 36), 1, 36)
+    found = no_drift(Cosines.of(series[:, None], 3))
+    assert found.p_value == pytest.approx(2 * min(by_one, by_all), rel=1e-9)
+    assert found.dof == (count, 36)
+
+
+def test_of_two_series_without_drift_the_level_is_kept():
+    """2000 correlated pairs: of two dependent tests at 2.5 % each, 2.5 to 5 % fail; 5 % scatters by half a per cent."""
+    rng = np.random.default_rng(5)
+    mix = np.array([[1.0, 0.8], [0.0, 0.5]])
+    p = np.array([no_drift(Cosines.of(rng.standard_normal((24, 2)) @ mix, 4)).p_value for _ in range(2000)])
+    assert 0.025 <= np.mean(p < 0.05) <= 0.065
+
+
+# ---- means over bands
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_the_frequencies_of_a_band_add_up_to_it(order):
+    omega = band_frequencies(order, (0.2, 0.4), (0.05, 0.3)).reshape(-1, order) / (2 * np.pi)
+    assert len(omega) >= 4
+    assert np.all((omega.sum(axis=1) >= 0.2) & (omega.sum(axis=1) <= 0.4))
+    assert np.all((np.abs(omega) >= 0.05) & (np.abs(omega) <= 0.3))
+
+
+def test_what_the_input_cannot_reach_is_left_out():
+    found = band_means(model_of(TRUE), (1, 2), ((0.0, 0.2), (0.3, 0.4)), input_band=(0.0, 0.2))
+    assert [(m.order, m.from_Hz) for m in found] == [(1, 0.0), (2, 0.0), (2, 0.3)]
+    with pytest.raises(ModelError, match="no order reaches a band"):
+        band_means(model_of(TRUE), (1,), ((0.3, 0.4),), input_band=(0.0, 0.2))
+
+
+def test_means_and_scatter_of_a_static_polynomial_are_its_coefficients():
+    model = NarxModel.from_terms(
+        {"u(k)": 2.0, "u(k)^2": -0.5}, sample_time=1.0, theta_cov=[[0.04, 0.01], [0.01, 0.09]], theta_dof=10.0
+    )
+    first, second = band_means(model, (1, 2), ((0.1, 0.2),))
+    np.testing.assert_allclose(first.value, [2.0, 0.0], atol=1e-14)
+    np.testing.assert_allclose(second.value, [-0.5, 0.0], atol=1e-14)
+    # squared scale of a t law: (dof - 2) / dof of the variance
+    np.testing.assert_allclose(first.scatter.scale, [[0.032, 0.0], [0.0, 0.0]], atol=1e-14)
+    np.testing.assert_allclose(second.scatter.scale, [[0.072, 0.0], [0.0, 0.0]], atol=1e-14)
+    assert second.gain == pytest.approx(0.5)
+
+
+# ---- two models
+
+
+def test_each_coefficient_shows_in_the_orders_that_it_makes():
+    """Changes of five deviations; H_1 = b z / (1 - a z) and H_2 = c z1 z2 / (1 - a z1 z2) about u = 0."""
+    linear = compare(model_of(TRUE), model_of((0.6, 0.5, 0.1)), (1, 2), BANDS)
+    assert {d.order for d in linear.significant} == {1}
+    assert len(linear.significant) == 3
+    z = np.exp(2j * np.pi * np.linspace(0, 0.1, 1001))
+    shape = 1 / (z - 0.6)
+    gain = np.sqrt(np.mean(np.abs(shape) ** 2) * (0.4**2 + 0.5**2) / 2)
+    # the mean of eight lines is the midpoint rule for that over the band
+    assert linear.differences[0].size == pytest.approx(0.1 * abs(shape.mean()) / gain, rel=2e-3)
+    quadratic = compare(model_of(TRUE), model_of((0.6, 0.4, 0.2)), (1, 2), BANDS)
+    assert {d.order for d in quadratic.significant} == {2}
+    both = compare(model_of(TRUE), model_of((0.7, 0.4, 0.1)), (1, 2), BANDS)
+    assert {d.order for d in both.significant} == {1, 2}
+
+
+def test_a_band_finds_what_is_only_there():
+    """A second-order resonance moves: its static gain is kept, the response beside it changes."""
+
+    def resonant(frequency):
+        pole = 0.95 * np.exp(2j * np.pi * frequency)
+        a1, a2 = 2 * pole.real, -abs(pole) ** 2
+        return NarxModel.from_terms(
+            {"y(k-1)": a1, "y(k-2)": a2, "u(k-1)": 1 - a1 - a2}, sample_time=1.0, theta_cov=1e-6 * np.eye(3)
+        )
+
+    found = compare(resonant(0.15), resonant(0.151), (1,), ((0.0, 0.01), (0.12, 0.15)), least=0.02)
+    assert [d.differs for d in found.differences] == [False, True]
+
+
+def test_of_models_that_are_the_same_one_in_twenty_differs():
+    """160 pairs of fits, true structure: p uniform. Bands are dependent, so that only one of each order counts."""
+    fits = [Fixed(terms=TERMS).fit(recorded(seed, 200)).model_ for seed in range(320)]
+    p = np.array([
+        [d.p_value for d in compare(a, b, (1, 2), BANDS[1:2], operating_input=0.0).differences]
+        for a, b in zip(fits[::2], fits[1::2], strict=True)
+    ])  # fmt: skip
+    for of_order in p.T:
+        assert stats.kstest(of_order, "uniform").pvalue > 0.01
+        # of 160 trials 5 % scatters by 1.7 %
+        assert np.mean(of_order < 0.05) <= 0.11
+
+
+def test_the_table_corrects_for_its_number_of_tests():
+    # b differs by z = 0.038 / (0.01 sqrt 2): H_1 of two parameters has p = exp(-z^2 / 2) in every band
+    changed = model_of((0.6, 0.438, 0.1))
+    one, six = compare(model_of(TRUE), changed, (1,), BANDS[:1]), compare(model_of(TRUE), changed, (1, 2), BANDS)
+    p = np.exp(-((0.038 / 0.01) ** 2) / 4)
+    np.testing.assert_allclose([d.p_value for d in six.differences], [p, p, p, 1, 1, 1], rtol=1e-6)
+    np.testing.assert_allclose([d.adjusted for d in six.differences], [6 * p, 6 * p, 6 * p, 1, 1, 1], rtol=1e-6)
+    assert not one.ok
+    assert six.ok
+    assert six.sentences == ("None of 6 tests finds a difference at the level of 0.05.",)
+
+
+def test_differences_that_do_not_matter_may_be_left_out():
+    small, change = (1e-5, 1e-5, 1e-5), (0.6, 0.404, 0.1)
+    assert not compare(model_of(TRUE, small), model_of(change, small), (1,), BANDS).ok
+    assert compare(model_of(TRUE, small), model_of(change, small), (1,), BANDS, least=0.02).ok
+
+
+def test_models_that_cannot_be_compared_are_refused():
+    exact = model_of(TRUE, (0.0, 0.0, 0.0))
+    with pytest.raises(ModelError, match="no covariance"):
+        compare(exact, exact, (1,), BANDS)
+    other = NarxModel.from_terms({"u(k-1)": 1.0}, sample_time=1.0, output_units=("m",))
+    with pytest.raises(ModelError, match="output units"):
+        compare(model_of(TRUE), other, (1,), BANDS)
+    with pytest.raises(ModelError, match="a band goes from 0 Hz"):
+        compare(model_of(TRUE), model_of(TRUE), (1,), ((0.2, 0.1),))
+    with pytest.raises(ModelError, match="at least one"):
+        compare(model_of(TRUE), model_of(TRUE), (1,), ())
+    with pytest.raises(ModelError, match="level"):
+        compare(model_of(TRUE), model_of(TRUE), (1,), BANDS, level=5.0)
+
+
+# ---- records
+
+
+@pytest.fixture(scope="module")
+def several():
+    """Three that are alike but for the third's drift, one with 1.8 times the gain."""
+    n = 1200
+    return compare_records(
+        {
+            "a": recorded(1, n, noise=0.05), "b": recorded(2, n, noise=0.05),
+            "drifting": recorded(3, n, gain=np.linspace(0.9, 1.3, n), noise=0.05),
+            "other": recorded(4, n, gain=1.8, noise=0.05),
+        },
+        TERMS, (1, 2), BANDS, operating_input=0.0,
+    )  # fmt: skip
+
+
+def test_drift_is_told_from_difference(several):
+    agreement = {pair: {d.agreement for d in several.differences if (d.first, d.second) == pair}
+                 for pair in several.pairs}  # fmt: skip
+    assert agreement["a", "b"] == {Agreement.ALIKE}
+    assert agreement["a", "drifting"] == {Agreement.DRIFT}
+    assert agreement["b", "drifting"] == {Agreement.DRIFT}
+    assert agreement["a", "other"] == {Agreement.DIFFERENT}
+    # from 0.9 to 1.3 of the gain never comes near 1.8
+    assert agreement["drifting", "other"] == {Agreement.DIFFERENT}
+    assert {d.name for d in several.drifts if d.drifts} == {"drifting"}
+    assert several.share == pytest.approx(5 / 6)
+
+
+def test_the_size_of_a_drift_is_how_far_it_goes(several):
+    sizes = [d.size for d in several.drifts if d.name == "drifting" and d.order == 1]
+    # 0.4 of a mean of 1.1; blocks scatter, so that the largest distance is rather more than less
+    assert all(0.3 <= size <= 0.6 for size in sizes)
+
+
+def test_a_table_can_be_read_drawn_and_exported(several):
+    assert several.columns == tuple((order, *band) for order in (1, 2) for band in BANDS)
+    assert [(d.first, d.second) for d in several.differences[:: len(several.columns)]] == list(several.pairs)
+    sure = [d.p_value for d in several.significant]
+    assert all(before <= after for before, after in pairwise(sure))
+    assert any("which the drift within a record explains" in text for text in several.sentences)
+    data = several.to_xarray()
+    assert data.sizes == {"pair": 6, "column": 6}
+    assert data["agreement"].sel(column=0).values[0] == "ALIKE"
+    axes = several.plot()
+    texts = [t.get_text() for t in axes.texts]
+    assert len(texts) == len(several.significant)
+    assert sum(t.startswith("(") for t in texts) == sum(d.agreement is Agreement.DRIFT for d in several.differences)
+
+
+def test_one_record_cannot_be_compared():
+    with pytest.raises(ModelError, match="at least two"):
+        compare_records({"a": recorded(1)}, TERMS, (1,), BANDS)

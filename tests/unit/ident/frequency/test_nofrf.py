@@ -1,0 +1,406 @@
+"""NOFRFs by least squares against sums over GFRFs, free runs, theory of the truncation, and hostile inputs."""
+
+import warnings
+from dataclasses import replace
+
+import matplotlib
+import numpy as np
+import pytest
+
+from deatwin.ident.frequency import gfrf, output_orders
+from deatwin.ident.frequency.direct import direct_output
+from deatwin.ident.frequency.excitation import design_excitation
+from deatwin.ident.frequency.levels import chebyshev_levels
+from deatwin.ident.frequency.nofrf import NofrfStatus, NofrfWarning, nofrf, nofrf_direct
+from deatwin.ident.frequency.ranges import output_frequencies
+from deatwin.ident.frequency.steady import steady_state
+from deatwin.ident.narx import NarxModel, OperatingRange
+from deatwin.plant.errors import ModelError
+from deatwin.plant.excitation import band_limited_noise
+from deatwin.plant.recording import Recording
+
+matplotlib.use("Agg")
+
+SAMPLE_TIME = 0.02
+# linear in the output: of the degree of the input terms, and no higher
+FINITE = {
+    "degree 2": {"y(k-1)": 1.2, "y(k-2)": -0.5, "u(k-1)": 0.4, "u(k-1)u(k-3)": -0.2, "u(k-2)^2": 0.3},
+    "degree 3": {"y(k-1)": 0.8, "u(k-1)": 0.4, "u(k-1)^2": 0.4, "u(k-2)^2u(k-4)": 0.15, "u(k-1)^3": 0.4},
+    "odd": {"y(k-1)": 0.5, "y(k-2)": -0.3, "u(k-1)": 0.5, "u(k-1)^3": -0.4},
+}
+INFINITE = {
+    "quadratic": {"y(k-1)": 0.6, "u(k-1)": 0.4, "y(k-1)^2": 0.2, "y(k-2)u(k-1)": -0.1},
+    "cubic": {"y(k-1)": 1.3, "y(k-2)": -0.6, "u(k-1)": 0.2, "y(k-1)^3": -0.1, "y(k-1)^2": 0.15},
+}
+RESONANT = {  # at 3.5 Hz
+    "y(k-1)": 1.5, "y(k-2)": -0.7, "u(k-1)": 0.15, "u(k-1)^2": 0.08, "y(k-1)^2": -0.05, "y(k-1)u(k-1)^2": 0.1
+}  # fmt: skip
+TWO_INPUTS = NarxModel.from_terms({"y(k-1)": 0.5, "u1(k-1)": 1.0, "u2(k-1)": 1.0}, sample_time=SAMPLE_TIME)
+
+
+def model_of(terms, **details):
+    return NarxModel.from_terms(terms, sample_time=SAMPLE_TIME, input_units=("V",), output_units=("mm",), **details)
+
+
+def signal(amplitude=0.5, band=(1.0, 4.0), period=4.0):
+    return design_excitation(band, SAMPLE_TIME, amplitude=amplitude, period=period)
+
+
+def simulated_spectrum(model, period, n_periods=40):
+    """Fourier coefficients of the last of many periods of a free run from rest."""
+    inputs = np.tile(period, n_periods)
+    run = model.simulate(Recording.from_arrays(inputs, np.zeros(inputs.size), SAMPLE_TIME))
+    assert run.status.ok
+    return np.fft.rfft(run.outputs[0, -period.size :]) / period.size
+
+
+def relative(found, expected):
+    return np.abs(found - expected).max() / np.abs(expected).max()
+
+
+@pytest.mark.parametrize("name", FINITE)
+def test_least_squares_equal_the_sum_over_gfrfs(name):
+    model, excitation = model_of(FINITE[name]), signal()
+    found = nofrf(model, excitation, 3, highest=3)
+    assert found.status.ok
+    for n, (response, spectrum) in enumerate(zip(found.orders, found.inputs, strict=True), start=1):
+        direct = direct_output(model, excitation, n).values[spectrum.defined] / spectrum.values[spectrum.defined]
+        # the issue's tolerance is 1e-6; rounding of the output at its lines by |U_n| at the edge of its range: 1e-10
+        assert np.abs(response.values - direct).max() <= 1e-9 * max(np.abs(direct).max(), 1e-3)
+        np.testing.assert_allclose(nofrf_direct(model, excitation, n).values, direct, atol=1e-9, rtol=1e-9)
+        np.testing.assert_array_equal(response.omega, spectrum.omega[spectrum.defined])
+    np.testing.assert_array_equal(found.values, found.orders[2].values)
+
+
+def random_finite_model(rng):
+    """Poles up to a radius of 0.9, and a dozen input terms up to degree 3 with lags up to 4."""
+    radius, angle = rng.uniform(0.2, 0.9), rng.uniform(0.1, 3.0)
+    terms = {"y(k-1)": 2 * radius * np.cos(angle), "y(k-2)": -(radius**2)}
+    for degree in (1, 2, 3):
+        for _ in range(4):
+            lags = sorted(rng.integers(0, 5, size=degree))
+            terms["".join(f"u(k-{lag})" if lag else "u(k)" for lag in lags)] = rng.normal()
+    return model_of(terms)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_least_squares_equal_the_sum_over_gfrfs_of_random_models(seed):
+    model, excitation = random_finite_model(np.random.default_rng(seed)), signal(1.0, band=(2.0, 5.0), period=2.0)
+    for response, spectrum in zip((found := nofrf(model, excitation, 3)).orders, found.inputs, strict=True):
+        direct = direct_output(model, excitation, response.order).values[spectrum.defined]
+        assert relative(response.values, direct / spectrum.values[spectrum.defined]) <= 1e-9
+    assert found.highest == 3
+    assert found.status.ok
+
+
+@pytest.mark.parametrize("name", FINITE)
+def test_the_sum_of_orders_is_the_simulated_spectrum(name):
+    model, excitation = model_of(FINITE[name]), signal()
+    found = nofrf(model, excitation, 3)
+    for level in (1.0, -0.37):  # the second is not among the levels that were fitted
+        simulated = simulated_spectrum(model, level * excitation.values)
+        assert relative(found.output_spectrum(level).values, simulated) <= 1e-12
+
+
+def test_output_nonlinearity_leaves_a_remainder_that_falls_with_the_level():
+    # What N = 3 orders leave of Y begins with a^4: twice the amplitude, 16 times the remainder, up to the next order,
+    # which is 0.05 of it at the larger amplitude (output_orders: |Y_5| by |Y_4|) and bends the line by about as much.
+    model = model_of(INFINITE["quadratic"])
+    remainders = []
+    for amplitude in (0.05, 0.1):
+        excitation = signal(amplitude)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", NofrfWarning)
+            found = nofrf(model, excitation, 3, highest=3)
+        simulated = simulated_spectrum(model, 0.9 * excitation.values)
+        remainders.append(np.linalg.norm(found.output_spectrum(0.9).values - simulated))
+    assert np.log2(remainders[1] / remainders[0]) == pytest.approx(4.0, abs=0.1)
+
+
+@pytest.mark.parametrize("name", INFINITE)
+@pytest.mark.parametrize("order", [1, 2, 3])
+@pytest.mark.parametrize("signs", ["one sign", "both signs"])
+def test_the_bias_of_truncation_falls_at_its_order(name, order, signs):
+    # N = 3 orders are fitted. What is left out begins with a^4, which spoils G_n as a^(4-n). Levels of both signs tell
+    # even from odd, so that what spoils is the first order left out of n's own parity. The next order is less than 0.1
+    # of it at these amplitudes (output_orders: |Y_5| by |Y_4|) and bends the line of the logarithms by about as much.
+    model = model_of(INFINITE[name])
+    levels = np.linspace(0.3, 1.0, 6) if signs == "one sign" else chebyshev_levels(6)
+    first_left_out = 4 if signs == "one sign" or order % 2 == 0 else 5
+    biases = []
+    for amplitude in (0.04, 0.08):
+        excitation = signal(amplitude)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", NofrfWarning)
+            found = nofrf(model, excitation, order, highest=3, levels=levels)
+        biases.append(np.linalg.norm(found.values - nofrf_direct(model, excitation, order).values))
+    assert np.log2(biases[1] / biases[0]) == pytest.approx(first_left_out - order, abs=0.1)
+
+
+@pytest.mark.parametrize("name", INFINITE)
+def test_the_truncation_error_is_known(name):
+    model, excitation = model_of(INFINITE[name]), signal(0.1)
+    found = nofrf(model, excitation, 3, highest=5)
+    for n in (1, 2, 3):
+        bias = np.abs(found.orders[n - 1].values - nofrf_direct(model, excitation, n).values)
+        # to leading order: the two orders after the two that were added change it by their share
+        np.testing.assert_allclose(found.truncation[n - 1], bias, rtol=0.3, atol=1e-3 * bias.max() + 1e-11)
+
+
+@pytest.mark.parametrize(("name", "degree"), [("degree 2", 2), ("degree 3", 3)])
+def test_energy_appears_only_in_the_predicted_range(name, degree):
+    model, excitation = model_of(FINITE[name]), signal(band=(2.0, 2.5), period=8.0)
+    simulated = np.abs(simulated_spectrum(model, excitation.values))
+    omega = 2 * np.pi * np.fft.rfftfreq(len(excitation), SAMPLE_TIME)
+    inside = np.zeros(omega.size, dtype=bool)
+    for n in range(1, degree + 1):
+        for low, high in output_frequencies(2 * np.pi * np.array(excitation.band_Hz), n, sample_time=SAMPLE_TIME):
+            inside |= (omega >= low * (1 - 1e-9)) & (omega <= high * (1 + 1e-9))
+    assert 0.05 < inside.mean() < 0.95
+    # rounding of the run, 1e-16 of the largest value a sample, averaged over 400 samples
+    assert simulated[~inside].max() <= 1e-15 * np.abs(excitation.values).max()
+    assert simulated[inside].min() >= 1e-9
+
+
+def test_nofrfs_do_not_depend_on_the_size_of_the_input():
+    model = model_of(FINITE["degree 3"])
+    found, larger = nofrf(model, signal(0.4), 3, highest=3), nofrf(model, signal(1.2), 3, highest=3)
+    for a, b in zip(found.orders, larger.orders, strict=True):
+        np.testing.assert_allclose(a.values, b.values, rtol=1e-8)
+    shifted = nofrf(model, np.roll(signal(0.4).values, 23), 3, highest=3)  # nor on when the pulse comes
+    np.testing.assert_allclose(shifted.values, found.values, rtol=1e-8)
+
+
+def random_lines(seed, n_lines, n_samples):
+    """A period of a mean and lines of equal size and random phase."""
+    lines = np.zeros(n_samples // 2 + 1, dtype=complex)
+    lines[: n_lines + 1] = np.r_[1.0, np.exp(2j * np.pi * np.random.default_rng(seed).random(n_lines))]
+    return np.fft.irfft(lines, n_samples), lines
+
+
+def amplification_of(lines, n_lines):
+    """Sum of |U||U| by |sum of U U| at each line of order 2, by convolution."""
+    both = np.concatenate([lines[n_lines:0:-1].conj(), lines[: n_lines + 1]])
+    return (np.convolve(np.abs(both), np.abs(both)) / np.abs(np.convolve(both, both)))[2 * n_lines :]
+
+
+def test_a_nofrf_is_a_mean_of_the_gfrf():
+    # |G_2| <= max|H_2| for the designed signal, whose weights are positive; for others by their amplification more
+    model = model_of(RESONANT)
+    omega = 2 * np.pi * np.arange(-40, 41) / 8.0
+    largest = gfrf(model, 2, np.stack(np.meshgrid(omega, omega), axis=-1).reshape(-1, 2)).gain.max()
+    designed = nofrf_direct(model, signal(0.1, band=(0.0, 5.0), period=8.0), 2)
+    assert designed.gain.max() <= largest
+    beyond = 0
+    for seed in range(10):
+        period, lines = random_lines(seed, 40, 400)
+        with pytest.warns(NofrfWarning, match="do not suit this"):
+            random = nofrf_direct(model, period, 2)
+        assert np.all(random.gain <= amplification_of(lines, 40) * largest * (1 + 1e-9))
+        beyond += random.gain.max() > designed.gain.max()
+    assert beyond == 10  # of 10 seeds
+
+
+def roughness(response):
+    """Second differences of the log gain from line to line, root mean square: bends, not slopes."""
+    return np.sqrt(np.mean(np.diff(np.log(response.gain), 2) ** 2))
+
+
+def test_a_random_record_is_warned_of_and_erratic_and_the_designed_signal_is_not():
+    # 10 of 10 seeds; G_1 is the same for both, since a single line cannot cancel
+    model = model_of(RESONANT)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        designed = nofrf(model, signal(0.3, band=(0.0, 5.0), period=8.0), 3)
+    assert designed.status is NofrfStatus.OK
+    for seed in range(10):
+        record = band_limited_noise(
+            np.random.default_rng(seed), 8.0, SAMPLE_TIME, variance=0.004, mean=0.0, band=5.0, lower=-1.0, upper=1.0
+        )
+        with pytest.warns(NofrfWarning, match="random records that suit identification do not suit this"):
+            erratic = nofrf(model, record, 3)
+        assert erratic.status is NofrfStatus.ERRATIC_EXCITATION
+        for n in (2, 3):
+            assert roughness(erratic.orders[n - 1]) > 5 * roughness(designed.orders[n - 1])
+        np.testing.assert_allclose(erratic.orders[0].values, designed.orders[0].values[1:41], rtol=1e-4)
+
+
+@pytest.mark.parametrize(("name", "order", "supported"), [("degree 2", 1, 2), ("degree 3", 1, 3), ("odd", 2, 3)])
+def test_the_order_that_the_output_supports_is_found(name, order, supported):
+    found = nofrf(model_of(FINITE[name]), signal(), order)
+    assert found.highest == supported
+    assert found.left_out[supported - 1] < 1e-12 < 1e-3 < found.left_out[supported - 2]
+    assert found.residual.shape == (found.levels.size, supported)
+    assert found.residual[:, -1].max() < 1e-12
+
+
+def test_levels_are_chebyshev_and_their_condition_is_reported():
+    found = nofrf(model_of(FINITE["degree 3"]), signal(), 3, highest=3)
+    nodes = np.cos((2 * np.arange(6) + 1) * np.pi / 12)
+    np.testing.assert_allclose(found.levels, nodes / nodes[0], rtol=1e-12)
+    powers = found.levels[:, None] ** [1, 2, 3]
+    assert found.condition == pytest.approx(np.linalg.cond(powers / np.linalg.norm(powers, axis=0)))
+    for highest in (4, 6, 8):  # against as many levels of one sign, evenly spread
+        even = np.linspace(0, 1, 2 * highest + 1)[1:, None] ** np.arange(1, highest + 1)
+        chebyshev = chebyshev_levels(2 * highest)[:, None] ** np.arange(1, highest + 1)
+        conditions = [np.linalg.cond(p / np.linalg.norm(p, axis=0)) for p in (even, chebyshev)]
+        assert conditions[1] < 0.1 * conditions[0]
+
+
+@pytest.mark.parametrize("count", [0, 3])
+def test_levels_come_in_pairs(count):
+    with pytest.raises(ModelError, match="even"):
+        chebyshev_levels(count)
+
+
+def test_derivatives_are_those_of_the_fit():
+    theta = np.array(list(FINITE["degree 3"].values()))
+    model = model_of(FINITE["degree 3"], theta_cov=np.diag((0.01 * theta) ** 2))
+    excitation = signal()
+    found = nofrf(model, excitation, 3, highest=3)
+    for m in range(theta.size):
+        step = np.zeros(theta.size)
+        step[m] = 1e-5
+        above, below = (nofrf(replace(model, theta=theta + s), excitation, 3, highest=3) for s in (step, -step))
+        for n in range(3):
+            slope = (above.orders[n].values - below.orders[n].values) / 2e-5
+            size = np.abs(found.orders[n].gradient).max()
+            np.testing.assert_allclose(found.orders[n].gradient[:, m], slope, atol=1e-6 * size)
+    parts = np.stack([found.response.gradient.real, found.response.gradient.imag], axis=1)
+    np.testing.assert_allclose(found.response.covariance[:, 0, 1], np.einsum(
+        "nm,mk,nk->n", parts[:, 0], model.theta_cov, parts[:, 1]))  # fmt: skip
+    exact = output_orders(model, excitation, 3)
+    np.testing.assert_allclose(
+        found.output_spectrum(-0.5).gradient,
+        sum((-0.5) ** y.order * y.gradient for y in exact),
+        atol=1e-9 * np.abs(exact[0].gradient).max(),
+    )
+
+
+def test_many_parameters_at_once():
+    model = model_of(INFINITE["quadratic"])
+    response = nofrf_direct(model, signal(0.2), 2)
+    thetas = model.theta + 0.01 * np.random.default_rng(0).normal(size=(3, 4))
+    for theta, values in zip(thetas, response.evaluate(thetas).values, strict=True):
+        expected = nofrf_direct(replace(model, theta=theta), signal(0.2), 2).values
+        np.testing.assert_allclose(values, expected, rtol=1e-9)
+
+
+def test_about_an_operating_point():
+    terms = {"1": 0.1, "y(k-1)": 0.5, "u(k-1)": 0.4, "u(k-1)^2": 0.2, "u(k-2)^3": 0.1}
+    limits = OperatingRange(
+        input_min=[0.0], input_max=[2.0], input_centre=[1.2],
+        output_min=[0.0], output_max=[5.0], output_centre=[2.0],
+    )  # fmt: skip
+    model = model_of(terms, operating=limits)
+    excitation = design_excitation((1.0, 4.0), SAMPLE_TIME, operating=limits, period=4.0)
+    assert excitation.amplitude == pytest.approx(0.8)
+    for point, given in ((1.2, None), (0.4, 0.4)):
+        found = nofrf(model, excitation, 3, operating_input=given)
+        # y = 0.5 y + f(u): about u0 the static gains are f'(u0), f''(u0)/2, f'''/6, by the linear filter
+        q = np.exp(-1j * found.orders[0].omega * SAMPLE_TIME)
+        linear = (q * (0.4 + 0.4 * point) + q**2 * 0.3 * point**2) / (1 - 0.5 * q)
+        np.testing.assert_allclose(found.orders[0].values, linear, rtol=1e-9)
+
+
+def test_a_slow_model_settles_and_a_slower_one_is_said_not_to():
+    excitation = signal(0.2, period=4.0)
+    slow = model_of({"y(k-1)": 0.9999, "u(k-1)": 1e-2, "u(k-1)^2": 1e-2})
+    found = nofrf(slow, excitation, 2, highest=2)
+    assert found.status is NofrfStatus.OK
+    np.testing.assert_allclose(found.values, nofrf_direct(slow, excitation, 2).values, rtol=1e-6)
+    slower = model_of({"y(k-1)": 1 - 1e-8, "u(k-1)": 1e-2, "u(k-1)^2": 1e-2})
+    with pytest.warns(NofrfWarning, match="does not repeat"):
+        found = nofrf(slower, excitation, 1, highest=2, levels=[-1.0, 1.0])
+    assert found.status is NofrfStatus.NOT_SETTLED
+
+
+def test_the_steady_state_repeats():
+    model = model_of(INFINITE["cubic"])
+    period = 0.3 * np.random.default_rng(0).normal(size=7)  # shorter than many a lag
+    state = steady_state(model, period)
+    assert state.settled
+    assert not state.diverged
+    y, u = state.values, period
+    again = 1.3 * np.roll(y, 1) - 0.6 * np.roll(y, 2) + 0.2 * np.roll(u, 1) - 0.1 * np.roll(y, 1) ** 3
+    np.testing.assert_allclose(again + 0.15 * np.roll(y, 1) ** 2, y, atol=1e-12)
+
+
+def test_divergence_names_the_levels():
+    # y = 0.5 y + u + 0.2 y^2 has no equilibrium beyond u = 0.3125, where (1 - 0.5)^2 = 4 0.2 u
+    model = model_of({"y(k-1)": 0.5, "u(k-1)": 1.0, "y(k-1)^2": 0.2})
+    held = design_excitation((0.0, 0.05), SAMPLE_TIME, amplitude=0.33)
+    with pytest.warns(NofrfWarning, match=r"model diverges .* \(1 times the excitation\)"):
+        found = nofrf(model, held, 2)
+    assert found.status is NofrfStatus.DIVERGED
+    np.testing.assert_array_equal(found.lost_levels, [1.0])
+    assert 1.0 not in found.levels
+    with pytest.raises(ModelError, match="lower the amplitude"):
+        nofrf(model, 10 * held.values, 2, levels=[1.0, 2.0])
+
+
+def test_an_unstable_point_is_said():
+    model = model_of({"y(k-1)": 1.1, "y(k-1)^3": -0.1, "u(k-1)": 0.01})
+    with pytest.warns(NofrfWarning, match="operating point is unstable"):
+        assert nofrf(model, signal(), 1).status is NofrfStatus.UNSTABLE
+
+
+def test_orders_that_act_and_were_not_fitted_are_said_and_the_level_that_would_do():
+    model = model_of(INFINITE["quadratic"])
+    with pytest.warns(NofrfWarning, match="were not fitted"):
+        found = nofrf(model, signal(0.3), 3, highest=3)
+    assert found.status is NofrfStatus.TRUNCATED
+    assert 0.0 < found.advisable_level < 1.0
+    better = nofrf(model, signal(0.3), 3, highest=3, levels=0.9 * found.advisable_level * found.levels)
+    assert better.status is NofrfStatus.OK
+    assert better.advisable_level == 1.0
+
+
+def test_levels_that_do_not_tell_orders_apart_are_said():
+    with pytest.warns(NofrfWarning, match="hardly tell the orders apart"):
+        found = nofrf(model_of(FINITE["degree 2"]), signal(), 2, levels=[1.0, 1.0 + 1e-9, 1.0 - 1e-9])
+    assert found.status is NofrfStatus.ILL_CONDITIONED
+    assert found.condition > 1e8
+
+
+@pytest.mark.parametrize(
+    ("given", "text"),
+    [
+        ({"levels": [1.0, 0.0, -1.0]}, "other than 0"),
+        ({"levels": [1.0, 1.0, -1.0]}, "distinct"),
+        ({"levels": [1.0, np.nan, -1.0]}, "finite"),
+        ({"levels": [[1.0, 2.0], [3.0, 4.0]]}, "shape"),
+        ({"levels": [1.0, -1.0]}, "2 level.s. cannot tell 3 orders apart"),
+        ({"levels": [1.0, -1.0, 0.5], "highest": 4}, "cannot tell 4"),
+        ({"highest": 2}, "at least the order"),
+        ({"highest": 3.5}, "highest = 3.5"),
+        ({"order": 0}, "order = 0"),
+        ({"order": 2.0}, "order = 2.0"),
+        ({"excitation": np.zeros(100)}, "zero"),
+        ({"excitation": [1.0]}, "shape"),
+        ({"excitation": np.full(100, np.nan)}, "finite"),
+        ({"excitation": np.ones(10) * 1j}, "complex"),
+        ({"excitation": design_excitation((0.0, 1.0), 0.1, amplitude=1.0)}, "sample time of 0.1 s"),
+        ({"model": TWO_INPUTS}, "2 inputs"),
+    ],
+)
+def test_what_cannot_be_is_said(given, text):
+    usual = {"model": model_of(FINITE["degree 2"]), "excitation": signal(), "order": 3}
+    with pytest.raises(ModelError, match=text):
+        nofrf(**(usual | given))
+
+
+def test_results_are_drawn_and_written():
+    model = model_of(INFINITE["quadratic"], theta_cov=1e-4 * np.eye(4))
+    found = nofrf(model, signal(0.2), 2)
+    axes = found.plot_orders()
+    assert [ax.get_ylabel() for ax in axes] == ["gain (mm/V)", "gain (mm/V^2)"]
+    assert found.plot().get_xlabel() == "frequency (Hz)"
+    matplotlib.pyplot.close("all")
+    written = found.to_xarray()
+    assert written["real"].dims == ("order", "frequency")
+    shown = written["real"].sel(order=2).dropna("frequency")
+    np.testing.assert_array_equal(shown, found.values.real)
+    np.testing.assert_allclose(shown.frequency, found.frequency_Hz)
+    with pytest.raises(ModelError, match="as many axes"):
+        found.plot_orders(axes[:1])

@@ -1,0 +1,425 @@
+"""Uncertainty of frequency responses: laws against closed forms, scipy and draws; what is said where they fail."""
+
+import math
+import warnings
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from deatwin.ident.frequency import gfrf, output_orders, output_spectrum
+from deatwin.ident.frequency.frf import frf
+from deatwin.ident.frequency.gain_phase import exact_quantiles, polar
+from deatwin.ident.frequency.many import stable_polynomials
+from deatwin.ident.frequency.parameters import draw_theta, evaluate, with_theta
+from deatwin.ident.frequency.sampling import SampleStatus, sample
+from deatwin.ident.frequency.uncertainty import UncertaintyStatus, UncertaintyWarning, propagate
+from deatwin.ident.narx import NarxModel, OperatingRange
+from deatwin.ident.narx.linear import LinearModel
+from deatwin.plant.errors import ModelError
+
+SAMPLE_TIME = 0.02
+OMEGA = 2 * np.pi * np.geomspace(0.1, 20.0, 9)
+NONLINEAR = {"1": 0.1, "y(k-1)": 0.5, "y(k-2)^2": -0.2, "y(k-1)u(k-1)": 0.15, "u(k-1)": 0.4, "u(k-2)^3": 0.1}
+PERIOD = np.cos(2 * np.pi * np.arange(16) * 2 / 16) + 0.5 * np.sin(2 * np.pi * np.arange(16) * 3 / 16)
+
+
+def nonlinear(size=1e-3, dof=math.inf):
+    root = size * np.random.default_rng(3).normal(size=(6, 6))
+    model = NarxModel.from_terms(
+        NONLINEAR, sample_time=SAMPLE_TIME, theta_cov=root @ root.T, input_units=("V",), output_units=("m",)
+    )
+    return replace(model, theta_dof=dof)
+
+
+def fir(cov, dof=math.inf):
+    """H = b_0 + b_1 q^-1, linear in its parameters: the first-order law is exact."""
+    model = NarxModel.from_terms({"u(k)": 1.0, "u(k-1)": 0.6}, sample_time=1.0, theta_cov=np.asarray(cov))
+    return replace(model, theta_dof=dof)
+
+
+def box_jenkins():
+    root = 2e-3 * np.random.default_rng(5).normal(size=(10, 10))
+    return LinearModel(
+        a=[1, -0.4], b=[[0, 0.3, 0.2], [0, 0, 0.7]], f=[[1, -0.9, 0.3], [1, 0.5]], c=[1, 0.2], d=[1, -0.3],
+        offset=0.1, sample_time=SAMPLE_TIME, theta_cov=root @ root.T,
+    )  # fmt: skip
+
+
+QUANTITIES = {
+    "H_1": partial(gfrf, order=1, omega=OMEGA, operating_input=0.7),
+    "H_2": partial(gfrf, order=2, omega=np.c_[OMEGA, OMEGA[::-1]], operating_input=0.7),
+    "H_3 recursive": partial(
+        gfrf, order=3, omega=np.c_[OMEGA, OMEGA, -OMEGA[::-1]], operating_input=0.7, form="recursive"
+    ),
+    "Y": partial(output_spectrum, excitation=PERIOD, order=3, operating_input=0.7),
+    "Y_2": lambda model: output_orders(model, PERIOD, 2, operating_input=0.7)[1],
+}
+
+
+# The law of propagation
+
+
+def test_first_order_system_against_its_closed_form():
+    a, b, cov = 0.8, 0.5, np.array([[1e-4, 3e-5], [3e-5, 4e-4]])
+    model = NarxModel.from_terms({"y(k-1)": a, "u(k-1)": b}, sample_time=SAMPLE_TIME, theta_cov=cov)
+    q = np.exp(-1j * OMEGA * SAMPLE_TIME)
+    gradient = np.stack([b * q**2 / (1 - a * q) ** 2, q / (1 - a * q)], axis=-1)
+    parts = np.concatenate([gradient.real, gradient.imag])
+    joint = parts @ cov @ parts.T
+    found = propagate(model, partial(gfrf, order=1, omega=OMEGA))
+    np.testing.assert_allclose(found.joint_covariance(), joint, rtol=1e-10, atol=1e-18)
+    n = OMEGA.size
+    own = joint.reshape(2, n, 2, n)[:, np.arange(n), :, np.arange(n)]
+    np.testing.assert_allclose(found.covariance, own, rtol=1e-10, atol=1e-18)
+
+
+def test_gain_and_phase_against_differences_of_both():
+    found = propagate(nonlinear(), QUANTITIES["H_1"])
+    x, y, step = found.values.real, found.values.imag, 1e-6
+    differences = [
+        [(f(x + step, y) - f(x - step, y)) / (2 * step), (f(x, y + step) - f(x, y - step)) / (2 * step)]
+        for f in (np.hypot, lambda real, imag: np.arctan2(imag, real))
+    ]
+    jacobian = np.moveaxis(np.array(differences), -1, 0)
+    expected = jacobian @ found.covariance @ jacobian.swapaxes(1, 2)
+    np.testing.assert_allclose(found.gain_phase_covariance, expected, rtol=1e-6, atol=1e-14)
+    gain, phase = 1.959964 * np.sqrt([expected[:, 0, 0], expected[:, 1, 1]])
+    np.testing.assert_allclose(found.gain_band().high - found.gain, gain, rtol=1e-5)
+    np.testing.assert_allclose(found.phase_deg - found.phase_band().low, np.degrees(phase), rtol=1e-5)
+
+
+def test_radius_of_the_ellipse_is_that_of_chi_square_and_of_f():
+    for dof, squared in ((math.inf, stats.chi2(2).ppf(0.95)), (7.0, 2 * stats.f(2, 7).ppf(0.95) * 5 / 7)):
+        found = propagate(fir([[1e-4, 2e-5], [2e-5, 3e-4]], dof), partial(gfrf, order=1, omega=[0.5, 1.0, 2.0]))
+        away = found.ellipse(n_points=9) - found.values[:, None]
+        for cov, outline in zip(found.covariance, away, strict=True):
+            parts = np.stack([outline.real, outline.imag])
+            np.testing.assert_allclose(np.sum(parts * np.linalg.solve(cov, parts), axis=0), squared, rtol=1e-9)
+    assert found.contains(found.values + 0.999 * away[:, 3]).all()
+    assert not found.contains(found.values + 1.001 * away[:, 3]).any()
+
+
+def test_a_real_response_has_a_segment_of_one_dimension():
+    """At zero frequency the imaginary part is 0 and certain: 1.96 standard deviations, not 2.45."""
+    found = propagate(fir(1e-4 * np.eye(2)), partial(gfrf, order=1, omega=0.0))
+    deviation = math.sqrt(2e-4)
+    np.testing.assert_allclose(np.ptp(found.ellipse().real), 2 * 1.959964 * deviation, rtol=1e-6)
+    assert found.contains(1.6 + 1.95 * deviation)[0] and not found.contains(1.6 + 1.97 * deviation)[0]
+    assert found.status.ok
+
+
+@pytest.mark.parametrize("dof", [math.inf, 5.0])
+def test_ellipses_and_bands_hold_their_share_of_draws(dof):
+    """A response linear in its parameters; 40,000 draws: 0.95 within 0.0055 is five standard deviations."""
+    model = fir([[4e-4, 1e-4], [1e-4, 2e-4]], dof)
+    quantity = partial(gfrf, order=1, omega=[0.4, 1.5, 2.5])
+    found, drawn = propagate(model, quantity), sample(model, quantity, np.random.default_rng(0), 40_000)
+    inside = np.mean(found.contains(drawn.draws), axis=0)
+    np.testing.assert_allclose(inside, 0.95, atol=0.0055)
+    gain, phase = np.abs(drawn.draws), np.degrees(np.angle(drawn.draws))
+    for values, band in ((gain, found.gain_band()), (phase, found.phase_band())):
+        assert band.linear_law.all()
+        np.testing.assert_allclose(np.mean((values > band.low) & (values < band.high), axis=0), 0.95, atol=0.0055)
+
+
+# Gain and phase where they are not normal
+
+
+def test_exact_gain_of_a_circular_law_is_rice():
+    values, shares = np.array([0.0, 1.0 + 1.0j, -3.0j]), np.tile([0.025, 0.5, 0.975], (3, 1))
+    gain, _ = exact_quantiles(values, np.tile(0.25 * np.eye(2), (3, 1, 1)), math.inf, shares, shares)
+    expected = [stats.rice(abs(value) / 0.5, scale=0.5).ppf(shares[0]) for value in values]
+    np.testing.assert_allclose(gain, expected, rtol=0, atol=0.005)  # 0.1 % in probability, density about 1 / 0.5
+
+
+def test_exact_gain_of_a_real_number_is_a_folded_normal():
+    share = np.array([[0.9]])
+    gain, _ = exact_quantiles(np.array([0.3 + 0j]), np.diag([1.0, 0.0])[None], math.inf, share, share)
+    assert gain[0, 0] == pytest.approx(stats.foldnorm(0.3).ppf(0.9), abs=0.01)
+
+
+@pytest.mark.parametrize("dof", [math.inf, 4.0])
+def test_exact_quantiles_against_draws(dof):
+    """A million draws and the points: each is right to about 0.1 % in probability."""
+    rng = np.random.default_rng(8)
+    value, cov = 0.6 - 0.9j, np.array([[0.25, 0.12], [0.12, 0.1]])
+    radius = 1.0 if math.isinf(dof) else np.sqrt((dof - 2) / rng.chisquare(dof, 1_000_000))
+    real, imag = radius * (np.linalg.cholesky(cov) @ rng.normal(size=(2, 1_000_000)))
+    shares = np.array([[0.025, 0.3, 0.975]])
+    gain, phase = exact_quantiles(np.array([value]), cov[None], dof, shares, shares)
+    drawn = value + real + 1j * imag
+    for found, values in ((gain, np.abs(drawn)), (phase, np.angle(drawn / value))):
+        np.testing.assert_allclose(np.mean(values[:, None] < found, axis=0), shares[0], atol=0.003)
+
+
+def test_bends_of_gain_and_phase_are_their_second_order_terms():
+    """Against a million draws at 8 standard deviations, where third orders are small: within 5 %."""
+    value, cov = 3.0 + 4.0j, np.array([[0.3, 0.1], [0.1, 0.2]]) * 0.4
+    real, imag = np.linalg.cholesky(cov) @ np.random.default_rng(2).normal(size=(2, 1_000_000))
+    direction = value / abs(value)
+    turned = (real + 1j * imag) * np.conj(direction)
+    left = np.abs(value + real + 1j * imag) - abs(value) - turned.real
+    found = polar(np.array([value]), cov[None])
+    assert found.gain_bend[0] == pytest.approx(np.sqrt(np.mean(left**2)) / turned.real.std(), rel=0.05)
+    left = np.angle((value + real + 1j * imag) / value) - turned.imag / abs(value)
+    assert found.phase_bend[0] == pytest.approx(np.sqrt(np.mean(left**2)) * abs(value) / turned.imag.std(), rel=0.05)
+
+
+def near_zero(deviation):
+    """1 + 0.8 q^-1 + 0 q^-2 + 0 q^-3: gains of 1.8, of 0.29 at 2.9 rad, and of 0.2 at half the rate, where it is real."""
+    model = NarxModel.from_terms(
+        {"u(k)": 1.0, "u(k-1)": 0.8, "u(k-2)": 0.0, "u(k-3)": 0.0}, sample_time=1.0, theta_cov=deviation**2 * np.eye(4)
+    )
+    return model, partial(gfrf, order=1, omega=np.array([0.1, 2.9, np.pi]))
+
+
+def test_near_zero_gain_the_exact_law_is_used_and_it_is_said():
+    """With a standard deviation of 0.14, the gain is 1.4 of these at the end: its sign is not known there."""
+    model, quantity = near_zero(0.07)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = propagate(model, quantity)
+    assert found.status is UncertaintyStatus.LOW_GAIN and found.linear_law.all()
+    np.testing.assert_array_equal(found.contains(0.0), [False, False, True])
+    np.testing.assert_array_equal(found.gain_band().linear_law, [True, False, False])
+    np.testing.assert_array_equal(found.phase_band().linear_law, [True, False, False])
+    assert "limit 0.25, above it at 2 of 3" in found.advice
+    drawn = sample(model, quantity, np.random.default_rng(1), 100_000)
+    gain, phase = np.abs(drawn.draws), np.degrees(np.angle(drawn.draws))
+    for values, band in ((gain, found.gain_band()), (phase[:, :2], found.phase_band())):
+        n = values.shape[1]
+        inside = np.mean((values >= band.low[:n]) & (values <= band.high[:n]), axis=0)
+        np.testing.assert_allclose(inside, 0.95, atol=0.006)  # the points' 0.3 % and four standard deviations
+
+
+def test_the_phase_is_undefined_where_the_ellipse_holds_zero():
+    found = propagate(*near_zero(0.25))
+    np.testing.assert_array_equal(found.contains(0.0), [False, True, True])
+    band, gain = found.phase_band(), found.gain_band()
+    np.testing.assert_array_equal(np.isnan(band.low), [False, True, True])
+    np.testing.assert_array_equal(np.isnan(band.high), [False, True, True])
+    np.testing.assert_array_equal(gain.low == 0.0, [False, True, True])
+    # at half the sampling rate the response is N(0.2, 0.5²): the law of its gain is a folded normal
+    assert gain.high[2] == pytest.approx(0.5 * stats.foldnorm(0.4).ppf(0.95), rel=0.01)
+
+
+# How far the law holds
+
+
+def test_nonlinearity_of_a_static_gain_against_its_series():
+    """1/(1 - a): the term of second order is z² s²/(1 - a)³, so that the index is sqrt(3) s/(1 - a).
+
+    64 probes: the root of a fourth moment over a second is known to about 25 %.
+    """
+    for deviation in (1e-4, 1e-3, 1e-2):
+        model = NarxModel.from_terms(
+            {"y(k-1)": 0.8, "u(k)": 1.0}, sample_time=1.0, theta_cov=np.diag([deviation**2, 0.0])
+        )
+        found = propagate(model, partial(gfrf, order=1, omega=0.0))
+        assert found.nonlinearity[0] == pytest.approx(math.sqrt(3) * deviation / 0.2, rel=0.5)
+
+
+def test_a_response_linear_in_its_parameters_has_no_index():
+    found = propagate(fir(np.eye(2)), partial(gfrf, order=1, omega=[0.4, 1.5]))
+    assert found.nonlinearity.max() < 1e-12
+
+
+@pytest.mark.parametrize("name", QUANTITIES)
+def test_far_outside_of_the_linear_law_a_warning_gives_the_index(name):
+    with pytest.warns(UncertaintyWarning, match="nonlinearity up to"):
+        found = propagate(nonlinear(0.05), QUANTITIES[name])
+    assert found.status in (UncertaintyStatus.BENT, UncertaintyStatus.LOST) and not found.status.ok
+    assert found.nonlinearity.max() > 0.25
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert propagate(nonlinear(1e-4), QUANTITIES[name]).nonlinearity.max() < 0.05
+
+
+def test_parameters_that_lose_the_operating_point_are_said():
+    """The pole is N(0.9, 0.1²): every sixth parameter is unstable."""
+    model = NarxModel.from_terms({"y(k-1)": 0.9, "u(k)": 1.0}, sample_time=1.0, theta_cov=np.diag([0.01, 1e-6]))
+    with pytest.warns(UncertaintyWarning, match="lost the operating point"):
+        found = propagate(model, partial(gfrf, order=1, omega=[0.5, 1.0]))
+    assert found.status is UncertaintyStatus.LOST
+    assert found.lost == pytest.approx(0.16, abs=0.14)  # of 64: three standard deviations
+
+
+def test_a_model_without_covariance_says_so():
+    model = NarxModel.from_terms({"y(k-1)": 0.9, "u(k)": 1.0}, sample_time=1.0)
+    found = propagate(model, partial(gfrf, order=1, omega=[0.5, 1.0]))
+    assert found.status is UncertaintyStatus.CERTAIN
+    np.testing.assert_array_equal(found.gain_band().high, found.gain)
+
+
+# Draws
+
+
+@pytest.mark.parametrize("name", QUANTITIES)
+def test_many_at_once_are_those_one_by_one(name):
+    model, quantity = nonlinear(0.02), QUANTITIES[name]
+    response = quantity(model)
+    thetas = draw_theta(model, np.random.default_rng(4), 25)
+    together = evaluate(model, quantity, response, thetas)
+    alone = evaluate(model, quantity, replace(response, evaluate=None), thetas)
+    np.testing.assert_array_equal(together.exists, alone.exists)
+    np.testing.assert_array_equal(together.stable, alone.stable)
+    np.testing.assert_allclose(together.values, alone.values, rtol=1e-8, atol=1e-12)
+
+
+def test_many_linear_models_at_once_are_those_one_by_one():
+    model = box_jenkins()
+    for channel in (0, 1):
+        quantity = partial(frf, omega=OMEGA, channel=channel)
+        response = quantity(model)
+        thetas = model.theta + 100 * (draw_theta(model, np.random.default_rng(4), 60) - model.theta)
+        together = evaluate(model, quantity, response, thetas)
+        alone = evaluate(model, quantity, replace(response, evaluate=None), thetas)
+        np.testing.assert_array_equal(together.stable, alone.stable)
+        assert 5 < together.stable.sum() < 55
+        np.testing.assert_allclose(together.values, alone.values, rtol=1e-9)
+
+
+def test_stability_without_roots():
+    rng = np.random.default_rng(6)
+    for order in (1, 2, 3, 5):
+        polynomials = np.hstack([np.ones((300, 1)), rng.normal(scale=1.2 / order, size=(300, order))])
+        expected = [np.all(np.abs(np.roots(p)) < 1) for p in polynomials]
+        assert 20 < sum(expected) < 290
+        np.testing.assert_array_equal(stable_polynomials(polynomials), expected)
+
+
+def test_draws_without_the_operating_point_are_counted():
+    """y = c + y² has an equilibrium where c < 1/4, with the pole 2y: the lower one is stable where c > -3/4.
+
+    c is N(0.2, 0.03²): 4.8 % of 20,000 draws have none, within four standard deviations of 0.15 %.
+    """
+    model = NarxModel.from_terms(
+        {"1": 0.2, "y(k-1)^2": 1.0, "u(k)": 1.0}, sample_time=1.0, theta_cov=np.diag([9e-4, 0.0, 1e-8])
+    )
+    drawn = sample(model, partial(gfrf, order=1, omega=[0.5, 1.0]), np.random.default_rng(0), 20_000)
+    assert drawn.status is SampleStatus.LOST and not drawn.status.ok
+    assert drawn.n_without / 20_000 == pytest.approx(stats.norm.sf(5 / 3), abs=0.006)
+    assert drawn.n_other == 0 and len(drawn.draws) + drawn.n_without == 20_000
+
+
+def test_draws_stay_on_the_branch_of_the_model_or_are_left_out():
+    """y = c + 1.3 y - 0.3 y³, near the upper fold: the branch is there where the cubic has a positive root.
+
+    Where it is not, another equilibrium is, far below: that is not the model's operating point.
+    """
+    model = NarxModel.from_terms(
+        {"1": -0.1, "y(k-1)": 1.3, "y(k-1)^3": -0.3, "u(k-1)": 0.1}, sample_time=1.0,
+        theta_cov=np.diag([0.01, 0.01, 0.005, 0.01]) ** 2,
+        operating=OperatingRange(
+            input_min=[-1], input_max=[1], input_centre=[0], output_min=[0.5], output_max=[1], output_centre=[0.7]
+        ),
+    )  # fmt: skip
+    response = gfrf(model, 1, [0.3])
+    assert 0.6 < response.point.output < 0.8 and len(response.point.outputs) == 3
+    thetas = draw_theta(model, np.random.default_rng(0), 400)
+    found = response.evaluate(thetas)
+    roots = [np.roots([c, 0.0, b - 1.0, a]) for a, b, c, _ in thetas]
+    upper = np.array([r.real[np.abs(r.imag) < 1e-6].max() for r in roots])
+    upper[upper < 0] = np.nan
+    assert 20 < np.isnan(upper).sum() < 200
+    np.testing.assert_array_equal(found.exists, ~np.isnan(upper))
+    q = np.exp(-0.3j)
+    expected = thetas[:, 3] * q / (1 - (thetas[:, 1] + 3 * thetas[:, 2] * upper**2) * q)
+    np.testing.assert_allclose(found.values[found.exists, 0], expected[found.exists], rtol=1e-6)
+
+
+def test_unstable_draws_are_counted():
+    model = NarxModel.from_terms({"y(k-1)": 0.9, "u(k)": 1.0}, sample_time=1.0, theta_cov=np.diag([0.0025, 1e-6]))
+    drawn = sample(model, partial(gfrf, order=1, omega=[0.5, 1.0]), np.random.default_rng(0), 20_000)
+    assert drawn.n_other / 20_000 == pytest.approx(stats.norm.sf(2.0), abs=0.0045)
+    assert drawn.n_without == 0
+
+
+def test_accessors_of_draws_against_numpy():
+    drawn = sample(nonlinear(), QUANTITIES["H_2"], np.random.default_rng(0), 500)
+    np.testing.assert_allclose(drawn.covariance[4], np.cov(drawn.draws[:, 4].real, drawn.draws[:, 4].imag), rtol=1e-10)
+    np.testing.assert_allclose(
+        drawn.joint_covariance(), np.cov(np.hstack([drawn.draws.real, drawn.draws.imag]).T), rtol=1e-8, atol=1e-20
+    )
+    np.testing.assert_allclose(drawn.gain_band(0.8).low, np.quantile(np.abs(drawn.draws), 0.1, axis=0))
+    turned = np.degrees(np.angle(drawn.draws / drawn.values))
+    np.testing.assert_allclose(drawn.phase_band(0.8).high, drawn.phase_deg + np.quantile(turned, 0.9, axis=0))
+
+
+# Linear models
+
+
+def test_linear_models_against_differences_and_python_control():
+    pytest.importorskip("control")
+    model = box_jenkins()
+    for channel in (0, 1):
+        response = frf(model, OMEGA, channel=channel)
+        transfer = model.to_control()[0, channel]
+        np.testing.assert_allclose(response.values, transfer(np.exp(1j * OMEGA * SAMPLE_TIME)), rtol=1e-9)
+        for i, step in enumerate(1e-6 * np.eye(model.theta.size)):
+            moved = (with_theta(model, model.theta + s) for s in (step, -step))
+            above, below = (frf(m, OMEGA, channel=channel).values for m in moved)
+            np.testing.assert_allclose(response.gradient[:, i], (above - below) / 2e-6, rtol=1e-6, atol=1e-8)
+        found = propagate(model, partial(frf, omega=OMEGA, channel=channel))
+        np.testing.assert_allclose(found.covariance, model.frequency_response(OMEGA).covariance[channel], rtol=1e-9)
+
+
+def test_an_arx_model_and_its_narx_form_agree():
+    root = 1e-2 * np.random.default_rng(0).normal(size=(5, 5))
+    model = LinearModel(a=[1, -1.1, 0.4], b=[[0, 0.3, 0.2]], sample_time=SAMPLE_TIME, theta_cov=root @ root.T)
+    linear = propagate(model, partial(frf, omega=OMEGA))
+    narx = propagate(model.to_narx(), partial(gfrf, order=1, omega=OMEGA))
+    np.testing.assert_allclose(linear.values, narx.values, rtol=1e-12)
+    np.testing.assert_allclose(linear.joint_covariance(), narx.joint_covariance(), rtol=1e-9, atol=1e-16)
+
+
+# What is wrong is said; what is drawn has units
+
+
+def test_what_makes_no_sense_is_refused():
+    model, quantity = nonlinear(), QUANTITIES["H_1"]
+    rng = np.random.default_rng(0)
+    with pytest.raises(ModelError, match="level = 95"):
+        propagate(model, quantity, level=95)
+    with pytest.raises(ModelError, match="level = 0"):
+        propagate(model, quantity).ellipse(0.0)
+    with pytest.raises(ModelError, match="level = 2"):
+        sample(model, quantity, rng, 10).gain_band(2.0)
+    with pytest.raises(ModelError, match="LinearFrequencyResponse; it must return a FrequencyResponse"):
+        propagate(box_jenkins(), lambda m: m.frequency_response(OMEGA))
+    with pytest.raises(ModelError, match="n_draws = 1"):
+        sample(model, quantity, rng, 1)
+    with pytest.raises(ModelError, match="channel = 2; the model has 2"):
+        frf(box_jenkins(), OMEGA, channel=2)
+    with pytest.raises(ModelError, match="half the sampling rate"):
+        frf(box_jenkins(), 1e4)
+
+
+def test_drawings_have_units_and_say_where_the_law_fails():
+    pyplot = pytest.importorskip("matplotlib.pyplot")
+    pyplot.switch_backend("Agg")
+    found = propagate(nonlinear(), QUANTITIES["H_1"])
+    axes = found.plot()
+    assert axes.get_xlabel() == "real part (m/V)" and axes.get_ylabel() == "imaginary part (m/V)"
+    assert "95 % ellipses by propagation" in [text.get_text() for text in axes.get_legend().get_texts()]
+    with pytest.warns(UncertaintyWarning):
+        bent = propagate(nonlinear(0.05), QUANTITIES["H_1"])
+    assert any("linear law fails" in text.get_text() for text in bent.plot().get_legend().get_texts())
+    assert found.plot_gain().get_ylabel() == "gain (m/V)"
+    assert found.plot_phase().get_ylabel() == "phase (°)"
+    drawn = sample(nonlinear(), QUANTITIES["H_2"], np.random.default_rng(0), 50)
+    assert "sum" in drawn.plot_gain(drawn.plot_phase().figure.add_subplot()).get_xlabel()
+    drawn.plot()
+    pyplot.close("all")
+
+
+def test_both_export_to_xarray():
+    pytest.importorskip("xarray")
+    found = propagate(nonlinear(), QUANTITIES["H_1"]).to_xarray()
+    drawn = sample(nonlinear(), QUANTITIES["H_1"], np.random.default_rng(0), 50).to_xarray()
+    assert found["gain_low"].attrs["units"] == "m/V" and found["nonlinearity"].shape == (9,)
+    assert set(found["covariance"].dims) == set(drawn["covariance"].dims)
+    assert drawn["draws_real"].dims == ("draw", "point")
