@@ -95,6 +95,10 @@ STORIES: Mapping[str, Story] = MappingProxyType({
             line="how often the true NARX structure is found: all methods on systems whose equations are known",
         ),
         Story(
+            name="frequency-analysis", minutes=1.5, module="deatwin.scenarios.frequency_analysis",
+            line="frequency responses of all orders and NOFRFs: systems that are known, then the six actuators",
+        ),
+        Story(
             name="regression-lessons", minutes=0.5, module="deatwin.scenarios.regression_lessons",
             line="ridge and LASSO constraints, bias and variance, Occam's razor: each lesson with a check",
         ),

@@ -127,7 +127,7 @@ def test_pull_in_ends_with_one_line(on_bench: Path, capsys: pytest.CaptureFixtur
 
 
 @pytest.mark.parametrize("method", ["svb", "frols", "lasso", "semp"])
-def test_identify_then_frequency(on_bench: Path, capsys: pytest.CaptureFixture[str], method: str) -> None:
+def test_identify(on_bench: Path, capsys: pytest.CaptureFixture[str], method: str) -> None:
     columns = ["--input-column", "stretch", "--output-column", "force_N"]
     assert main(["identify", "pulls.csv", *columns, "--method", method, "--out", "narx.json", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
@@ -136,13 +136,6 @@ def test_identify_then_frequency(on_bench: Path, capsys: pytest.CaptureFixture[s
     assert found["complete"] and found["unseen"][0]["validation"]
     assert main(["identify", "pulls.csv", *columns, "--method", method, "--out", "narx.json"]) == 0
     assert "free run" in capsys.readouterr().out
-    assert main(["frequency", "narx.json", "--out", "response"]) == 0
-    table = np.genfromtxt("response/frequency.csv", delimiter=",", names=True)
-    assert (table["gain_low"] <= table["gain"]).all()
-    assert (on_bench / "response" / "frequency.svg").read_text(encoding="utf-8").startswith("<svg")
-    capsys.readouterr()
-    assert main(["frequency", "narx.json", "--order", "3", "--out", "response"]) == 1
-    assert "order 1 only" in capsys.readouterr().err
 
 
 def test_lists(capsys: pytest.CaptureFixture[str]) -> None:

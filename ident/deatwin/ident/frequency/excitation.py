@@ -149,8 +149,8 @@ def design_excitation(
 
     References
     ----------
-    Lang, Billings, "Energy transfer properties of non-linear systems in the frequency domain", Int. J. Control 78
-    (2005) 345-362, doi:10.1080/00207170500095759.
+    W. R. Jacobs, "Identification and Frequency Response Analysis with Application to Soft Smart Actuators", thesis,
+    University of Sheffield, eq. 4.69.
     """
     low, high = checked_band(band_Hz, "Hz")
     rate = 1.0 / checked_sample_time(sample_time)

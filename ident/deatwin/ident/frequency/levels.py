@@ -20,6 +20,7 @@ Flags = NDArray[np.bool_]
 
 _BETTER = 2.0  # fewer orders are taken unless more of them make the error this many times smaller
 _ROUNDING = 1e-12  # share of the spectra that is rounding
+_NOTHING = 1e-10  # errors below this share of all orders are no truncation, as those of an order that is zero
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -28,6 +29,8 @@ class LevelFit:
 
     Parameters
     ----------
+    levels : ndarray, shape (n_levels,)
+        Factors of the excitation.
     orders : ndarray of complex, shape (N, n_lines)
         Y_1, ..., Y_N at level 1 as Fourier coefficients; zero at lines that an order does not reach.
     condition : float
@@ -39,13 +42,44 @@ class LevelFit:
         infinite where there are not more levels than orders.
     changes : ndarray, shape (N, n_lines)
         Magnitude by which each of the orders moves when two more are fitted; NaN where the levels are too few.
+        Leading part of the error by what was not fitted.
     """
 
+    levels: Array
     orders: Complex
     condition: float
     residual: Array
     left_out: Array
     changes: Array
+
+    def advisable_level(self, order: int, share: float) -> float:
+        """Return the factor of the levels at which truncation would be a given share of the orders up to one.
+
+        What is not fitted begins with order N + 1, and spoils Y_n by a share that goes with the level to the power
+        N + 1 - n. Levels in pairs of both signs tell even orders from odd ones: there the first of n's own parity
+        counts.
+
+        Parameters
+        ----------
+        order : int
+            The last of the orders that count.
+        share : float
+            What is allowed, in root sum of squares over the lines.
+
+        Returns
+        -------
+        float
+            1 where they are within it already, to rounding; NaN where the error is not known.
+        """
+        paired = np.allclose(np.sort(self.levels), np.sort(-self.levels), rtol=1e-9, atol=0.0)
+        rounding = _NOTHING * np.linalg.norm(self.orders)
+        factors = [1.0]
+        for n, (values, change) in enumerate(zip(self.orders[:order], self.changes, strict=False), start=1):
+            error, allowed = np.linalg.norm(change), max(share * np.linalg.norm(values), rounding)
+            power = len(self.orders) + 1 - n
+            power += power % 2 if paired else 0
+            factors.append(1.0 if error <= allowed else float(allowed / error) ** (1.0 / power))
+        return float(np.min(factors))
 
 
 def chebyshev_levels(count: int) -> Array:
@@ -134,6 +168,7 @@ def fit_orders(levels: Array, spectra: Complex, in_range: Sequence[Flags], tried
         changes = np.abs(_least_squares(levels, spectra, reached[: number + 2])[0][:number] - orders)
     powers, lengths = _powers(levels, number)
     return LevelFit(
+        levels=levels,
         orders=orders,
         condition=float(np.linalg.cond(powers / lengths)),
         residual=_residual(powers, spectra, orders),

@@ -127,8 +127,9 @@ def plot_slices(
         _label_frequencies(plane, panel)
         if panel is not axes[0]:
             panel.set_ylabel("")
-            if panel.get_legend() is not None and axes[0].get_legend() is not None:
-                panel.get_legend().remove()
+            repeated = panel.get_legend() if axes[0].get_legend() is not None else None
+            if repeated is not None:
+                repeated.remove()
     axes[0].figure.colorbar(drawn, ax=list(axes), label=_gain_label(response))
     return list(axes)
 
@@ -263,7 +264,8 @@ def _hatch(doubtful: NDArray[np.bool_], grid: _Grid, axes: Axes) -> None:
 
 
 def _plot_points(response: FrequencyResponse, axes: Axes) -> Axes:
-    drawn = axes.scatter(*response.frequency_Hz[:, :2].T, c=_decibels(response), cmap="viridis", s=14)
+    first, second = response.frequency_Hz[:, :2].T
+    drawn = axes.scatter(first, second, c=_decibels(response), cmap="viridis", s=14)
     _label_map(axes.figure.colorbar(drawn, ax=axes), response, axes)
     return axes
 

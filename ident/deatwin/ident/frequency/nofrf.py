@@ -31,9 +31,8 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 _MORE = 4  # orders beyond that asked for, which may be fitted
-_NOTHING = 1e-10  # changes below this share of the largest line are rounding, as of an order that is zero
 _CONDITION = 1e8  # beyond it half of the digits are lost
-_TRUNCATION = 0.01  # share of an order, root mean squares over its lines
+_TRUNCATION = 0.01  # share of an order of the output, root mean squares over its lines
 
 
 def nofrf(
@@ -100,7 +99,7 @@ def nofrf(
     runs = _run(deviations(model, operating_input), period, factors, wanted[0])
     fit = fit_orders(runs.levels, runs.spectra, [u.in_range for u in powers], wanted)
     exact = output_orders(model, period, len(fit.orders), operating_input=operating_input)
-    found = _judged(_result(model, order, exact, powers[: len(exact)], runs, fit), runs)
+    found = _judged(_result(model, order, exact, powers[: len(exact)], runs, fit), runs.settled)
     if not found.status.ok:
         warnings.warn(_said(found), NofrfWarning, stacklevel=2)
     return found
@@ -194,6 +193,12 @@ class _Runs:
     lost: Array
     settled: bool
 
+    @property
+    def kept_share(self) -> float:
+        """The largest level that did not diverge by the largest of all."""
+        largest = float(np.abs(self.levels).max())
+        return largest / max(largest, float(np.abs(self.lost).max(initial=0.0)))
+
 
 def _run(about: Deviations, period: Array, levels: Array, needed: int) -> _Runs:
     states = [steady_state(about.model, level * period) for level in levels]
@@ -240,50 +245,22 @@ def _result(
         truncation=tuple(
             change[u.defined] / np.abs(u.values[u.defined]) for change, u in zip(fit.changes, inputs, strict=True)
         ),
-        advisable_level=1.0,
+        advisable_level=float(np.minimum(fit.advisable_level(order, _TRUNCATION), runs.kept_share)),
         status=NofrfStatus.OK,
     )
 
 
-def _judged(found: Nofrf, runs: _Runs) -> Nofrf:
-    """Say how far the levels should be lowered, and the gravest of what there is to say."""
-    largest = float(np.abs(runs.spectra).max())
-    advisable = _advisable_level([_truncated_share(found, n, largest) for n in range(1, found.order + 1)], found)
+def _judged(found: Nofrf, settled: bool) -> Nofrf:
+    """Say the gravest of what there is to say."""
     faults = {
         NofrfStatus.UNSTABLE: not found.response.status.ok,
-        NofrfStatus.DIVERGED: runs.lost.size > 0,
-        NofrfStatus.NOT_SETTLED: not runs.settled,
+        NofrfStatus.DIVERGED: found.lost_levels.size > 0,
+        NofrfStatus.NOT_SETTLED: not settled,
         NofrfStatus.ILL_CONDITIONED: found.condition > _CONDITION,
         NofrfStatus.ERRATIC_EXCITATION: not all(u.suitable for u in found.inputs[: found.order]),
-        NofrfStatus.TRUNCATED: advisable < 1.0,
+        NofrfStatus.TRUNCATED: found.advisable_level < 1.0,
     }
-    kept = float(np.abs(runs.levels).max())
-    finite = kept / max(kept, float(np.abs(runs.lost).max(initial=0.0)))
-    status = next((status for status, present in faults.items() if present), NofrfStatus.OK)
-    return replace(found, advisable_level=float(np.minimum(advisable, finite)), status=status)
-
-
-def _truncated_share(found: Nofrf, n: int, largest: float) -> float:
-    """The truncation error of G_n by G_n, root mean squares over its lines, but for rounding of the spectra."""
-    error, gain, u = found.truncation[n - 1], found.orders[n - 1].gain, found.inputs[n - 1]
-    rounding = error * np.abs(u.values[u.defined]) <= _NOTHING * largest
-    size = float(np.linalg.norm(gain))
-    return float(np.linalg.norm(np.where(rounding, 0.0, error))) / size if size else 0.0
-
-
-def _advisable_level(shares: Sequence[float], found: Nofrf) -> float:
-    """The factor of the levels at which all shares would be allowed; 1 where they are, NaN where one is not known.
-
-    What is left out begins with order N + 1, and spoils G_n as the level to the power of their difference; levels in
-    pairs of both signs tell even orders from odd ones, so that there the first of n's own parity counts.
-    """
-    paired = np.allclose(np.sort(found.levels), np.sort(-found.levels), rtol=1e-9, atol=0.0)
-    factors = [1.0]
-    for n, share in enumerate(shares, start=1):
-        power = found.highest + 1 - n
-        power += power % 2 if paired else 0
-        factors.append(1.0 if share <= _TRUNCATION else (_TRUNCATION / share) ** (1.0 / power))
-    return float(np.min(factors))
+    return replace(found, status=next((status for status, present in faults.items() if present), NofrfStatus.OK))
 
 
 def _quotient(output: FrequencyResponse, power: InputSpectrum, unit: str) -> FrequencyResponse:

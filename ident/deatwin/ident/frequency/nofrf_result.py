@@ -94,9 +94,10 @@ class Nofrf:
         By how much each G_n moves when two more orders are fitted, shape (n,) as G_n and in its unit: about the error
         by the orders that were not fitted. NaN where the levels are too few to tell.
     advisable_level : float
-        Factor of the levels at which the truncation error of the orders up to ``order`` would be about 1 % of them
-        (root mean squares), from its power law, and at which no level is known to diverge; 1 if both hold already,
-        NaN if the truncation error is not known.
+        Factor of the levels at which the truncation error of the orders of the output up to ``order`` would be about
+        1 % of them (root mean squares over their lines), from its power law, and at which no level is known to
+        diverge; 1 if both hold already, NaN if the truncation error is not known. At the ends of an order's range,
+        where U_n is small, G_n may still be off by more: see ``truncation``.
     status : NofrfStatus
         The gravest of what there is to say.
     """

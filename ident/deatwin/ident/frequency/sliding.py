@@ -25,7 +25,7 @@ _BATCHES = 10  # of a window: their scatter measures what serial correlation lea
 _LEAST = 4  # samples of a batch
 _UNCORRELATED = -0.2  # expected of ten independent observations about a straight line: -(sum of P[i, i+1]) / 8
 _CORRELATED = 0.2  # of neighbours: beyond, more distant batches are correlated too
-_MOST = 0.9
+_MOST = 0.9  # taken of a correlation, so that a band stays finite
 _CHANCE = 0.01  # a change as large as this seldom is taken for drift
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Annotated
 
@@ -12,54 +13,56 @@ from deatwin.scenarios.voice import Voice
 
 __all__ = ["frequency"]
 
-POINTS = 200
-DECADES = 3
-
 ModelFile = Annotated[Path, typer.Argument(metavar="NARX.json", help="An identified model.")]
+Order = Annotated[int, typer.Option(min=1, max=8, help="Highest order of the responses.")]
 OperatingInput = Annotated[
     float | None,
     typer.Option(metavar="VALUE", help="Constant input; by default the centre of the training data."),
 ]
+Band = Annotated[
+    tuple[float, float] | None,
+    typer.Option(metavar="LOW HIGH", help="Of the input, Hz; by default from 0 to what the training data excited."),
+]
+Level = Annotated[float, typer.Option(help="Probability of the bands that are written; 0.95 is drawn.")]
+Amplitude = Annotated[
+    float | None,
+    typer.Option(help="Largest deviation of the NOFRFs' test signal; by default inside the training range."),
+]
 
 
 def frequency(
+    context: typer.Context,
     model: ModelFile,
     out: OutFolder,
-    order: Annotated[int, typer.Option(min=1, help="Order of the response.")] = 1,
+    order: Order = 1,
     operating_input: OperatingInput = None,
+    band: Band = None,
+    level: Level = 0.95,
+    amplitude: Amplitude = None,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Frequency response of an identified model at an operating point, with its 95 % band.
+    """Frequency responses of an identified model at an operating point, with bands: FRF, GFRFs, and NOFRFs.
 
-    Example: deatwin frequency narx.json --order 1 --out response
+    Example: deatwin frequency narx.json --order 3 --out response
     """
-    import numpy as np
-
-    from deatwin.ident.frequency.gfrf import gfrf
     from deatwin.ident.narx import NarxModel
     from deatwin.scenarios.folder import ResultFolder
-    from deatwin.scenarios.report.svg import draw, standalone
+    from deatwin.scenarios.frequency_report import write_responses
+    from deatwin.scenarios.frequency_responses import respond
+    from deatwin.scenarios.provenance import RunRecord, hashes
 
     voice = Voice(as_json=as_json, quiet=quiet)
     narx = NarxModel.load(model).deterministic
-    highest = np.pi / narx.sample_time
-    response = gfrf(narx, order, np.geomspace(highest / 10**DECADES, highest, POINTS), operating_input=operating_input)
-    folder = ResultFolder(out)
-    band = response.band()
-    table = {
-        "frequency_Hz": response.frequency_Hz,
-        "real": response.values.real, "imaginary": response.values.imag,
-        "gain": response.gain, "gain_low": band.low, "gain_high": band.high, "phase_deg": response.phase_deg,
-    }  # fmt: skip
-    folder.csv("frequency.csv", table)
-    with draw((6.4, 3.6)) as figure:
-        response.plot(figure.add_subplot())
-        folder.text("frequency.svg", standalone(figure))
-    point = float(response.point.operating_input[0])
-    voice.say(f"operating input {point:.4g} {narx.input_units[0]}: {response.status.value}")
+    record = RunRecord(command=context.obj or [], inputs=hashes([model]), seed=0, jobs=1)
+    with voice.progress("computing frequency responses"):
+        found = respond(
+            narx, order, operating_input=operating_input, band_Hz=band, level=level, amplitude=amplitude
+        )  # fmt: skip
+        folder = ResultFolder(out)
+        write_responses(found, folder)
+    folder.text("run.json", json.dumps(record.finished([*folder.written, "run.json"]), indent=1) + "\n")
+    for line in found.lines:
+        voice.say(line)
     voice.say(folder.summary)
-    voice.result({
-        "out": str(out), "operating_input": point, "stable": response.status.ok,
-        **{name: column.tolist() for name, column in table.items()},
-    })  # fmt: skip
+    voice.result({"out": str(out), **found.to_json()})

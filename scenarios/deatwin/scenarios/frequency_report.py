@@ -1,0 +1,148 @@
+"""What `deatwin frequency` writes: tables, figures and a page."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.frequency import FrequencyResponse
+from deatwin.ident.frequency.nofrf import Nofrf, NofrfStatus
+from deatwin.ident.frequency.powers import AMPLIFICATION
+from deatwin.scenarios.folder import ResultFolder
+from deatwin.scenarios.frequency_responses import Responses, columns_of, first_columns, symbol_of, written
+from deatwin.scenarios.report.figures import Drawing
+from deatwin.scenarios.report.story import Note, Row, StoryPage, Table, write_story
+from deatwin.scenarios.report.svg import draw, inline, standalone
+
+__all__ = ["write_responses"]
+
+Array = NDArray[np.float64]
+
+
+def write_responses(found: Responses, folder: ResultFolder) -> None:
+    """Write tables, figures and the report.
+
+    Parameters
+    ----------
+    found : Responses
+        All of it.
+    folder : ResultFolder
+        Where to.
+    """
+    folder.csv("frequency.csv", first_columns(found.first, found.level))
+    for response in found.gfrfs[1:]:
+        folder.csv(f"gfrf{response.order}.csv", _map_columns(response, found.level))
+    if found.nofrfs is not None and found.signal is not None:
+        folder.csv("nofrf.csv", _nofrf_columns(found.nofrfs, found.level))
+        point = float(found.first.point.operating_input[0])
+        folder.csv("test_signal.csv", {
+            "time_s": np.arange(len(found.signal)) * found.signal.sample_time, "deviation": found.signal.values,
+            "input": point + found.signal.values,
+        })  # fmt: skip
+    drawings = list(_drawings(found, folder))
+    write_story(folder, _page(found, drawings), 0)
+
+
+def _map_columns(response: FrequencyResponse, level: float) -> dict[str, Array]:
+    frequencies = {f"f{i}_Hz": column for i, column in enumerate(response.frequency_Hz.T, start=1)}
+    return {**frequencies, **columns_of(response, level)}
+
+
+def _nofrf_columns(found: Nofrf, level: float) -> dict[str, Array]:
+    parts = [
+        {
+            "order": np.full(g.frequency_Hz.size, float(g.order)), "frequency_Hz": g.frequency_Hz,
+            **columns_of(g, level), "truncation": error,
+        }
+        for g, error in zip(found.orders[: found.order], found.truncation, strict=False)
+    ]  # fmt: skip
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+def _drawings(found: Responses, folder: ResultFolder) -> Iterator[Drawing]:
+    """Each figure goes into the page and into a file of its own."""
+    from deatwin.ident.frequency.drawing import bode
+
+    point, unit = float(found.first.point.operating_input[0]), found.model.input_units[0]
+    at, law = f"About {point:.4g} {unit}".rstrip(), "hatched where the linear law does not hold."
+    about = f"{at}, with 95 % bands; {law}"
+    with draw((7.4, 5.2)) as figure:
+        bode(found.first, figure.subplots(2, 1, sharex=True))
+        folder.text("frequency.svg", standalone(figure))
+        yield Drawing(
+            name="frequency", title="First order", caption=about, svg=inline(figure, "frequency", "First order"),
+            data="frequency.csv",
+        )  # fmt: skip
+    for response in found.gfrfs[1:]:
+        name, title = f"gfrf{response.order}", f"{symbol_of(response)} over two frequencies"
+        with draw((6.4, 4.8)) as figure:
+            axes = response.plot(figure.add_subplot())
+            axes.set_aspect("equal")
+            axes.grid(False)
+            folder.text(f"{name}.svg", standalone(figure))
+            shown = inline(figure, name, title)
+            yield Drawing(name=name, title=title, caption=f"{at}; {law}", svg=shown, data=f"{name}.csv")
+    if found.nofrfs is not None and found.signal is not None:
+        with draw((7.4, 0.8 + 2.2 * found.nofrfs.order)) as figure:
+            found.nofrfs.plot_orders(list(figure.subplots(found.nofrfs.order, 1, sharex=True)))
+            folder.text("nofrf.svg", standalone(figure))
+            yield Drawing(
+                name="nofrf", title="NOFRFs", data="nofrf.csv", svg=inline(figure, "nofrf", "NOFRFs"),
+                caption=f"For the test signal of {found.band_Hz[0]:g} to {found.band_Hz[1]:g} Hz. {about}",
+            )  # fmt: skip
+        with draw((7.4, 2.8)) as figure:
+            found.signal.plot(figure.add_subplot())
+            folder.text("test_signal.svg", standalone(figure))
+            yield Drawing(
+                name="test_signal", title="Test signal", data="test_signal.csv",
+                svg=inline(figure, "test_signal", "Test signal"),
+                caption="One period, as deviations from the operating input; all its lines are in phase.",
+            )  # fmt: skip
+
+
+def _page(found: Responses, drawings: list[Drawing]) -> StoryPage:
+    messages = list(found.lines)
+    ranges = Table(
+        title="Where each order of the output has energy", columns=["order", "Hz"],
+        rows=[[str(n), written(bands)] for n, bands in enumerate(found.ranges_Hz, start=1)],
+    )  # fmt: skip
+    return StoryPage(
+        title="frequency", sentence=messages[0][:1].upper() + messages[0][1:] + ".", rows=_rows(found),
+        notes=[Note(title="In words", paragraphs=[f"{text[:1].upper()}{text[1:]}." for text in messages])],
+        figures=drawings, tables=[ranges],
+    )  # fmt: skip
+
+
+def _rows(found: Responses) -> list[Row]:
+    """What a reader has to know before relying on a response."""
+    poles = "stable" if found.first.status.ok else "unstable"
+    rows = [Row(measure="operating point", demanded="stable", reached=poles, passed=found.first.status.ok)]
+    for response in found.gfrfs:
+        share = float(np.mean(response.band(found.level).linear_law))
+        rows.append(Row(
+            measure=f"band of {symbol_of(response)}: frequencies at which the gain is above four standard deviations",
+            demanded="all", reached=f"{100 * share:.0f} %", passed=share == 1.0,
+        ))  # fmt: skip
+    if found.missing:
+        rows.append(Row(measure="NOFRFs", demanded="there are some", reached=found.missing, passed=False))
+    if found.nofrfs is not None:
+        fitted = found.nofrfs
+        grown = max(u.largest_amplification for u in fitted.inputs[: fitted.order])
+        left = float(fitted.residual[:, -1].max())
+        rows += [
+            Row(
+                measure="test signal: by what an error of an order grows in its NOFRF",
+                demanded=f"at most {AMPLIFICATION:g}", reached=f"{grown:.3g}", passed=grown <= AMPLIFICATION,
+            ),
+            Row(
+                measure=f"{fitted.highest} orders at {fitted.levels.size} levels: largest share of an output that they "
+                "leave",
+                demanded="below 1 %", reached=f"{100 * left:.2g} %", passed=left < 0.01,
+            ),
+            Row(
+                measure="NOFRFs", demanded=NofrfStatus.OK.value, reached=fitted.status.value, passed=fitted.status.ok
+            ),
+        ]  # fmt: skip
+    return rows

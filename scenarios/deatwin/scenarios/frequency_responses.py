@@ -1,0 +1,315 @@
+"""Frequency responses of a model up to an order, and what there is to say of them."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.control.check import BAND_KEY
+from deatwin.ident.frequency import FrequencyResponse, frequency_grid, gfrf, remove_dc
+from deatwin.ident.frequency.excitation import TestSignal, design_excitation
+from deatwin.ident.frequency.nofrf import Nofrf, NofrfStatus, NofrfWarning, nofrf
+from deatwin.ident.frequency.ranges import output_frequencies
+from deatwin.ident.narx import NarxModel
+from deatwin.plant.errors import ModelError
+
+__all__ = ["Responses", "columns_of", "first_columns", "respond", "symbol_of", "written"]
+
+Array = NDArray[np.float64]
+
+POINTS, DECADES = 200, 3
+"""Of H_1: frequencies, and over what range up to half the sampling rate."""
+SIDE, COARSE_SIDE = 41, 21
+"""Frequencies on each axis of a map, of orders up to three and beyond."""
+UNKNOWN_BAND = 0.25
+"""Share of half the sampling rate that is taken where a model does not say what its data excited."""
+DRAWN = 0.95
+LOWERED, MARGIN = 4, 0.9
+"""How often the test signal's amplitude is lowered at most where orders beyond those fitted act at it, and to which
+share of what is advised."""
+TOO_LARGE = (NofrfStatus.TRUNCATED, NofrfStatus.DIVERGED)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Responses:
+    """The frequency responses of a model.
+
+    Parameters
+    ----------
+    model : NarxModel
+        Of one input and one output.
+    level : float
+        Probability of the bands that are written.
+    band_Hz : tuple of float
+        Of the input, lowest and highest frequency.
+    gfrfs : tuple of FrequencyResponse
+        H_1 over frequency; H_2, H_3, ... over two frequencies, the others held in the middle of the band.
+    ranges_Hz : tuple of ndarray, shape (k, 2)
+        For each order, where its output has energy.
+    signal : TestSignal or None
+        Of the NOFRFs.
+    nofrfs : Nofrf or None
+        None for order 1, where G_1 is H_1, and where there are none.
+    missing : str
+        Why there are none, although they were asked for.
+    """
+
+    model: NarxModel
+    level: float
+    band_Hz: tuple[float, float]
+    gfrfs: tuple[FrequencyResponse, ...]
+    ranges_Hz: tuple[Array, ...]
+    signal: TestSignal | None
+    nofrfs: Nofrf | None
+    missing: str
+
+    @property
+    def first(self) -> FrequencyResponse:
+        """H_1."""
+        return self.gfrfs[0]
+
+    @property
+    def lines(self) -> Iterator[str]:
+        """What there is to say, in lines."""
+        point, unit = self.first.point, self.model.input_units[0]
+        yield f"operating input {point.operating_input[0]:.4g} {unit}".rstrip() + f": {self.first.status.value}"
+        if point.outputs.size > 1:
+            others = ", ".join(
+                f"{y:.4g} ({'stable' if stable else 'unstable'})"
+                for y, stable in zip(point.outputs, point.stable, strict=True)
+            )
+            yield f"equilibria {others} {self.model.output_units[0]}".rstrip() + f"; {point.output:.4g} is taken"
+        for order, bands in enumerate(self.ranges_Hz[1:], start=2):
+            yield f"the output of order {order} has energy at {written(bands)} Hz"
+        for response in self.gfrfs:
+            share = float(np.mean(~response.band(self.level).linear_law))
+            if share > 0:
+                yield (
+                    f"{symbol_of(response)}: the band is not to be relied upon at {100 * share:.0f} % of the "
+                    "frequencies, where the gain is below four standard deviations"
+                )
+        if self.nofrfs is not None and self.signal is not None:
+            yield (
+                f"NOFRFs: {self.nofrfs.status.value}; levels up to {self.signal.amplitude:.4g} {unit}".rstrip()
+                + f", {self.nofrfs.highest} orders fitted, condition {self.nofrfs.condition:.3g}"
+            )
+        if self.missing:
+            yield f"no NOFRFs: {self.missing}"
+
+    def to_json(self) -> dict[str, Any]:
+        """Everything but the maps, as plain data: H_1 under the names of its table."""
+        point = self.first.point
+        return {
+            "operating_input": float(point.operating_input[0]), "stable": self.first.status.ok,
+            "equilibria": point.outputs.tolist(), "order": len(self.gfrfs), "level": self.level,
+            "band_Hz": list(self.band_Hz), "output_ranges_Hz": [bands.tolist() for bands in self.ranges_Hz],
+            "messages": list(self.lines), "nofrf": self._nofrf_json(),
+            **{name: [_number(v) for v in column] for name, column in first_columns(self.first, self.level).items()},
+        }  # fmt: skip
+
+    def _nofrf_json(self) -> dict[str, Any] | None:
+        if self.nofrfs is None or self.signal is None:
+            return None
+        return {
+            "status": self.nofrfs.status.name.lower(), "amplitude": self.signal.amplitude,
+            "orders_fitted": self.nofrfs.highest, "levels": self.nofrfs.levels.tolist(),
+            "lost_levels": self.nofrfs.lost_levels.tolist(), "condition": _number(self.nofrfs.condition),
+            "largest_residual": _number(float(self.nofrfs.residual[:, -1].max())),
+        }  # fmt: skip
+
+
+def respond(
+    model: NarxModel,
+    order: int,
+    *,
+    operating_input: float | None = None,
+    band_Hz: tuple[float, float] | None = None,
+    level: float = DRAWN,
+    amplitude: float | None = None,
+) -> Responses:
+    """Compute the frequency responses of a model up to an order.
+
+    Parameters
+    ----------
+    model : NarxModel
+        Of one input and one output.
+    order : int
+        From 1 to 8.
+    operating_input : float, optional
+        In the input's unit; the centre of the training data by default.
+    band_Hz : tuple of float, optional
+        Of the input; by default from 0 to what the training data excited, as the model's provenance tells, or else to
+        a quarter of half the sampling rate.
+    level : float
+        Probability of the bands.
+    amplitude : float, optional
+        Largest deviation of the test signal, in the input's unit; by default what stays in the training range, or
+        less, where orders beyond those fitted would act.
+
+    Returns
+    -------
+    Responses
+
+    Raises
+    ------
+    ModelError
+        If something that was given cannot be, or the model has no equilibrium.
+    """
+    highest = np.pi / model.sample_time
+    band = _band(model, band_Hz)
+    omega = np.geomspace(highest / 10**DECADES, highest, POINTS)
+    first = gfrf(model, 1, omega, operating_input=operating_input)
+    first.band(level)  # a level that cannot be is told before anything long begins
+    maps = (gfrf(model, n, _map(n, band), operating_input=operating_input) for n in range(2, order + 1))
+    angular = 2 * np.pi * np.array(band)
+    found = Responses(
+        model=model, level=level, band_Hz=band, gfrfs=(first, *maps), signal=None, nofrfs=None, missing="",
+        ranges_Hz=tuple(
+            output_frequencies(angular, n, sample_time=model.sample_time) / (2 * np.pi) for n in range(1, order + 1)
+        ),
+    )  # fmt: skip
+    return found if order == 1 else _with_nofrfs(found, order, operating_input, amplitude)
+
+
+def first_columns(response: FrequencyResponse, level: float) -> dict[str, Array]:
+    """The table of H_1.
+
+    Parameters
+    ----------
+    response : FrequencyResponse
+        Over frequency.
+    level : float
+        Of the band.
+
+    Returns
+    -------
+    dict of str to ndarray, shape (n,)
+    """
+    columns = columns_of(response, level)
+    law = columns.pop("linear_law")
+    return {
+        "frequency_Hz": response.frequency_Hz, **columns, "phase_deg": response.phase_deg,
+        "phase_deviation_deg": response.phase_deviation_deg, "linear_law": law,
+    }  # fmt: skip
+
+
+def columns_of(response: FrequencyResponse, level: float) -> dict[str, Array]:
+    """Values, gain and band of a response, for a table.
+
+    Parameters
+    ----------
+    response : FrequencyResponse
+        Of n values.
+    level : float
+        Of the band.
+
+    Returns
+    -------
+    dict of str to ndarray, shape (n,)
+        ``linear_law`` is 1 where the band is to be relied upon.
+    """
+    band = response.band(level)
+    return {
+        "real": response.values.real, "imaginary": response.values.imag, "gain": response.gain,
+        "gain_low": band.low, "gain_high": band.high, "linear_law": band.linear_law.astype(np.float64),
+    }  # fmt: skip
+
+
+def _with_nofrfs(found: Responses, order: int, operating_input: float | None, amplitude: float | None) -> Responses:
+    model = found.model
+    size = _room(model, operating_input) if amplitude is None else amplitude
+    if size is None:
+        return replace(found, missing="the model does not tell the range of its training inputs: give --amplitude")
+    for _ in range(1 if amplitude is not None else LOWERED):
+        signal = design_excitation(found.band_Hz, model.sample_time, amplitude=size, unit=model.input_units[0])
+        try:
+            fitted = _quiet(model, signal, order, operating_input)
+        except ModelError as error:
+            found, size = replace(found, signal=signal, nofrfs=None, missing=str(error)), size / 2
+            continue
+        found = replace(found, signal=signal, nofrfs=fitted, missing="")
+        if fitted.status not in TOO_LARGE or not 0 < fitted.advisable_level < 1:
+            break
+        size *= MARGIN * fitted.advisable_level
+    return found
+
+
+def _room(model: NarxModel, operating_input: float | None) -> float | None:
+    """How far the input can go to either side within the training data, if these are known."""
+    shifted = remove_dc(model, operating_input).operating
+    if shifted is None:
+        return None
+    if not shifted.input_min[0] < 0 < shifted.input_max[0]:
+        raise ModelError(
+            f"the operating input {operating_input:g} lies outside the training inputs, so that no test signal about "
+            "it stays inside: give --amplitude, or another operating input"
+        )
+    return float(min(-shifted.input_min[0], shifted.input_max[0]))
+
+
+def _quiet(model: NarxModel, signal: TestSignal, order: int, operating_input: float | None) -> Nofrf:
+    """The status is said once, in its place."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", NofrfWarning)
+        return nofrf(model, signal, order, operating_input=operating_input)
+
+
+def _band(model: NarxModel, given: tuple[float, float] | None) -> tuple[float, float]:
+    nyquist = 0.5 / model.sample_time
+    if given is None:
+        written = model.provenance.get(BAND_KEY)
+        try:
+            high = UNKNOWN_BAND * nyquist if written is None else float(written)
+        except ValueError:
+            raise ModelError(f"the model's provenance has {BAND_KEY} = {written!r}: it must be a number") from None
+        return 0.0, min(high, 0.999 * nyquist)
+    low, high = given
+    if not 0 <= low < high < nyquist:
+        raise ModelError(
+            f"the band of {low:g} to {high:g} Hz: give the lowest and the highest frequency, from 0 and below half the "
+            f"sampling rate, {nyquist:g} Hz"
+        )
+    return low, high
+
+
+def _map(order: int, band: tuple[float, float]) -> Array:
+    """A grid of the first two frequencies, of both signs, the others held in the middle of the band."""
+    axis = np.linspace(-band[1], band[1], SIDE if order <= 3 else COARSE_SIDE)
+    held = np.full(order - 2, (band[0] + band[1]) / 2)
+    grid = frequency_grid(axis, axis)
+    return 2 * np.pi * np.column_stack([grid, np.broadcast_to(held, (len(grid), order - 2))])
+
+
+def symbol_of(response: FrequencyResponse) -> str:
+    """Symbol and order of a response in plain text.
+
+    Parameters
+    ----------
+    response : FrequencyResponse
+        Of order 0 to 8.
+    """
+    return f"{response.symbol}{'₀₁₂₃₄₅₆₇₈'[response.order]}"
+
+
+def written(bands: Array) -> str:
+    """Bands as a person writes them.
+
+    Parameters
+    ----------
+    bands : ndarray, shape (k, 2)
+        From low to high.
+    """
+    return ", ".join(f"{low:.3g} to {high:.3g}" for low, high in bands)
+
+
+def _number(value: Any) -> float | None:
+    """JSON knows no infinity."""
+    return float(value) if math.isfinite(value) else None
+
+
