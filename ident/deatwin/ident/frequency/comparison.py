@@ -26,7 +26,7 @@ class Agreement(Enum):
     """Whether two responses agree in a band; the value is the advice."""
 
     ALIKE = "no difference can be shown: in this band either may stand for the other"
-    DRIFT = "the means differ, but the drift within a record reaches that far: compare at the same age"
+    DRIFT = "the means differ, but a drift within a record may be the cause: compare at the same age"
     DIFFERENT = "the two differ by more than chance and drift explain: in this band neither stands for the other"
 
     @property
@@ -83,7 +83,7 @@ class Difference:
         what = f"H_{self.order} of {self.first} and {self.second} from {self.from_Hz:g} to {self.to_Hz:g} Hz"
         if not self.differs:
             return f"{what}: no difference can be shown (p = {self.adjusted:.2g})."
-        drift = ", which the drift within a record explains" if self.agreement is Agreement.DRIFT else ""
+        drift = ", which a drift within a record may explain" if self.agreement is Agreement.DRIFT else ""
         return f"{what}: they differ by {self.size:.2g} of the gain (p = {self.adjusted:.2g}){drift}."
 
 

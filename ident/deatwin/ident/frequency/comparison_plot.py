@@ -19,8 +19,8 @@ __all__ = ["plot_comparison"]
 def plot_comparison(comparison: Comparison, ax: Axes | None = None) -> Axes:
     """Draw a table of differences: a row for each pair, a column for each order and band.
 
-    A field is coloured by the size of a significant difference, in per cent of the gain; it is in brackets where the
-    drift explains it, and empty where no difference can be shown.
+    A field is coloured by the size of a significant difference, in per cent of the gain; it is in brackets where a
+    drift may explain it, and empty where no difference can be shown.
 
     Parameters
     ----------
@@ -56,5 +56,5 @@ def plot_comparison(comparison: Comparison, ax: Axes | None = None) -> Axes:
     axes.set_xlabel("order and band of output frequencies (Hz)")
     for edge in np.flatnonzero(np.diff([order for order, _, _ in columns])):
         axes.axvline(edge + 0.5, color="0.4", linewidth=0.8)
-    axes.figure.colorbar(image, ax=axes, label="difference (% of gain); in brackets: within the drift")
+    axes.figure.colorbar(image, ax=axes, label="difference (% of gain); in brackets: may be drift")
     return axes

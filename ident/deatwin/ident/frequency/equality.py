@@ -160,7 +160,8 @@ def holm(p_values: ArrayLike) -> Array:
 def no_drift(cosines: Cosines) -> Equality:
     """Test whether the slow cosines of one or two series are no larger than the others: whether there is no drift.
 
-    Two tests share the level: one of the slowest cosine alone, which a drift to one side fills most, and one of all.
+    Several tests share the level: of the slowest cosine alone, which a drift to one side fills most, of the slowest
+    two, four and so on, and of all.
 
     Parameters
     ----------
@@ -170,7 +171,7 @@ def no_drift(cosines: Cosines) -> Equality:
     Returns
     -------
     Equality
-        The surer of the two, with twice its p-value.
+        The surest, with its p-value times their number.
 
     Raises
     ------
@@ -189,8 +190,9 @@ def no_drift(cosines: Cosines) -> Equality:
     if not sizes[-1] > 0:
         raise ModelError("the series do not scatter: nothing says whether a drift is significant")
     kept = directions[:, sizes > _FLAT * sizes[-1]]
-    surer = min((_wilks(slow[:count] @ kept, fast @ kept) for count in (1, len(slow))), key=lambda t: t.p_value)
-    return replace(surer, p_value=min(1.0, 2 * surer.p_value))
+    counts = sorted({*(2**k for k in range(cosines.n_slow.bit_length())), cosines.n_slow})
+    surest = min((_wilks(slow[:count] @ kept, fast @ kept) for count in counts), key=lambda test: test.p_value)
+    return replace(surest, p_value=min(1.0, len(counts) * surest.p_value))
 
 
 def _wilks(effect: Array, error: Array) -> Equality:

@@ -70,7 +70,7 @@ def compare_records(
 
     Every record is fitted with the same terms by least squares, and each pair compared like models in `compare`, the
     scatter being that which the record itself shows. A pair whose means differ is different in earnest where no time of
-    one record is like any time of the other; else the drift explains it. Only records that drift significantly in some
+    one record is like any time of the other; else a drift may explain it. Only records that drift significantly in some
     order and band have times: a drift too small to be seen does not explain anything.
 
     Parameters

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from deatwin.ident.mismatch.floor import with_model_error
 from deatwin.ident.mismatch.gate import Gate
 from deatwin.ident.mismatch.locate import locate_frequency, locate_region, locate_time
 from deatwin.ident.mismatch.name import Candidate, Naming
+from deatwin.ident.mismatch.response import locate_response
 from deatwin.ident.mismatch.say import sentence
 from deatwin.ident.mismatch.screen import Footprint, detectable_size
 from deatwin.ident.mismatch.verify import Verification, shares_explained
@@ -184,7 +185,7 @@ def _smallest(findings: Findings) -> dict[str, float | None]:
 def _locate(findings: Findings) -> dict[str, list[dict[str, Any]]]:
     chosen, noise = findings.base.chosen, findings.base.noise
     if not chosen.mismatch:
-        return {"time": [], "frequency": [], "region": [], "place": []}
+        return {"time": [], "frequency": [], "region": [], "place": [], "response": []}
     plant = chosen.calibration.plant
     found = tracks(plant, findings.checked.experiments)
     windows = locate_time(found, noise**2 + plant.rig.model_error**2)
@@ -197,7 +198,25 @@ def _locate(findings: Findings) -> dict[str, list[dict[str, Any]]]:
             {"signal": r.signal, "from": r.low, "to": r.high, "mean_residual": r.mean_residual} for r in regions
         ],
         "place": _places(findings),
+        "response": _responses(findings),
     }
+
+
+def _responses(findings: Findings) -> list[dict[str, Any]]:
+    """Orders and bands in which the response of the recordings is not that of the calibrated base plant."""
+    plant, checked = findings.base.chosen.calibration.plant, findings.checked
+    simulated = [y for each in readings(plant, checked.experiments) for y in each]
+    records = [record for experiment in checked.experiments for record in experiment.recordings]
+    sound = [mask for masks in checked.sound for mask in masks]
+    # A reading at fault says nothing of the response: the simulated one takes its place.
+    measured = [
+        replace(record, outputs=np.where(mask, record.outputs, y))
+        for record, mask, y in zip(records, sound, simulated, strict=True)
+    ]
+    return [
+        {"order": d.order, "from_Hz": d.from_Hz, "to_Hz": d.to_Hz, "p_value": d.p_value, "size": d.size}
+        for d in locate_response(measured, simulated, plant.rig.model_error)
+    ]
 
 
 def _places(findings: Findings) -> list[dict[str, Any]]:

@@ -102,7 +102,8 @@ class Diagnosis:
     noise, model_error : float
         Rms of the sensor's noise and of the plant's own model error.
     detect, locate : mapping
-        As in the file: p-value, excess and smallest detectable size; time, frequency, region and place.
+        As in the file: p-value, excess and smallest detectable size; time, frequency, region, place and
+        response (orders and bands of the frequency response).
     causes : tuple of Cause
         What is built into the amended plant.
     names : tuple of str

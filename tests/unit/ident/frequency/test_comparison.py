@@ -113,18 +113,19 @@ def test_a_drift_of_one_series_is_the_f_test_of_a_regression(shape, count):
 
     within, about = (np.sum(left(columns) ** 2) for columns in ([0, 1, 2, 3], [0]))
     by_all = stats.f.sf((about - within) / 3 / (within / 36), 3, 36)
+    by_two = stats.f.sf((about - np.sum(left([0, 1, 2]) ** 2)) / 2 / (within / 36), 2, 36)
     by_one = stats.f.sf((about - np.sum(left([0, 1]) ** 2)) / (within / 36), 1, 36)
     found = no_drift(Cosines.of(series[:, None], 3))
-    assert found.p_value == pytest.approx(2 * min(by_one, by_all), rel=1e-9)
+    assert found.p_value == pytest.approx(3 * min(by_one, by_two, by_all), rel=1e-9)
     assert found.dof == (count, 36)
 
 
 def test_of_two_series_without_drift_the_level_is_kept():
-    """2000 correlated pairs: of two dependent tests at 2.5 % each, 2.5 to 5 % fail; 5 % scatters by half a per cent."""
+    """2000 correlated pairs: of three tests at 1.7 % each 1.7 to 5 % fail, and 5 % scatters by half a per cent."""
     rng = np.random.default_rng(5)
     mix = np.array([[1.0, 0.8], [0.0, 0.5]])
     p = np.array([no_drift(Cosines.of(rng.standard_normal((24, 2)) @ mix, 4)).p_value for _ in range(2000)])
-    assert 0.025 <= np.mean(p < 0.05) <= 0.065
+    assert 0.017 <= np.mean(p < 0.05) <= 0.065
 
 
 # ---- means over bands
@@ -278,7 +279,7 @@ def test_a_table_can_be_read_drawn_and_exported(several):
     assert [(d.first, d.second) for d in several.differences[:: len(several.columns)]] == list(several.pairs)
     sure = [d.p_value for d in several.significant]
     assert all(before <= after for before, after in pairwise(sure))
-    assert any("which the drift within a record explains" in text for text in several.sentences)
+    assert any("which a drift within a record may explain" in text for text in several.sentences)
     data = several.to_xarray()
     assert data.sizes == {"pair": 6, "column": 6}
     assert data["agreement"].sel(column=0).values[0] == "ALIKE"

@@ -1,0 +1,161 @@
+"""In which order and band of the response a plant's simulation and the recordings differ.
+
+One and the same structure is fitted to the recorded and to the simulated readings, which share their input: what it
+cannot hold of the physics it leaves out of both, and the two differ where plant and actuator do. The simulated readings
+have no noise, so that they are the instruments for the recorded ones (least squares would shrink the feedback by the
+noise of the past readings); and block by block the two scatter alike, so that it is their differences which are
+tested.
+
+Reference: Söderström, Stoica, "Instrumental variable methods for system identification", Circuits Syst. Signal Process.
+21 (2002) 1-9.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import factorial, sqrt
+
+import numpy as np
+from scipy.signal import welch
+
+from deatwin.ident.frequency.bands import BandMean, Range, band_means
+from deatwin.ident.frequency.equality import Scatter, equality, holm
+from deatwin.ident.narx.fixed import Fixed
+from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.regression import Regression
+from deatwin.ident.narx.robust import Cosines, pseudovalues
+from deatwin.ident.narx.rules import AtMost
+from deatwin.ident.narx.terms import generate_terms
+from deatwin.plant.errors import ModelError
+from deatwin.plant.recording import Recording
+
+__all__ = ["ResponseDifference", "locate_response"]
+
+Array = np.ndarray
+
+ORDERS = (1, 2, 3)
+BANDS = ((0.0, 0.1), (0.1, 0.3), (0.3, 1.0))
+"""As shares of the frequency up to which the readings move."""
+MOVING = 0.95
+"""Share of the readings' power that lies below that frequency."""
+SAMPLES = 8
+"""Of a period of that frequency."""
+SHORTEST = 0.1
+"""Of the longest record's length; shorter ones have no spectrum to speak of."""
+LEVEL = 0.05
+"""Of the whole table (Holm)."""
+TERMS = generate_terms(1, (0, 1), 3, rule=AtMost(output=1))
+"""Affine in the past reading, so that its noise averages out with instruments."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResponseDifference:
+    """An order and a band in which the recordings' response is not the plant's.
+
+    Parameters
+    ----------
+    order : int
+        n of H_n.
+    from_Hz, to_Hz : float
+        Band of output frequencies.
+    p_value : float
+        Of a difference that makes no more than the model error in the readings, corrected for the number of tests.
+    size : float
+        The difference of the means over the band, over the gain of the plant there.
+    """
+
+    order: int
+    from_Hz: float
+    to_Hz: float
+    p_value: float
+    size: float
+
+
+def locate_response(
+    recordings: Sequence[Recording], readings: Sequence[Array], model_error: float
+) -> tuple[ResponseDifference, ...]:
+    """Find where the response of the recordings is not that of the plant.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+        Of which the first input and the first output count; those much shorter than the longest are left out.
+    readings : sequence of ndarray, each of shape (n,)
+        The calibrated plant's free-run readings under the same inputs, SI.
+    model_error : float
+        Rms of the plant's own error, SI: an order that differs by no more than that in the readings does not count,
+        the error being spread over frequencies as the input is.
+
+    Returns
+    -------
+    tuple of ResponseDifference
+        By order, then by band; empty where nothing differs, or the recordings do not determine the responses.
+    """
+    longest = max(reading.size for reading in readings)
+    pairs = [(r, y) for r, y in zip(recordings, readings, strict=True) if y.size >= SHORTEST * longest]
+    step = pairs[0][0].sample_time
+    top = _top_frequency([y for _, y in pairs], step)
+    factor = max(1, int(1 / (SAMPLES * top * step)))
+    measured = [_thinned(record, record.outputs[0], factor) for record, _ in pairs]
+    simulated = [_thinned(record, reading, factor) for record, reading in pairs]
+    try:
+        found = _compared(measured, simulated, [(low * top, high * top) for low, high in BANDS], model_error)
+    except (ModelError, np.linalg.LinAlgError):
+        return ()  # too short or too poor for responses of these orders
+    corrected = holm([difference.p_value for difference in found])
+    return tuple(
+        replace(difference, p_value=float(p)) for difference, p in zip(found, corrected, strict=True) if p < LEVEL
+    )
+
+
+def _top_frequency(readings: Sequence[Array], sample_time: float) -> float:
+    """Frequency below which readings have nearly all of their power, Hz."""
+    segment = min(reading.size for reading in readings)
+    total = np.sum([welch(y, 1 / sample_time, nperseg=segment)[1] * y.size for y in readings], axis=0)[1:]
+    share = np.cumsum(total) / total.sum()
+    return float(np.fft.rfftfreq(segment, sample_time)[1:][np.searchsorted(share, MOVING)])
+
+
+def _thinned(record: Recording, reading: Array, factor: int) -> Recording:
+    return Recording.from_arrays(record.inputs[0, ::factor], reading[::factor], record.sample_time * factor)
+
+
+def _compared(
+    measured: Sequence[Recording], simulated: Sequence[Recording], bands: Sequence[Range], model_error: float
+) -> list[ResponseDifference]:
+    """Test each order and band, without correction."""
+    plant = Fixed(terms=TERMS).fit(simulated).model_
+    actuator = _with_instruments(plant, measured, simulated)
+    commands = np.concatenate([record.inputs[0] for record in simulated])
+    ours, theirs = (
+        band_means(model, ORDERS, bands, operating_input=float(commands.mean())) for model in (plant, actuator)
+    )
+    own, other = pseudovalues(plant, simulated), pseudovalues(actuator, measured, instruments=simulated)
+    deviation = float(commands.std())
+    # The part of order n of a response to Gaussian inputs of deviation s has the deviation sqrt(n!) s^n |H_n|.
+    return [
+        _difference(a, b, own, other, model_error / (sqrt(factorial(a.order)) * deviation**a.order))
+        for a, b in zip(ours, theirs, strict=True)
+    ]
+
+
+def _with_instruments(plant: NarxModel, measured: Sequence[Recording], simulated: Sequence[Recording]) -> NarxModel:
+    """The plant's model with the parameters that the recordings give by instrumental variables."""
+    instruments = Regression.on(simulated, plant.table).matrix()[0]
+    data = Regression.on(measured, plant.table)
+    rows, target = data.matrix()
+    (q, r), z = np.linalg.qr(rows.T), np.linalg.qr(instruments.T)[0]
+    theta = np.linalg.solve(r, np.linalg.solve(z.T @ q, z.T @ target))
+    return replace(plant, theta=theta * data.term_scales)
+
+
+def _difference(ours: BandMean, theirs: BandMean, own: Array, other: Array, margin: float) -> ResponseDifference:
+    """Test one mean; ``own`` and ``other`` are what the same blocks say of plant and actuator."""
+    cosines = Cosines.of(other @ theirs.gradient.T - own @ ours.gradient.T)
+    apart = theirs.value - ours.value
+    return ResponseDifference(
+        order=ours.order, from_Hz=ours.from_Hz, to_Hz=ours.to_Hz,
+        p_value=equality(apart, [Scatter(cosines.scale, float(cosines.dof))], margin).p_value,
+        size=float(np.linalg.norm(apart)) / ours.gain if ours.gain > 0 else 0.0,
+    )  # fmt: skip
