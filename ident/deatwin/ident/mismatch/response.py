@@ -94,6 +94,8 @@ def locate_response(
     """
     longest = max(reading.size for reading in readings)
     pairs = [(r, y) for r, y in zip(recordings, readings, strict=True) if y.size >= SHORTEST * longest]
+    if not any(np.ptp(y) > 0.0 for _, y in pairs):
+        return ()  # a plant that stands still has no response
     step = pairs[0][0].sample_time
     top = _top_frequency([y for _, y in pairs], step)
     factor = max(1, int(1 / (SAMPLES * top * step)))

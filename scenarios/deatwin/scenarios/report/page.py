@@ -95,6 +95,7 @@ def _located(found: Mapping[str, Any]) -> dict[str, list[Any]]:
     return {
         "time": windows,
         "frequency": list(found.get("frequency") or [])[:MOST_LINES],
+        "response": list(found.get("response") or [])[:MOST_LINES],
         "region": regions[:MOST_LINES],
         "place": list(found.get("place") or []),
     }
