@@ -1,0 +1,101 @@
+"""What propagation costs, beside draws that say as much."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from time import process_time
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.frequency.sampling import sample
+from deatwin.ident.frequency.uncertainty import UncertaintyWarning, propagate
+from deatwin.scenarios.frequency_uncertainty.spread import DRAWS, departure, symbol_of
+from deatwin.scenarios.frequency_uncertainty.systems import Case
+
+__all__ = ["CHUNKS", "Speed", "speed"]
+
+Array = NDArray[np.float64]
+
+CHUNKS = 40
+"""Of `spread.DRAWS` draws each, against which the error of the law is measured."""
+CALLS = 7
+"""Of propagation, of which the shortest counts."""
+LOOP = 100
+"""Draws that are computed one by one."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Speed:
+    """Propagation and draws of one response.
+
+    Parameters
+    ----------
+    label : str
+        Of what.
+    propagated, drawn, alone : float
+        Processor time of propagation, of 20,000 draws all at once, and of as many one by one, s.
+    error, drawn_error : float
+        Largest relative departure of the propagated covariance from that of all draws, and of 20,000 draws.
+    equal : float
+        Number of draws that depart as far as propagation; a lower bound where all draws together cannot tell.
+    """
+
+    label: str
+    propagated: float
+    drawn: float
+    alone: float
+    error: float
+    drawn_error: float
+    equal: float
+
+    @property
+    def ratio(self) -> float:
+        """Time of draws of equal accuracy, computed all at once, over that of propagation."""
+        return self.drawn * self.equal / DRAWS / self.propagated
+
+
+def speed(case: Case, order: int, seed: tuple[int, ...]) -> Speed:
+    """Measure what propagation costs and how accurate it is.
+
+    Parameters
+    ----------
+    case : Case
+        Identified once.
+    order : int
+        Of the response.
+    seed : tuple of int
+        Of recording and draws.
+
+    Returns
+    -------
+    Speed
+    """
+    rng = np.random.default_rng(seed)
+    model, quantity = case.identify(rng), case.response(order)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UncertaintyWarning)
+        propagated = propagate(model, quantity).covariance
+        own = min(_timed(lambda: propagate(model, quantity).covariance) for _ in range(CALLS))
+    begun = process_time()
+    drawn = np.array([sample(model, quantity, rng, DRAWS).covariance for _ in range(CHUNKS)])
+    together = (process_time() - begun) / CHUNKS
+    pooled: Array = drawn.mean(axis=0)
+    error = departure(pooled, propagated)
+    drawn_error = float(np.mean([departure(pooled, one) for one in drawn]))
+    floor = drawn_error / np.sqrt(CHUNKS)  # as far all draws together depart by themselves
+    equal = DRAWS * (drawn_error / np.sqrt(max(error**2 - floor**2, floor**2))) ** 2
+    thetas = rng.multivariate_normal(model.theta, model.theta_cov, LOOP)
+    alone = _timed(lambda: [quantity(replace(model, theta=theta)) for theta in thetas]) / LOOP
+    return Speed(
+        label=f"{symbol_of(quantity(model))} of {case.name.split(',')[0]}", propagated=own, drawn=together,
+        alone=alone * DRAWS, error=error, drawn_error=drawn_error, equal=float(equal),
+    )  # fmt: skip
+
+
+def _timed(work: Callable[[], object]) -> float:
+    begun = process_time()
+    work()
+    return process_time() - begun

@@ -1,0 +1,231 @@
+"""The output's short-time spectrum, as the TV-NOFRFs predict it from the input, and as it was recorded.
+
+In each window the input's deviations are taken for one period of a periodic excitation, and the model of the window's
+middle answers with Y = G_1 U_1 + ... + G_N U_N. Both this answer and the recording are then seen through the same Hann
+window: it hides the seam of the period, where the answer is that to an input that jumps, and the leakage is the same on
+both sides.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.frequency import output_spectrum, remove_dc
+from deatwin.ident.frequency.excitation import input_spectrum
+from deatwin.ident.frequency.nofrf import NofrfWarning
+from deatwin.ident.frequency.varying import tv_nofrf, tv_output_spectrum
+from deatwin.ident.narx import NarxModel, Recording, ThetaTrajectory
+from deatwin.scenarios.time_varying.maps import root_mean_square
+
+__all__ = ["BANDS", "HIGHEST", "ShortTime", "compare_windows", "predicted", "series_error", "short_time", "windows_of"]
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+HIGHEST = 5
+"""N: the degree of the fleet's models, which have no higher order."""
+PERIODS = 10
+"""After which a free run is taken to be steady."""
+BANDS = ((0.1, 0.5), (0.5, 1.0), (1.0, 2.0), (2.0, 3.0))
+"""Where powers are compared, Hz: from the third line of a window of 20 s on, the mean being left out; up to 1 Hz there
+is input, above only what the nonlinearity makes."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ShortTime:
+    """Short-time spectra of a recording, and what was predicted of them.
+
+    Parameters
+    ----------
+    timepts : ndarray, shape (n_windows,)
+        Middle of each window, s.
+    frequencies : ndarray, shape (n,)
+        Hz.
+    recorded : ndarray of complex, shape (n_windows, n)
+        Amplitude of each line of the recording's deviation from its window's mean, in the output's unit.
+    predicted : mapping of str to ndarray of complex, shape (n_windows, n)
+        The same of each prediction.
+    """
+
+    timepts: Array
+    frequencies: Array
+    recorded: Complex
+    predicted: Mapping[str, Complex]
+
+    def power_ratio_dB(self, name: str, band: tuple[float, float]) -> Array:
+        """Predicted over recorded power in a band, by window.
+
+        Parameters
+        ----------
+        name : str
+            Of the prediction.
+        band : tuple of float
+            Hz.
+
+        Returns
+        -------
+        ndarray, shape (n_windows,)
+            dB.
+        """
+        inside = self._inside(band)
+        powers = [np.sum(np.abs(s[:, inside]) ** 2, axis=1) for s in (self.predicted[name], self.recorded)]
+        return np.asarray(10 * np.log10(powers[0] / powers[1]))
+
+    def error(self, name: str, band: tuple[float, float]) -> float:
+        """Root mean square of predicted less recorded lines over all windows, over that of the recorded ones.
+
+        Parameters
+        ----------
+        name : str
+            Of the prediction.
+        band : tuple of float
+            Hz.
+        """
+        inside = self._inside(band)
+        missed = np.sum(np.abs(self.predicted[name] - self.recorded)[:, inside] ** 2)
+        return float(np.sqrt(missed / np.sum(np.abs(self.recorded[:, inside]) ** 2)))
+
+    def _inside(self, band: tuple[float, float]) -> NDArray[np.bool_]:
+        return (self.frequencies >= band[0] - 1e-9) & (self.frequencies < band[1] - 1e-9)
+
+
+def windows_of(recording: Recording, length: float) -> list[Recording]:
+    """Cut a recording into windows that overlap by half.
+
+    Parameters
+    ----------
+    recording : Recording
+        Whole.
+    length : float
+        Of a window, s.
+
+    Returns
+    -------
+    list of Recording
+    """
+    size = 2 * (round(length / recording.sample_time) // 2)
+    starts = range(0, recording.n_samples - size + 1, size // 2)
+    return [recording.section(first, first + size) for first in starts]
+
+
+def compare_windows(
+    windows: Sequence[Recording], sources: Mapping[str, NarxModel | ThetaTrajectory], operating_input: float
+) -> ShortTime:
+    """Predict the spectrum of each window from its input, and compute that of its output.
+
+    Parameters
+    ----------
+    windows : sequence of Recording
+        Of one length.
+    sources : mapping of str to NarxModel or ThetaTrajectory
+        What predicts, by name.
+    operating_input : float
+        About which the input deviates, in its unit.
+
+    Returns
+    -------
+    ShortTime
+    """
+    middles = np.array([0.5 * (w.start + w.end) for w in windows])
+    step = windows[0].sample_time
+    recorded = [short_time(w.outputs[0], step) for w in windows]
+    found = {
+        name: np.stack([
+            short_time(predicted(source, w.inputs[0] - operating_input, middle, operating_input), step)[1]
+            for w, middle in zip(windows, middles.tolist(), strict=True)
+        ])
+        for name, source in sources.items()
+    }  # fmt: skip
+    return ShortTime(
+        timepts=middles, frequencies=recorded[0][0], recorded=np.stack([r for _, r in recorded]), predicted=found
+    )
+
+
+def predicted(source: NarxModel | ThetaTrajectory, period: Array, time: float, operating_input: float) -> Array:
+    """One period of the output's deviation from the equilibrium, Y = G_1 U_1 + ... + G_N U_N.
+
+    Parameters
+    ----------
+    source : NarxModel or ThetaTrajectory
+        A model of constant parameters, or one of parameters along time.
+    period : ndarray, shape (n,)
+        The input's deviations.
+    time : float
+        Which parameters of a trajectory are taken, s.
+    operating_input : float
+        About which the input deviates.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        In the output's unit.
+    """
+    if isinstance(source, NarxModel):
+        spectrum = output_spectrum(source, period, HIGHEST, operating_input=operating_input).values
+    else:
+        # G_n U_n is Y_n: G_n of a random record is erratic where its powers cancel, the product is not.
+        response = tv_output_spectrum(source, period, HIGHEST, timepts=[time], operating_input=operating_input)
+        spectrum = response.values[0]
+    return np.asarray(np.fft.irfft(spectrum * period.size, period.size))
+
+
+def series_error(trajectory: ThetaTrajectory, window: Recording, operating_input: float) -> float:
+    """How far the sum of G_n U_n, order by order, is from the steady free run of the model of a window's middle.
+
+    Parameters
+    ----------
+    trajectory : ThetaTrajectory
+        Parameters along time.
+    window : Recording
+        Whose input is taken for one period.
+    operating_input : float
+        About which the input deviates, in its unit.
+
+    Returns
+    -------
+    float
+        Root mean square over that of the free run.
+    """
+    period, middle = window.inputs[0] - operating_input, 0.5 * (window.start + window.end)
+    spectrum = np.zeros(period.size // 2 + 1, dtype=np.complex128)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", NofrfWarning)  # G_n of a random record is erratic, its product with U_n is not
+        for order in range(1, HIGHEST + 1):
+            powers = input_spectrum(period, order, window.sample_time)
+            response = tv_nofrf(trajectory, period, order, timepts=[middle], operating_input=operating_input)
+            spectrum[powers.defined] += response.values[0] * powers.values[powers.defined]
+    summed = np.fft.irfft(spectrum * period.size, period.size)
+    model = remove_dc(trajectory.at(middle), operating_input)
+    tiled = Recording.from_arrays(np.tile(period, PERIODS), np.zeros(PERIODS * period.size), window.sample_time)
+    steady = model.simulate(tiled).outputs[0, -period.size :]
+    return root_mean_square(summed - steady) / root_mean_square(steady)
+
+
+def short_time(values: Array, sample_time: float) -> tuple[Array, Complex]:
+    """Amplitudes of one window, as `scipy.signal.ShortTimeFFT` computes them with a Hann window.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        An even number of samples; their mean is taken off.
+    sample_time : float
+        s.
+
+    Returns
+    -------
+    frequencies : ndarray, shape (n // 2 + 1,)
+        Hz.
+    amplitudes : ndarray of complex, shape (n // 2 + 1,)
+        In the unit of the values.
+    """
+    from scipy.signal import ShortTimeFFT
+    from scipy.signal.windows import hann
+
+    window = hann(values.size, sym=False)
+    transform = ShortTimeFFT(window, hop=values.size // 2, fs=1 / sample_time, scale_to="magnitude")
+    middle = transform.stft(values - values.mean(), p0=1, p1=2)  # the one slice that lies on the samples exactly
+    return np.asarray(transform.f), np.asarray(middle[:, 0], dtype=np.complex128)

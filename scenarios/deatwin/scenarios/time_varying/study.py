@@ -1,0 +1,263 @@
+"""All that the story computes: the benchmark systems, and the six actuators."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.frequency.excitation import design_excitation
+from deatwin.ident.frequency.sliding import SlidingStatistics, sliding_mean_and_gain
+from deatwin.ident.frequency.varying import tv_gfrf, tv_nofrf
+from deatwin.ident.narx import NarxModel, Recording, Term, ThetaTrajectory, generate_terms
+from deatwin.ident.parallel import run_jobs, spawn_generators
+from deatwin.plant.fleet import Actuator, fleet
+from deatwin.scenarios.fleet_models.preparation import thinned
+from deatwin.scenarios.time_varying.benchmark import (
+    LINES,
+    SPEEDS,
+    Benchmark,
+    Followed,
+    FrozenRun,
+    carry_out_benchmark,
+    covered,
+    follow,
+    frozen_run,
+    lines,
+)
+from deatwin.scenarios.time_varying.following import CONSTANT, VARYING, Track, follow_actuator
+from deatwin.scenarios.time_varying.maps import Map, root_mean_square
+from deatwin.scenarios.time_varying.spectra import ShortTime, compare_windows, series_error, windows_of
+from deatwin.scenarios.time_varying.systems import SYSTEMS
+from deatwin.scenarios.voice import Progress
+
+__all__ = [
+    "FACTOR",
+    "LEVEL",
+    "OPERATING_INPUT",
+    "REALISATIONS",
+    "SHOWN",
+    "STRUCTURE",
+    "WINDOW",
+    "Driven",
+    "Study",
+    "analyse",
+    "carry_out",
+]
+
+Array = NDArray[np.float64]
+FACTOR = 6
+"""Of the samples every so many are kept: 0.12 s, as the story `fleet-models` chooses for seed 0."""
+DEGREE = 5
+WINDOW = 100.0
+"""Of the sliding mean and gain, s: the mean of 100 s of the thesis' noise wanders by a few per cent of the stroke."""
+SPECTRUM_WINDOW = 20.0
+"""Of the short-time spectra, s: 0.05 Hz from line to line, and a hundredth of what the slowest histories take."""
+OPERATING_INPUT = 2.4
+"""Mean of the thesis' noise, V."""
+BAND = (0.05, 1.0)
+"""Of the thesis' noise, Hz; the test signal for NOFRFs has lines there."""
+LEVEL = 0.6
+"""Largest magnitude of the test signal, V: the thesis' standard deviation."""
+SHOWN = (1, 2)
+"""Numbers of the actuators whose maps are drawn: the mean of the first falls, that of the second rises."""
+MAP_TIMES = 90
+REALISATIONS = 100
+"""Of random walks whose maps are to cover the truth."""
+COVERAGE_TIMES = np.linspace(1.0, 29.0, 8)
+COVERAGE_HZ = np.array([0.2, 0.5, 1.0, 2.0, 4.0, 8.0])
+
+
+def _feedback_is_linear(term: Term) -> bool:
+    """Whether a term has the past output alone, or not at all."""
+    return term.degree == 1 or all(variable.kind == "u" for variable, _ in term.factors)
+
+
+STRUCTURE = tuple(generate_terms(1, (0, 1), DEGREE, rule=_feedback_is_linear))
+"""Of all actuators: y(k-1), and all products of u(k) and u(k-1) up to the fifth degree. Orders above the fifth vanish,
+so that sums of G_n U_n are whole; and an operating point shifts parameters without making new terms."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Driven:
+    """An actuator before and after its parameters were followed.
+
+    Parameters
+    ----------
+    track : Track
+        Its parameters along time, and what they are worth.
+    sliding : SlidingStatistics
+        Of the recording, before any fit.
+    equilibrium : Map
+        H_1 at the lowest frequency, for its equilibria along time.
+    judged : ShortTime
+        Spectra of the blocks that the parameters were not fitted to.
+    whole : ShortTime or None
+        Spectra of the whole recording, where they are drawn.
+    maps : mapping of str to Map
+        TV-GFRFs along `LINES` and TV-NOFRFs "G1" to "G3", where they are drawn.
+    frozen : mapping of str to float
+        Estimated frozen-time error of these TV-GFRFs, root mean square over the map, over that of the response.
+    series_error : float
+        G_1 U_1 + ... + G_N U_N of a window's input less the steady free run of the same model, over the latter.
+    """
+
+    track: Track
+    sliding: SlidingStatistics
+    equilibrium: Map
+    judged: ShortTime
+    whole: ShortTime | None
+    maps: Mapping[str, Map]
+    frozen: Mapping[str, float]
+    series_error: float
+
+    @property
+    def name(self) -> str:
+        """Of the actuator."""
+        return self.track.name
+
+    @property
+    def chance(self) -> float:
+        """Smaller chance of so much change of mean or gain in an actuator that stands still."""
+        return min(self.sliding.p_mean, self.sliding.p_gain)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Study:
+    """All of it.
+
+    Parameters
+    ----------
+    benchmark : Benchmark
+        Systems whose parameters are known.
+    driven : tuple of Driven
+        The six.
+    stories : tuple of str
+        What happens to each, in one sentence.
+    """
+
+    benchmark: Benchmark
+    driven: tuple[Driven, ...]
+    stories: tuple[str, ...]
+
+    @property
+    def shown(self) -> tuple[Driven, ...]:
+        """Those whose maps are drawn."""
+        return tuple(one for one in self.driven if one.maps)
+
+
+def carry_out(seed: int, *, jobs: int, progress: Progress) -> Study:
+    """Do everything.
+
+    Parameters
+    ----------
+    seed : int
+        Of the fleet, and of what is drawn for the benchmark systems.
+    jobs : int
+        Worker processes; -1 takes all cores.
+    progress : callable
+        Takes the share that is done and what is being done.
+
+    Returns
+    -------
+    Study
+
+    Raises
+    ------
+    SimulationError
+        If a film pulls in.
+    """
+    *of_systems, of_walks = np.random.SeedSequence(seed).spawn(len(SYSTEMS) + 1)
+    rngs = [np.random.default_rng(child) for child in of_systems]
+    walks = spawn_generators(int(of_walks.generate_state(1)[0]), REALISATIONS)
+    actuators = fleet(seed)
+    parts: list[tuple[str, float, float, list[tuple[Any, ...]]]] = [
+        ("following six actuators", 0.0, 0.55, [(_drive, a, n in SHOWN) for n, a in enumerate(actuators, start=1)]),
+        ("following systems whose parameters are known", 0.55, 0.7,
+         [(_follow, place, rng) for place, rng in enumerate(rngs)]),
+        ("frozen time against the rate of variation", 0.7, 0.8,
+         [(_frozen_run, place, speed) for place in range(len(SYSTEMS)) for speed in SPEEDS]),
+        ("coverage of the truth", 0.8, 0.92, [(covered, rng, COVERAGE_TIMES, COVERAGE_HZ) for rng in walks]),
+    ]  # fmt: skip
+    driven, followed, frozen, held = (_all(*part, jobs=jobs, progress=progress) for part in parts)
+    benchmark = carry_out_benchmark(
+        tuple(followed), tuple(run for runs in frozen for run in runs), held, COVERAGE_TIMES, COVERAGE_HZ
+    )
+    return Study(benchmark=benchmark, driven=tuple(driven), stories=tuple(a.story for a in actuators))
+
+
+def _drive(actuator: Actuator, drawn: bool) -> Driven:
+    record = actuator.record().recordings[0]
+    return analyse(actuator.name, record, thinned(record, FACTOR), drawn=drawn)
+
+
+def _follow(place: int, rng: np.random.Generator) -> Followed:
+    return follow(SYSTEMS[place], rng)  # its functions of time are not sent to workers
+
+
+def _frozen_run(place: int, speed: float) -> list[FrozenRun]:
+    return frozen_run(SYSTEMS[place], speed)
+
+
+def analyse(name: str, record: Recording, kept: Recording, *, drawn: bool) -> Driven:
+    """Follow an actuator's parameters, and compute what is said and drawn of them.
+
+    Parameters
+    ----------
+    name : str
+        Of the actuator.
+    record, kept : Recording
+        Whole; and thinned.
+    drawn : bool
+        Whether maps are wanted too.
+
+    Returns
+    -------
+    Driven
+    """
+    track = follow_actuator(name, kept, STRUCTURE)
+    sources: dict[str, NarxModel | ThetaTrajectory] = {CONSTANT: track.held_constant, VARYING: track.held}
+    windows = windows_of(kept, SPECTRUM_WINDOW) if drawn else []
+    timepts = np.linspace(track.trajectory.timepts[0], track.trajectory.timepts[-1], MAP_TIMES)
+    about: dict[str, Any] = {"timepts": timepts, "operating_input": OPERATING_INPUT}
+    maps, frozen = _maps(track, about) if drawn else ({}, {})
+    return Driven(
+        track=track,
+        sliding=sliding_mean_and_gain(record, WINDOW),
+        equilibrium=Map.of(tv_gfrf(track.trajectory, 1, [2 * np.pi * BAND[0]], **about)),
+        judged=compare_windows(track.judged, sources, OPERATING_INPUT),
+        whole=compare_windows(windows, {VARYING: track.trajectory}, OPERATING_INPUT) if windows else None,
+        maps=maps,
+        frozen=frozen,
+        series_error=series_error(track.held, track.judged[0], OPERATING_INPUT),
+    )
+
+
+def _maps(track: Track, about: Mapping[str, Any]) -> tuple[dict[str, Map], dict[str, float]]:
+    """TV-GFRFs and TV-NOFRFs, and the estimated frozen-time error of the former."""
+    frequencies = np.linspace(BAND[0], 2.0, 40)
+    of_lines = {name: tv_gfrf(track.trajectory, len(LINES[name]), lines(frequencies, name), **about) for name in LINES}
+    signal = design_excitation(BAND, track.recording.sample_time, amplitude=LEVEL, period=20.4)
+    of_signal = {f"G{n}": tv_nofrf(track.trajectory, signal.values, n, **about) for n in (1, 2, 3)}
+    frozen = {
+        name: root_mean_square(response.frozen_error) / root_mean_square(response.values)
+        for name, response in of_lines.items()
+    }
+    return {name: Map.of(response) for name, response in (of_lines | of_signal).items()}, frozen
+
+
+def _all(
+    doing: str, first: float, last: float, tasks: list[tuple[Any, ...]], *, jobs: int, progress: Progress
+) -> list[Any]:
+    """Run jobs, telling what share of all work they are."""
+    progress(first, doing)
+    return run_jobs(
+        _do, tasks, workers=jobs, finished=lambda n: progress(first + (last - first) * n / len(tasks), doing)
+    )
+
+
+def _do(function: Callable[..., Any], *arguments: Any) -> Any:
+    return function(*arguments)
