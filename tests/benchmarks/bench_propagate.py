@@ -31,9 +31,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.frequency import FrequencyResponse, gfrf, output_spectrum
-from deatwin.ident.frequency.parameters import draw_theta, with_theta
-from deatwin.ident.frequency.sampling import sample
-from deatwin.ident.frequency.uncertainty import propagate
+from deatwin.ident.frequency.uncertainty.parameters import draw_theta, with_theta
+from deatwin.ident.frequency.uncertainty.propagate import propagate
+from deatwin.ident.frequency.uncertainty.sampling import sample
 from deatwin.ident.narx import Fixed, NarxModel
 from deatwin.plant.recording import Recording
 

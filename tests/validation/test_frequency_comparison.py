@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deatwin.ident.frequency.comparison import Agreement
-from deatwin.ident.frequency.records import compare_records
+from deatwin.ident.frequency.comparison.compare import Agreement
+from deatwin.ident.frequency.comparison.records import compare_records
 from deatwin.ident.narx import generate_terms
 from deatwin.ident.narx.rules import AtMost
 from deatwin.plant import Recording

@@ -15,9 +15,9 @@ from scipy import stats
 
 from deatwin.ident.frequency import FrequencyResponse, gfrf, output_orders, output_spectrum
 from deatwin.ident.frequency.frf import frf
-from deatwin.ident.frequency.parameters import Model, draw_theta, with_theta
-from deatwin.ident.frequency.sampling import sample
-from deatwin.ident.frequency.uncertainty import Propagated, UncertaintyWarning, propagate
+from deatwin.ident.frequency.uncertainty.parameters import Model, draw_theta, with_theta
+from deatwin.ident.frequency.uncertainty.propagate import Propagated, UncertaintyWarning, propagate
+from deatwin.ident.frequency.uncertainty.sampling import sample
 from deatwin.ident.narx import Fixed, NarxModel
 from deatwin.ident.narx.linear import Arx, OutputError
 from deatwin.ident.narx.posterior import covariance_root

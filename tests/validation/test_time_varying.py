@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom, chi2, norm
 
-from deatwin.ident.frequency.varying import tv_gfrf, tv_nofrf
+from deatwin.ident.frequency.varying.along_time import tv_gfrf, tv_nofrf
 from deatwin.ident.narx import NarxModel
 from deatwin.ident.narx.random_walk import ThetaSmoother
 from deatwin.ident.narx.trajectory import ThetaTrajectory

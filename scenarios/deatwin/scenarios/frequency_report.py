@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.frequency import FrequencyResponse
-from deatwin.ident.frequency.nofrf import Nofrf, NofrfStatus
-from deatwin.ident.frequency.powers import AMPLIFICATION
+from deatwin.ident.frequency.nofrf.estimate import Nofrf, NofrfStatus
+from deatwin.ident.frequency.nofrf.powers import AMPLIFICATION
 from deatwin.scenarios.folder import ResultFolder
 from deatwin.scenarios.frequency_responses import Responses, columns_of, first_columns, symbol_of, written
 from deatwin.scenarios.report.figures import Drawing

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from deatwin.control.check import BAND_KEY
 from deatwin.ident.frequency import FrequencyResponse, frequency_grid, gfrf, remove_dc
-from deatwin.ident.frequency.excitation import TestSignal, design_excitation
-from deatwin.ident.frequency.nofrf import Nofrf, NofrfStatus, NofrfWarning, nofrf
-from deatwin.ident.frequency.ranges import output_frequencies
+from deatwin.ident.frequency.nofrf.estimate import Nofrf, NofrfStatus, NofrfWarning, nofrf
+from deatwin.ident.frequency.nofrf.excitation import TestSignal, design_excitation
+from deatwin.ident.frequency.nofrf.ranges import output_frequencies
 from deatwin.ident.narx import NarxModel
 from deatwin.plant.errors import ModelError
 

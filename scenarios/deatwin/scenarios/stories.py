@@ -99,6 +99,14 @@ STORIES: Mapping[str, Story] = MappingProxyType({
             line="frequency responses of all orders and NOFRFs: systems that are known, then the six actuators",
         ),
         Story(
+            name="time-varying", minutes=1.2, module="deatwin.scenarios.time_varying",
+            line="parameters along time: known systems, then what drifts in the six actuators, and spectra that follow",
+        ),
+        Story(
+            name="frequency-uncertainty", minutes=1.5, module="deatwin.scenarios.frequency_uncertainty",
+            line="how well frequency responses are known; how consistent fabrication is: where six actuators differ",
+        ),
+        Story(
             name="regression-lessons", minutes=0.5, module="deatwin.scenarios.regression_lessons",
             line="ridge and LASSO constraints, bias and variance, Occam's razor: each lesson with a check",
         ),

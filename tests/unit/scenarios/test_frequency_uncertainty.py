@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from deatwin.ident.frequency import gfrf
-from deatwin.ident.frequency.bands import BandMean
-from deatwin.ident.frequency.comparison import Agreement
-from deatwin.ident.frequency.equality import Scatter
-from deatwin.ident.frequency.uncertainty import propagate
+from deatwin.ident.frequency.comparison.bands import BandMean
+from deatwin.ident.frequency.comparison.compare import Agreement
+from deatwin.ident.frequency.comparison.equality import Scatter
+from deatwin.ident.frequency.uncertainty.propagate import propagate
 from deatwin.ident.narx import NarxModel
 from deatwin.plant.fleet import TOLERANCES, Actuator, specification
 from deatwin.plant.recording import Experiment, Recording

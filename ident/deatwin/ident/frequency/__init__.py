@@ -1,30 +1,77 @@
-"""NARX models in the frequency domain: equilibria, removal of the operating point, frequency responses."""
+"""NARX models in the frequency domain: GFRFs, NOFRFs, their variation in time, their uncertainty, their comparison."""
 
+from deatwin.ident.frequency.comparison.compare import Agreement, Comparison, Difference, Drift, compare
+from deatwin.ident.frequency.comparison.records import compare_records
 from deatwin.ident.frequency.dc import Equilibrium, equilibrium, remove_dc
 from deatwin.ident.frequency.direct import direct_output
 from deatwin.ident.frequency.drawing import bode
+from deatwin.ident.frequency.frf import frf
 from deatwin.ident.frequency.gfrf import frequency_grid, gfrf
 from deatwin.ident.frequency.linear import LinearPart, linear_part
 from deatwin.ident.frequency.maps import plot_slices, plot_surface, slice_of
+from deatwin.ident.frequency.nofrf.estimate import nofrf, nofrf_direct
+from deatwin.ident.frequency.nofrf.excitation import TestSignal, design_excitation
+from deatwin.ident.frequency.nofrf.powers import InputSpectrum, input_spectrum
+from deatwin.ident.frequency.nofrf.ranges import output_frequencies
+from deatwin.ident.frequency.nofrf.result import Nofrf, NofrfStatus, NofrfWarning
 from deatwin.ident.frequency.response import Band, FrequencyResponse, FrequencyStatus
 from deatwin.ident.frequency.spectrum import output_orders, output_spectrum
+from deatwin.ident.frequency.uncertainty.propagate import Propagated, UncertaintyStatus, UncertaintyWarning, propagate
+from deatwin.ident.frequency.uncertainty.sampling import Sampled, SampleStatus, sample
+from deatwin.ident.frequency.varying.along_time import tv_gfrf, tv_nofrf, tv_output_spectrum
+from deatwin.ident.frequency.varying.following import hold_equilibrium
+from deatwin.ident.frequency.varying.response import VaryingResponse, VaryingStatus
+from deatwin.ident.frequency.varying.sliding import SlidingStatistics, SlidingStatus, sliding_mean_and_gain
 
 __all__ = [
+    "Agreement",
     "Band",
+    "Comparison",
+    "Difference",
+    "Drift",
     "Equilibrium",
     "FrequencyResponse",
     "FrequencyStatus",
+    "InputSpectrum",
     "LinearPart",
+    "Nofrf",
+    "NofrfStatus",
+    "NofrfWarning",
+    "Propagated",
+    "SampleStatus",
+    "Sampled",
+    "SlidingStatistics",
+    "SlidingStatus",
+    "TestSignal",
+    "UncertaintyStatus",
+    "UncertaintyWarning",
+    "VaryingResponse",
+    "VaryingStatus",
     "bode",
+    "compare",
+    "compare_records",
+    "design_excitation",
     "direct_output",
     "equilibrium",
     "frequency_grid",
+    "frf",
     "gfrf",
+    "hold_equilibrium",
+    "input_spectrum",
     "linear_part",
+    "nofrf",
+    "nofrf_direct",
+    "output_frequencies",
     "output_orders",
     "output_spectrum",
     "plot_slices",
     "plot_surface",
+    "propagate",
     "remove_dc",
+    "sample",
     "slice_of",
+    "sliding_mean_and_gain",
+    "tv_gfrf",
+    "tv_nofrf",
+    "tv_output_spectrum",
 ]

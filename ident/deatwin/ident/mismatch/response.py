@@ -19,8 +19,8 @@ from math import factorial, sqrt
 import numpy as np
 from scipy.signal import welch
 
-from deatwin.ident.frequency.bands import BandMean, Range, band_means
-from deatwin.ident.frequency.equality import Scatter, equality, holm
+from deatwin.ident.frequency.comparison.bands import BandMean, Range, band_means
+from deatwin.ident.frequency.comparison.equality import Scatter, equality, holm
 from deatwin.ident.narx.fixed import Fixed
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.regression import Regression

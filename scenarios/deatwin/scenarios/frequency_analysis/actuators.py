@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from deatwin.ident.frequency import FrequencyResponse, frequency_grid, gfrf, output_orders
 from deatwin.ident.frequency.dc import deviations
-from deatwin.ident.frequency.excitation import InputSpectrum, TestSignal, design_excitation, input_spectrum
-from deatwin.ident.frequency.nofrf import Nofrf, NofrfWarning, nofrf, nofrf_direct
+from deatwin.ident.frequency.nofrf.estimate import Nofrf, NofrfWarning, nofrf, nofrf_direct
+from deatwin.ident.frequency.nofrf.excitation import InputSpectrum, TestSignal, design_excitation, input_spectrum
 from deatwin.ident.narx import NarxModel, SvbNarx
 from deatwin.scenarios.fleet_frequency import (
     BAND,

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.frequency import FrequencyResponse, frequency_grid, gfrf, output_orders
-from deatwin.ident.frequency.excitation import TestSignal, design_excitation
-from deatwin.ident.frequency.nofrf import Nofrf, nofrf, nofrf_direct
-from deatwin.ident.frequency.ranges import output_frequencies
+from deatwin.ident.frequency.nofrf.estimate import Nofrf, nofrf, nofrf_direct
+from deatwin.ident.frequency.nofrf.excitation import TestSignal, design_excitation
+from deatwin.ident.frequency.nofrf.ranges import output_frequencies
 from deatwin.ident.frequency.spectrum import spectrum_of
 from deatwin.ident.narx import Fixed, NarxModel, SvbNarx
 from deatwin.ident.narx.systems import SYSTEMS as RANDOM_SYSTEMS

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
-from deatwin.ident.frequency.comparison import Comparison
+from deatwin.ident.frequency.comparison.compare import Comparison
 from deatwin.scenarios.frequency_uncertainty.benchmark_figures import benchmark_drawings
 from deatwin.scenarios.frequency_uncertainty.fleet_figures import fleet_drawings
 from deatwin.scenarios.frequency_uncertainty.notes import answer, notes

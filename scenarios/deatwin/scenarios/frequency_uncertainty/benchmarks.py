@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from deatwin.ident.frequency import FrequencyResponse, frequency_grid, gfrf, output_orders
 from deatwin.ident.frequency.many import Evaluated
-from deatwin.ident.frequency.uncertainty import propagate
+from deatwin.ident.frequency.uncertainty.propagate import propagate
 from deatwin.ident.narx import NarxModel
 from deatwin.scenarios.frequency_uncertainty.speed import Speed
 from deatwin.scenarios.frequency_uncertainty.spread import Spread, spread_of

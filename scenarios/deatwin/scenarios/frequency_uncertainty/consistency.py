@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.frequency import gfrf
-from deatwin.ident.frequency.bands import BandMean, band_means
-from deatwin.ident.frequency.comparison import Agreement, Comparison
-from deatwin.ident.frequency.equality import Scatter, equality
-from deatwin.ident.frequency.records import compare_records
-from deatwin.ident.frequency.uncertainty import Propagated, UncertaintyWarning, propagate
+from deatwin.ident.frequency.comparison.bands import BandMean, band_means
+from deatwin.ident.frequency.comparison.compare import Agreement, Comparison
+from deatwin.ident.frequency.comparison.equality import Scatter, equality
+from deatwin.ident.frequency.comparison.records import compare_records
+from deatwin.ident.frequency.uncertainty.propagate import Propagated, UncertaintyWarning, propagate
 from deatwin.ident.narx import Fixed, NarxModel
 from deatwin.ident.narx.robust import robust
 from deatwin.plant.recording import Recording

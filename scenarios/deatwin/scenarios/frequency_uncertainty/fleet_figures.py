@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.frequency.comparison import Agreement, Comparison
+from deatwin.ident.frequency.comparison.compare import Agreement, Comparison
 from deatwin.scenarios.frequency_uncertainty.consistency import Consistency
 from deatwin.scenarios.frequency_uncertainty.words import band_of, column_of
 from deatwin.scenarios.report.figures import Drawing

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.frequency.comparison import Agreement, Comparison
+from deatwin.ident.frequency.comparison.compare import Agreement, Comparison
 from deatwin.scenarios.frequency_uncertainty.actuators import FACTOR, REPEATS, STRUCTURE
 from deatwin.scenarios.frequency_uncertainty.consistency import SLOW, Consistency
 from deatwin.scenarios.frequency_uncertainty.study import Study

@@ -10,8 +10,8 @@ from time import process_time
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.frequency.sampling import sample
-from deatwin.ident.frequency.uncertainty import UncertaintyWarning, propagate
+from deatwin.ident.frequency.uncertainty.propagate import UncertaintyWarning, propagate
+from deatwin.ident.frequency.uncertainty.sampling import sample
 from deatwin.scenarios.frequency_uncertainty.spread import DRAWS, departure, symbol_of
 from deatwin.scenarios.frequency_uncertainty.systems import Case
 

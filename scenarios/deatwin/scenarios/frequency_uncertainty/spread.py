@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.frequency import FrequencyResponse
-from deatwin.ident.frequency.parameters import Quantity
-from deatwin.ident.frequency.sampling import Sampled, sample
-from deatwin.ident.frequency.uncertainty import Propagated, UncertaintyWarning, propagate
+from deatwin.ident.frequency.uncertainty.parameters import Quantity
+from deatwin.ident.frequency.uncertainty.propagate import Propagated, UncertaintyWarning, propagate
+from deatwin.ident.frequency.uncertainty.sampling import Sampled, sample
 from deatwin.ident.narx import NarxModel
 
 __all__ = ["DRAWS", "Spread", "departure", "spread_of", "symbol_of", "whitened"]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.frequency import gfrf
-from deatwin.ident.frequency.parameters import Quantity
+from deatwin.ident.frequency.uncertainty.parameters import Quantity
 from deatwin.ident.narx import Fixed, NarxModel
 from deatwin.ident.narx.systems import SYSTEMS, BenchmarkSystem
 

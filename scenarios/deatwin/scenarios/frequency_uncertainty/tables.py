@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from deatwin.ident.frequency.comparison import Agreement, Comparison
+from deatwin.ident.frequency.comparison.compare import Agreement, Comparison
 from deatwin.plant.fleet import TOLERANCES
 from deatwin.scenarios.frequency_uncertainty.benchmarks import Benchmarks
 from deatwin.scenarios.frequency_uncertainty.consistency import Consistency, share_of

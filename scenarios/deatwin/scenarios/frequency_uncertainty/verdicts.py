@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.frequency.comparison import Agreement, Comparison
+from deatwin.ident.frequency.comparison.compare import Agreement, Comparison
 from deatwin.scenarios.frequency_uncertainty.benchmarks import Benchmarks
 from deatwin.scenarios.frequency_uncertainty.consistency import Consistency
 from deatwin.scenarios.frequency_uncertainty.spread import Spread

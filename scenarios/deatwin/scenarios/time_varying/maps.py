@@ -8,7 +8,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.frequency.varying_response import VaryingResponse
+from deatwin.ident.frequency.varying.response import VaryingResponse
 
 __all__ = ["Map", "root_mean_square"]
 

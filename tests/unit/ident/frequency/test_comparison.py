@@ -7,10 +7,10 @@ import pytest
 from scipy import stats
 from scipy.optimize import minimize
 
-from deatwin.ident.frequency.bands import band_frequencies, band_means
-from deatwin.ident.frequency.comparison import Agreement, compare
-from deatwin.ident.frequency.equality import Scatter, equality, holm, no_drift
-from deatwin.ident.frequency.records import compare_records
+from deatwin.ident.frequency.comparison.bands import band_frequencies, band_means
+from deatwin.ident.frequency.comparison.compare import Agreement, compare
+from deatwin.ident.frequency.comparison.equality import Scatter, equality, holm, no_drift
+from deatwin.ident.frequency.comparison.records import compare_records
 from deatwin.ident.narx import Fixed, NarxModel
 from deatwin.ident.narx.robust import Cosines
 from deatwin.plant.errors import ModelError

@@ -9,11 +9,11 @@ import pytest
 
 from deatwin.ident.frequency import gfrf, output_orders
 from deatwin.ident.frequency.direct import direct_output
-from deatwin.ident.frequency.excitation import design_excitation
-from deatwin.ident.frequency.levels import chebyshev_levels
-from deatwin.ident.frequency.nofrf import NofrfStatus, NofrfWarning, nofrf, nofrf_direct
-from deatwin.ident.frequency.ranges import output_frequencies
-from deatwin.ident.frequency.steady import steady_state
+from deatwin.ident.frequency.nofrf.estimate import NofrfStatus, NofrfWarning, nofrf, nofrf_direct
+from deatwin.ident.frequency.nofrf.excitation import design_excitation
+from deatwin.ident.frequency.nofrf.levels import chebyshev_levels
+from deatwin.ident.frequency.nofrf.ranges import output_frequencies
+from deatwin.ident.frequency.nofrf.steady import steady_state
 from deatwin.ident.narx import NarxModel, OperatingRange
 from deatwin.plant.errors import ModelError
 from deatwin.plant.excitation import band_limited_noise

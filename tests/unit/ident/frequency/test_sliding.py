@@ -6,7 +6,7 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import binom, t
 
-from deatwin.ident.frequency.sliding import SlidingStatus, sliding_mean_and_gain
+from deatwin.ident.frequency.varying.sliding import SlidingStatus, sliding_mean_and_gain
 from deatwin.plant.errors import DataError
 from deatwin.plant.recording import Recording
 

@@ -11,11 +11,11 @@ from scipy import stats
 
 from deatwin.ident.frequency import gfrf, output_orders, output_spectrum
 from deatwin.ident.frequency.frf import frf
-from deatwin.ident.frequency.gain_phase import exact_quantiles, polar
 from deatwin.ident.frequency.many import stable_polynomials
-from deatwin.ident.frequency.parameters import draw_theta, evaluate, with_theta
-from deatwin.ident.frequency.sampling import SampleStatus, sample
-from deatwin.ident.frequency.uncertainty import UncertaintyStatus, UncertaintyWarning, propagate
+from deatwin.ident.frequency.uncertainty.gain_phase import exact_quantiles, polar
+from deatwin.ident.frequency.uncertainty.parameters import draw_theta, evaluate, with_theta
+from deatwin.ident.frequency.uncertainty.propagate import UncertaintyStatus, UncertaintyWarning, propagate
+from deatwin.ident.frequency.uncertainty.sampling import SampleStatus, sample
 from deatwin.ident.narx import NarxModel, OperatingRange
 from deatwin.ident.narx.linear import LinearModel
 from deatwin.plant.errors import ModelError

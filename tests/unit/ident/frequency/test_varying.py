@@ -4,11 +4,12 @@ import matplotlib
 import numpy as np
 import pytest
 
-from deatwin.ident.frequency import following, gfrf, moving_parts, output_spectrum
-from deatwin.ident.frequency.following import hold_equilibrium
-from deatwin.ident.frequency.nofrf import NofrfWarning, nofrf_direct
-from deatwin.ident.frequency.varying import tv_gfrf, tv_nofrf, tv_output_spectrum
-from deatwin.ident.frequency.varying_response import VaryingStatus
+from deatwin.ident.frequency import gfrf, output_spectrum
+from deatwin.ident.frequency.nofrf.estimate import NofrfWarning, nofrf_direct
+from deatwin.ident.frequency.varying import following, moving_parts
+from deatwin.ident.frequency.varying.along_time import tv_gfrf, tv_nofrf, tv_output_spectrum
+from deatwin.ident.frequency.varying.following import hold_equilibrium
+from deatwin.ident.frequency.varying.response import VaryingStatus
 from deatwin.ident.narx import NarxModel
 from deatwin.ident.narx.operating import OperatingRange
 from deatwin.ident.narx.trajectory import ThetaTrajectory

@@ -11,17 +11,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deatwin.ident.frequency.checks import real_numbers, whole_order
-from deatwin.ident.frequency.excitation import input_spectrum
-from deatwin.ident.frequency.following import followed
 from deatwin.ident.frequency.gfrf import gfrf, require_one_input
 from deatwin.ident.frequency.hierarchy import Jet, Parts
 from deatwin.ident.frequency.linear import operating_input_of
-from deatwin.ident.frequency.moving_parts import Reading, correction
-from deatwin.ident.frequency.nofrf import NofrfStatus, NofrfWarning, nofrf_direct
+from deatwin.ident.frequency.nofrf.estimate import NofrfStatus, NofrfWarning, nofrf_direct
+from deatwin.ident.frequency.nofrf.excitation import input_spectrum
 from deatwin.ident.frequency.parts import Orders, Tones
 from deatwin.ident.frequency.response import FrequencyResponse
 from deatwin.ident.frequency.spectrum import one_period, output_spectrum, spectrum_of
-from deatwin.ident.frequency.varying_response import VaryingResponse
+from deatwin.ident.frequency.varying.following import followed
+from deatwin.ident.frequency.varying.moving_parts import Reading, correction
+from deatwin.ident.frequency.varying.response import VaryingResponse
 from deatwin.ident.narx.identifier import Progress
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.operating import read_only

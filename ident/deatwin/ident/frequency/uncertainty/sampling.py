@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.frequency.parameters import Model, Quantity, dof_of, draw_theta, evaluate, response_of
-from deatwin.ident.frequency.regions import Uncertain
 from deatwin.ident.frequency.response import Band
+from deatwin.ident.frequency.uncertainty.parameters import Model, Quantity, dof_of, draw_theta, evaluate, response_of
+from deatwin.ident.frequency.uncertainty.regions import Uncertain
 from deatwin.ident.narx.operating import read_only
 from deatwin.plant.errors import ModelError
 
@@ -83,7 +83,7 @@ class Sampled(Uncertain):
         -------
         matplotlib Axes
         """
-        from deatwin.ident.frequency.uncertainty_drawing import plot_draws
+        from deatwin.ident.frequency.uncertainty.drawing import plot_draws
 
         axes = super().plot(ax)
         plot_draws(self, self.draws, axes)

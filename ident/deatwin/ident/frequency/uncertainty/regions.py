@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.ident.frequency.gain_phase import Ellipses, region_radius
 from deatwin.ident.frequency.response import Band, FrequencyResponse
+from deatwin.ident.frequency.uncertainty.gain_phase import Ellipses, region_radius
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -172,7 +172,7 @@ class Uncertain(ABC):
         -------
         matplotlib Axes
         """
-        from deatwin.ident.frequency.uncertainty_drawing import plot_plane
+        from deatwin.ident.frequency.uncertainty.drawing import plot_plane
 
         return plot_plane(self, ax)
 
@@ -188,7 +188,7 @@ class Uncertain(ABC):
         -------
         matplotlib Axes
         """
-        from deatwin.ident.frequency.uncertainty_drawing import plot_gain
+        from deatwin.ident.frequency.uncertainty.drawing import plot_gain
 
         return plot_gain(self, ax)
 
@@ -204,7 +204,7 @@ class Uncertain(ABC):
         -------
         matplotlib Axes
         """
-        from deatwin.ident.frequency.uncertainty_drawing import plot_phase
+        from deatwin.ident.frequency.uncertainty.drawing import plot_phase
 
         return plot_phase(self, ax)
 

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from deatwin.ident.frequency.bands import BandMean, Range, band_means
-from deatwin.ident.frequency.equality import Equality, equality, holm
+from deatwin.ident.frequency.comparison.bands import BandMean, Range, band_means
+from deatwin.ident.frequency.comparison.equality import Equality, equality, holm
 from deatwin.ident.frequency.linear import operating_input_of
 from deatwin.ident.narx.model import NarxModel
 from deatwin.plant.errors import ModelError
@@ -186,7 +186,7 @@ class Comparison:
         -------
         matplotlib Axes
         """
-        from deatwin.ident.frequency.comparison_plot import plot_comparison
+        from deatwin.ident.frequency.comparison.plot import plot_comparison
 
         return plot_comparison(self, ax)
 

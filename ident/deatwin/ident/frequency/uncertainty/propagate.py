@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.frequency.gain_phase import Ellipses, Polar, exact_quantiles, polar
-from deatwin.ident.frequency.parameters import Model, Quantity, dof_of, draw_theta, evaluate, response_of
-from deatwin.ident.frequency.regions import Uncertain
 from deatwin.ident.frequency.response import Band, FrequencyResponse
+from deatwin.ident.frequency.uncertainty.gain_phase import Ellipses, Polar, exact_quantiles, polar
+from deatwin.ident.frequency.uncertainty.parameters import Model, Quantity, dof_of, draw_theta, evaluate, response_of
+from deatwin.ident.frequency.uncertainty.regions import Uncertain
 from deatwin.ident.narx.operating import read_only
 from deatwin.ident.narx.posterior import quantile
 

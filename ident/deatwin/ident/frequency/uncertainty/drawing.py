@@ -12,8 +12,8 @@ from deatwin.plant.drawing import axes_or_new
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from deatwin.ident.frequency.regions import Uncertain
     from deatwin.ident.frequency.response import Band
+    from deatwin.ident.frequency.uncertainty.regions import Uncertain
 
 __all__ = ["plot_draws", "plot_gain", "plot_phase", "plot_plane", "shown_points"]
 

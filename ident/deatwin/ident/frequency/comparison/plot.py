@@ -11,7 +11,7 @@ from deatwin.plant.drawing import axes_or_new
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from deatwin.ident.frequency.comparison import Comparison
+    from deatwin.ident.frequency.comparison.compare import Comparison
 
 __all__ = ["plot_comparison"]
 
@@ -33,7 +33,7 @@ def plot_comparison(comparison: Comparison, ax: Axes | None = None) -> Axes:
     -------
     matplotlib Axes
     """
-    from deatwin.ident.frequency.comparison import Agreement
+    from deatwin.ident.frequency.comparison.compare import Agreement
 
     axes = axes_or_new(ax)
     pairs, columns = comparison.pairs, comparison.columns

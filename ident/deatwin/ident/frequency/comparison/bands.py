@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.ident.frequency.equality import Scatter
+from deatwin.ident.frequency.comparison.equality import Scatter
 from deatwin.ident.frequency.gfrf import frequency_grid, gfrf
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.operating import read_only

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.frequency.varying_response import VaryingResponse, VaryingStatus
+from deatwin.ident.frequency.varying.response import VaryingResponse, VaryingStatus
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError
 

@@ -15,9 +15,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.ident.frequency.bands import BandMean, Range, band_means
-from deatwin.ident.frequency.comparison import Agreement, Comparison, Difference, Drift, difference_of, tabulated
-from deatwin.ident.frequency.equality import Equality, Scatter, equality, holm, no_drift
+from deatwin.ident.frequency.comparison.bands import BandMean, Range, band_means
+from deatwin.ident.frequency.comparison.compare import (
+    Agreement,
+    Comparison,
+    Difference,
+    Drift,
+    difference_of,
+    tabulated,
+)
+from deatwin.ident.frequency.comparison.equality import Equality, Scatter, equality, holm, no_drift
 from deatwin.ident.narx.fixed import Fixed
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.regression import Recordings

@@ -227,7 +227,7 @@ class VaryingResponse:
         ModelError
             If the frequencies do not lie on a line.
         """
-        from deatwin.ident.frequency.varying_plots import plot_map
+        from deatwin.ident.frequency.varying.plots import plot_map
 
         return plot_map(self, ax)
 
@@ -243,7 +243,7 @@ class VaryingResponse:
         -------
         matplotlib Axes
         """
-        from deatwin.ident.frequency.varying_plots import plot_equilibria
+        from deatwin.ident.frequency.varying.plots import plot_equilibria
 
         return plot_equilibria(self, ax)
 

@@ -12,15 +12,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from deatwin.ident.frequency.checks import whole_order
 from deatwin.ident.frequency.dc import Deviations, deviations
-from deatwin.ident.frequency.excitation import TestSignal
 from deatwin.ident.frequency.gfrf import require_one_input, unit_of
-from deatwin.ident.frequency.levels import LevelFit, chebyshev_levels, checked_levels, fit_orders
 from deatwin.ident.frequency.many import Evaluated
-from deatwin.ident.frequency.nofrf_result import Nofrf, NofrfStatus, NofrfWarning
-from deatwin.ident.frequency.powers import InputSpectrum, input_spectrum
+from deatwin.ident.frequency.nofrf.excitation import TestSignal
+from deatwin.ident.frequency.nofrf.levels import LevelFit, chebyshev_levels, checked_levels, fit_orders
+from deatwin.ident.frequency.nofrf.powers import InputSpectrum, input_spectrum
+from deatwin.ident.frequency.nofrf.result import Nofrf, NofrfStatus, NofrfWarning
+from deatwin.ident.frequency.nofrf.steady import steady_state
 from deatwin.ident.frequency.response import FrequencyResponse
 from deatwin.ident.frequency.spectrum import one_period, output_orders, spectrum_of
-from deatwin.ident.frequency.steady import steady_state
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.operating import read_only
 from deatwin.plant.errors import ModelError

@@ -1,0 +1,1 @@
+"""Nonlinear output frequency responses: estimates over levels, test signals, and the frequencies that outputs reach."""
