@@ -20,6 +20,7 @@ from deatwin.ident.narx.recursive import Rls
 from deatwin.ident.narx.refine import extend, prune, refine
 from deatwin.ident.narx.residual_tests import CorrelationTest
 from deatwin.ident.narx.response import NarxResponse, ResponseStatus
+from deatwin.ident.narx.robust import robust, robust_covariance
 from deatwin.ident.narx.semp import Semp, SempStep
 from deatwin.ident.narx.shrinkage import Ridge
 from deatwin.ident.narx.svb import CleanUpMove, PruningStep, SvbNarx
@@ -67,5 +68,7 @@ __all__ = [
     "one_step_band",
     "prune",
     "refine",
+    "robust",
+    "robust_covariance",
     "validate",
 ]
