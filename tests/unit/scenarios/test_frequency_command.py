@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from deatwin.ident.frequency import gfrf
-from deatwin.ident.frequency.nofrf.estimate import NofrfStatus
+from deatwin.ident.frequency.output_responses.estimate import NofrfStatus
 from deatwin.ident.narx import NarxModel
 from deatwin.ident.narx.operating import OperatingRange
 from deatwin.scenarios import frequency_report

@@ -9,11 +9,11 @@ from deatwin.ident.frequency.frf import frf
 from deatwin.ident.frequency.gfrf import frequency_grid, gfrf
 from deatwin.ident.frequency.linear import LinearPart, linear_part
 from deatwin.ident.frequency.maps import plot_slices, plot_surface, slice_of
-from deatwin.ident.frequency.nofrf.estimate import nofrf, nofrf_direct
-from deatwin.ident.frequency.nofrf.excitation import TestSignal, design_excitation
-from deatwin.ident.frequency.nofrf.powers import InputSpectrum, input_spectrum
-from deatwin.ident.frequency.nofrf.ranges import output_frequencies
-from deatwin.ident.frequency.nofrf.result import Nofrf, NofrfStatus, NofrfWarning
+from deatwin.ident.frequency.output_responses.estimate import nofrf, nofrf_exact
+from deatwin.ident.frequency.output_responses.excitation import TestSignal, design_excitation
+from deatwin.ident.frequency.output_responses.powers import InputSpectrum, input_spectrum
+from deatwin.ident.frequency.output_responses.ranges import output_frequencies
+from deatwin.ident.frequency.output_responses.result import Nofrf, NofrfStatus, NofrfWarning
 from deatwin.ident.frequency.response import Band, FrequencyResponse, FrequencyStatus
 from deatwin.ident.frequency.spectrum import output_orders, output_spectrum
 from deatwin.ident.frequency.uncertainty.propagate import Propagated, UncertaintyStatus, UncertaintyWarning, propagate
@@ -60,7 +60,7 @@ __all__ = [
     "input_spectrum",
     "linear_part",
     "nofrf",
-    "nofrf_direct",
+    "nofrf_exact",
     "output_frequencies",
     "output_orders",
     "output_spectrum",

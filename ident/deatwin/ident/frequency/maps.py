@@ -260,7 +260,7 @@ def _hatch(doubtful: NDArray[np.bool_], grid: _Grid, axes: Axes) -> None:
     hatched.set_edgecolor("white")
     hatched.set_linewidth(0.0)
     proxy = Patch(facecolor="0.5", edgecolor="white", hatch="//", label="linear law fails")
-    axes.legend(handles=[proxy], loc="upper right")
+    axes.legend(handles=[proxy], loc="upper right", frameon=True, facecolor="0.9", labelcolor="black")
 
 
 def _plot_points(response: FrequencyResponse, axes: Axes) -> Axes:

@@ -4,7 +4,7 @@ import matplotlib
 import numpy as np
 import pytest
 
-from deatwin.ident.frequency.nofrf.excitation import TestSignal, design_excitation, input_spectrum
+from deatwin.ident.frequency.output_responses.excitation import TestSignal, design_excitation, input_spectrum
 from deatwin.ident.narx import OperatingRange
 from deatwin.plant.errors import ModelError
 from deatwin.plant.excitation import band_limited_noise

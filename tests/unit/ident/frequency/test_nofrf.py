@@ -9,11 +9,11 @@ import pytest
 
 from deatwin.ident.frequency import gfrf, output_orders
 from deatwin.ident.frequency.direct import direct_output
-from deatwin.ident.frequency.nofrf.estimate import NofrfStatus, NofrfWarning, nofrf, nofrf_direct
-from deatwin.ident.frequency.nofrf.excitation import design_excitation
-from deatwin.ident.frequency.nofrf.levels import chebyshev_levels
-from deatwin.ident.frequency.nofrf.ranges import output_frequencies
-from deatwin.ident.frequency.nofrf.steady import steady_state
+from deatwin.ident.frequency.output_responses.estimate import NofrfStatus, NofrfWarning, nofrf, nofrf_exact
+from deatwin.ident.frequency.output_responses.excitation import design_excitation
+from deatwin.ident.frequency.output_responses.levels import chebyshev_levels
+from deatwin.ident.frequency.output_responses.ranges import output_frequencies
+from deatwin.ident.frequency.output_responses.steady import steady_state
 from deatwin.ident.narx import NarxModel, OperatingRange
 from deatwin.plant.errors import ModelError
 from deatwin.plant.excitation import band_limited_noise
@@ -67,7 +67,7 @@ def test_least_squares_equal_the_sum_over_gfrfs(name):
         direct = direct_output(model, excitation, n).values[spectrum.defined] / spectrum.values[spectrum.defined]
         # the tolerance is 1e-6; rounding of the output at its lines by |U_n| at the edge of its range: 1e-10
         assert np.abs(response.values - direct).max() <= 1e-9 * max(np.abs(direct).max(), 1e-3)
-        np.testing.assert_allclose(nofrf_direct(model, excitation, n).values, direct, atol=1e-9, rtol=1e-9)
+        np.testing.assert_allclose(nofrf_exact(model, excitation, n).values, direct, atol=1e-9, rtol=1e-9)
         np.testing.assert_array_equal(response.omega, spectrum.omega[spectrum.defined])
     np.testing.assert_array_equal(found.values, found.orders[2].values)
 
@@ -133,7 +133,7 @@ def test_the_bias_of_truncation_falls_at_its_order(name, order, signs):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", NofrfWarning)
             found = nofrf(model, excitation, order, highest=3, levels=levels)
-        biases.append(np.linalg.norm(found.values - nofrf_direct(model, excitation, order).values))
+        biases.append(np.linalg.norm(found.values - nofrf_exact(model, excitation, order).values))
     assert np.log2(biases[1] / biases[0]) == pytest.approx(first_left_out - order, abs=0.1)
 
 
@@ -142,7 +142,7 @@ def test_the_truncation_error_is_known(name):
     model, excitation = model_of(INFINITE[name]), signal(0.1)
     found = nofrf(model, excitation, 3, highest=5)
     for n in (1, 2, 3):
-        bias = np.abs(found.orders[n - 1].values - nofrf_direct(model, excitation, n).values)
+        bias = np.abs(found.orders[n - 1].values - nofrf_exact(model, excitation, n).values)
         # to leading order: the two orders after the two that were added change it by their share
         np.testing.assert_allclose(found.truncation[n - 1], bias, rtol=0.3, atol=1e-3 * bias.max() + 1e-11)
 
@@ -189,13 +189,13 @@ def test_a_nofrf_is_a_mean_of_the_gfrf():
     model = model_of(RESONANT)
     omega = 2 * np.pi * np.arange(-40, 41) / 8.0
     largest = gfrf(model, 2, np.stack(np.meshgrid(omega, omega), axis=-1).reshape(-1, 2)).gain.max()
-    designed = nofrf_direct(model, signal(0.1, band=(0.0, 5.0), period=8.0), 2)
+    designed = nofrf_exact(model, signal(0.1, band=(0.0, 5.0), period=8.0), 2)
     assert designed.gain.max() <= largest
     beyond = 0
     for seed in range(10):
         period, lines = random_lines(seed, 40, 400)
         with pytest.warns(NofrfWarning, match="do not suit this"):
-            random = nofrf_direct(model, period, 2)
+            random = nofrf_exact(model, period, 2)
         assert np.all(random.gain <= amplification_of(lines, 40) * largest * (1 + 1e-9))
         beyond += random.gain.max() > designed.gain.max()
     assert beyond == 10  # of 10 seeds
@@ -279,10 +279,10 @@ def test_derivatives_are_those_of_the_fit():
 
 def test_many_parameters_at_once():
     model = model_of(INFINITE["quadratic"])
-    response = nofrf_direct(model, signal(0.2), 2)
+    response = nofrf_exact(model, signal(0.2), 2)
     thetas = model.theta + 0.01 * np.random.default_rng(0).normal(size=(3, 4))
     for theta, values in zip(thetas, response.evaluate(thetas).values, strict=True):
-        expected = nofrf_direct(replace(model, theta=theta), signal(0.2), 2).values
+        expected = nofrf_exact(replace(model, theta=theta), signal(0.2), 2).values
         np.testing.assert_allclose(values, expected, rtol=1e-9)
 
 
@@ -308,7 +308,7 @@ def test_a_slow_model_settles_and_a_slower_one_is_said_not_to():
     slow = model_of({"y(k-1)": 0.9999, "u(k-1)": 1e-2, "u(k-1)^2": 1e-2})
     found = nofrf(slow, excitation, 2, highest=2)
     assert found.status is NofrfStatus.OK
-    np.testing.assert_allclose(found.values, nofrf_direct(slow, excitation, 2).values, rtol=1e-6)
+    np.testing.assert_allclose(found.values, nofrf_exact(slow, excitation, 2).values, rtol=1e-6)
     slower = model_of({"y(k-1)": 1 - 1e-8, "u(k-1)": 1e-2, "u(k-1)^2": 1e-2})
     with pytest.warns(NofrfWarning, match="does not repeat"):
         found = nofrf(slower, excitation, 1, highest=2, levels=[-1.0, 1.0])

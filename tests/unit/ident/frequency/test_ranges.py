@@ -5,7 +5,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from deatwin.ident.frequency.nofrf.ranges import output_frequencies
+from deatwin.ident.frequency.output_responses.ranges import output_frequencies
 from deatwin.plant.errors import ModelError
 
 

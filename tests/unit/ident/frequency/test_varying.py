@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from deatwin.ident.frequency import gfrf, output_spectrum
-from deatwin.ident.frequency.nofrf.estimate import NofrfWarning, nofrf_direct
+from deatwin.ident.frequency.output_responses.estimate import NofrfWarning, nofrf_exact
 from deatwin.ident.frequency.varying import following, moving_parts
 from deatwin.ident.frequency.varying.along_time import tv_gfrf, tv_nofrf, tv_output_spectrum
 from deatwin.ident.frequency.varying.following import hold_equilibrium
@@ -66,7 +66,7 @@ QUANTITIES = {
            lambda m, u: gfrf(m, 3, np.stack([W, -W, W], -1), operating_input=u)),
     "Y": (lambda t, **k: tv_output_spectrum(t, PERIOD, 3, **k),
           lambda m, u: output_spectrum(m, PERIOD, 3, operating_input=u)),
-    "G2": (lambda t, **k: tv_nofrf(t, PULSE, 2, **k), lambda m, u: nofrf_direct(m, PULSE, 2, operating_input=u)),
+    "G2": (lambda t, **k: tv_nofrf(t, PULSE, 2, **k), lambda m, u: nofrf_exact(m, PULSE, 2, operating_input=u)),
 }  # fmt: skip
 
 

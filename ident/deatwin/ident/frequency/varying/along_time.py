@@ -14,8 +14,8 @@ from deatwin.ident.frequency.checks import real_numbers, whole_order
 from deatwin.ident.frequency.gfrf import gfrf, require_one_input
 from deatwin.ident.frequency.hierarchy import Jet, Parts
 from deatwin.ident.frequency.linear import operating_input_of
-from deatwin.ident.frequency.nofrf.estimate import NofrfStatus, NofrfWarning, nofrf_direct
-from deatwin.ident.frequency.nofrf.excitation import input_spectrum
+from deatwin.ident.frequency.output_responses.estimate import NofrfStatus, NofrfWarning, nofrf_exact
+from deatwin.ident.frequency.output_responses.excitation import input_spectrum
 from deatwin.ident.frequency.parts import Orders, Tones
 from deatwin.ident.frequency.response import FrequencyResponse
 from deatwin.ident.frequency.spectrum import one_period, output_spectrum, spectrum_of
@@ -199,7 +199,7 @@ def tv_nofrf(
     def quantity(model: NarxModel) -> FrequencyResponse:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", NofrfWarning)  # said once, for all times
-            return nofrf_direct(model, excitation, order)
+            return nofrf_exact(model, excitation, order)
 
     def read(found: Mapping[int, Jet]) -> NDArray[Any] | None:
         return spectrum_of(found[order].value)[:, lines] / powers if order in found else None

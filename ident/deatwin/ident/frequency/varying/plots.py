@@ -56,7 +56,7 @@ def plot_map(response: VaryingResponse, ax: Axes | None = None) -> Axes:
         span = axes.axvspan(first, last, facecolor="none", edgecolor="white", hatch="//", linewidth=0)
         span.set_label("unstable" if (first, last) == spans[0] else "")
     if spans:
-        axes.legend(loc="upper left", facecolor="0.6")
+        axes.legend(loc="upper left", frameon=True, facecolor="0.6", labelcolor="black")
     name = response.label.strip("$")
     bar = axes.figure.colorbar(mesh, ax=axes, extend="min" if np.nanmin(gain) < low else "neither")
     bar.set_label(f"$|{name}|$ ({response.unit})" if response.unit else f"$|{name}|$")

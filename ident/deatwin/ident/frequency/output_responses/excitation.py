@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.ident.frequency.nofrf.powers import InputSpectrum, input_spectrum
-from deatwin.ident.frequency.nofrf.ranges import checked_band, checked_sample_time
+from deatwin.ident.frequency.output_responses.powers import InputSpectrum, input_spectrum
+from deatwin.ident.frequency.output_responses.ranges import checked_band, checked_sample_time
 from deatwin.ident.narx.operating import OperatingRange, read_only
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError

@@ -14,18 +14,18 @@ from deatwin.ident.frequency.checks import whole_order
 from deatwin.ident.frequency.dc import Deviations, deviations
 from deatwin.ident.frequency.gfrf import require_one_input, unit_of
 from deatwin.ident.frequency.many import Evaluated
-from deatwin.ident.frequency.nofrf.excitation import TestSignal
-from deatwin.ident.frequency.nofrf.levels import LevelFit, chebyshev_levels, checked_levels, fit_orders
-from deatwin.ident.frequency.nofrf.powers import InputSpectrum, input_spectrum
-from deatwin.ident.frequency.nofrf.result import Nofrf, NofrfStatus, NofrfWarning
-from deatwin.ident.frequency.nofrf.steady import steady_state
+from deatwin.ident.frequency.output_responses.excitation import TestSignal
+from deatwin.ident.frequency.output_responses.levels import LevelFit, chebyshev_levels, checked_levels, fit_orders
+from deatwin.ident.frequency.output_responses.powers import InputSpectrum, input_spectrum
+from deatwin.ident.frequency.output_responses.result import Nofrf, NofrfStatus, NofrfWarning
+from deatwin.ident.frequency.output_responses.steady import steady_state
 from deatwin.ident.frequency.response import FrequencyResponse
 from deatwin.ident.frequency.spectrum import one_period, output_orders, spectrum_of
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.operating import read_only
 from deatwin.plant.errors import ModelError
 
-__all__ = ["Nofrf", "NofrfStatus", "NofrfWarning", "nofrf", "nofrf_direct"]
+__all__ = ["Nofrf", "NofrfStatus", "NofrfWarning", "nofrf", "nofrf_exact"]
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -105,7 +105,7 @@ def nofrf(
     return found
 
 
-def nofrf_direct(
+def nofrf_exact(
     model: NarxModel, excitation: ArrayLike, order: int, *, operating_input: ArrayLike | None = None
 ) -> FrequencyResponse:
     """Compute a nonlinear output frequency response from the model's equations, without truncation.

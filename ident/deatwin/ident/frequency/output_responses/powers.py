@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deatwin.ident.frequency.checks import whole_order
-from deatwin.ident.frequency.nofrf.ranges import checked_sample_time
+from deatwin.ident.frequency.output_responses.ranges import checked_sample_time
 from deatwin.ident.frequency.spectrum import line_frequencies, one_period, spectrum_of
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.frequency.nofrf.powers import InputSpectrum
+from deatwin.ident.frequency.output_responses.powers import InputSpectrum
 from deatwin.ident.frequency.response import FrequencyResponse
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError
