@@ -8,17 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.frequency import FrequencyResponse
-from deatwin.ident.frequency.nofrf.estimate import Nofrf, NofrfStatus
-from deatwin.ident.frequency.nofrf.powers import AMPLIFICATION
+from deatwin.ident.frequency.output_responses.estimate import Nofrf, NofrfStatus
+from deatwin.ident.frequency.output_responses.powers import AMPLIFICATION
 from deatwin.scenarios.folder import ResultFolder
 from deatwin.scenarios.frequency_responses import Responses, columns_of, first_columns, symbol_of, written
 from deatwin.scenarios.report.figures import Drawing
 from deatwin.scenarios.report.story import Note, Row, StoryPage, Table, write_story
-from deatwin.scenarios.report.svg import draw, inline, standalone
+from deatwin.scenarios.report.svg import COLOURS, draw, inline, standalone
 
 __all__ = ["write_responses"]
 
 Array = NDArray[np.float64]
+RAISED = {f"^{n}": digit for n, digit in enumerate("⁰¹²³⁴⁵⁶⁷⁸")}
 
 
 def write_responses(found: Responses, folder: ResultFolder) -> None:
@@ -66,13 +67,22 @@ def _drawings(found: Responses, folder: ResultFolder) -> Iterator[Drawing]:
     from deatwin.ident.frequency.drawing import bode
 
     point, unit = float(found.first.point.operating_input[0]), found.model.input_units[0]
-    at, law = f"About {point:.4g} {unit}".rstrip(), "hatched where the linear law does not hold."
-    about = f"{at}, with 95 % bands; {law}"
+    at = f"About {point:.4g} {unit}".rstrip()
     with draw((7.4, 5.2)) as figure:
-        bode(found.first, figure.subplots(2, 1, sharex=True))
+        panels = figure.subplots(2, 1, sharex=True)
+        bode(found.first, panels)
+        caption = f"{at}, with 95 % bands.{_hatching(found.first)}"
+        if found.excited_Hz is not None and found.extrapolated:
+            caption += f" Grey: beyond {found.excited_Hz:.3g} Hz, where the training input has 1 % of its power, the "
+            caption += "model extrapolates."
+            for axes in panels:
+                axes.axvspan(
+                    found.excited_Hz, found.first.frequency_Hz.max(), color=COLOURS["measured"][0], alpha=0.12,
+                    linewidth=0,
+                )  # fmt: skip
         folder.text("frequency.svg", standalone(figure))
         yield Drawing(
-            name="frequency", title="First order", caption=about, svg=inline(figure, "frequency", "First order"),
+            name="frequency", title="First order", caption=caption, svg=inline(figure, "frequency", "First order"),
             data="frequency.csv",
         )  # fmt: skip
     for response in found.gfrfs[1:]:
@@ -83,17 +93,25 @@ def _drawings(found: Responses, folder: ResultFolder) -> Iterator[Drawing]:
             axes.grid(False)
             folder.text(f"{name}.svg", standalone(figure))
             shown = inline(figure, name, title)
-            yield Drawing(name=name, title=title, caption=f"{at}; {law}", svg=shown, data=f"{name}.csv")
+            caption = f"{at}.{_hatching(response)}"
+            yield Drawing(name=name, title=title, caption=caption, svg=shown, data=f"{name}.csv")
     if found.nofrfs is not None and found.signal is not None:
         with draw((7.4, 0.8 + 2.2 * found.nofrfs.order)) as figure:
-            found.nofrfs.plot_orders(list(figure.subplots(found.nofrfs.order, 1, sharex=True)))
+            for axes in found.nofrfs.plot_orders(list(figure.subplots(found.nofrfs.order, 1, sharex=True))):
+                axes.set_ylabel(_raised(axes.get_ylabel()))
+                for error in axes.get_lines()[1:]:
+                    error.set_color(COLOURS["measured"][0])  # that of the library is not for the dark
+                axes.legend(markerscale=1)
             folder.text("nofrf.svg", standalone(figure))
             yield Drawing(
                 name="nofrf", title="NOFRFs", data="nofrf.csv", svg=inline(figure, "nofrf", "NOFRFs"),
-                caption=f"For the test signal of {found.band_Hz[0]:g} to {found.band_Hz[1]:g} Hz. {about}",
+                caption=f"For the test signal of {written(found.ranges_Hz[0])} Hz. {at}, with 95 % bands."
+                f"{_hatching(*found.nofrfs.orders[: found.nofrfs.order])} The truncation error, dotted where it shows, "
+                "is what orders beyond those fitted may make; where it comes near the gain, Gₙ is not known.",
             )  # fmt: skip
         with draw((7.4, 2.8)) as figure:
-            found.signal.plot(figure.add_subplot())
+            axes = found.signal.plot(figure.add_subplot())
+            axes.set_ylabel(f"deviation of the {axes.get_ylabel()}")
             folder.text("test_signal.svg", standalone(figure))
             yield Drawing(
                 name="test_signal", title="Test signal", data="test_signal.csv",
@@ -102,14 +120,31 @@ def _drawings(found: Responses, folder: ResultFolder) -> Iterator[Drawing]:
             )  # fmt: skip
 
 
+def _hatching(*responses: FrequencyResponse) -> str:
+    """What the hatches mean, where there are any."""
+    known = all(response.band().linear_law.all() for response in responses)
+    return "" if known else " Hatched: the gain is below four standard deviations, and its band not to be relied upon."
+
+
+def _raised(unit: str) -> str:
+    """A unit with its powers as a person writes them."""
+    for plain, digit in RAISED.items():
+        unit = unit.replace(plain, digit)
+    return unit
+
+
 def _page(found: Responses, drawings: list[Drawing]) -> StoryPage:
     messages = list(found.lines)
+    point, unit = found.first.point, found.model.input_units[0]
+    orders = "order 1" if len(found.gfrfs) == 1 else f"orders 1 to {len(found.gfrfs)}"
+    about = f"{point.operating_input[0]:.4g} {unit}".rstrip()
     ranges = Table(
         title="Where each order of the output has energy", columns=["order", "Hz"],
         rows=[[str(n), written(bands)] for n, bands in enumerate(found.ranges_Hz, start=1)],
     )  # fmt: skip
     return StoryPage(
-        title="frequency", sentence=messages[0][:1].upper() + messages[0][1:] + ".", rows=_rows(found),
+        title="frequency", sentence=f"Frequency responses of {orders} about {about}: {found.first.status.value}.",
+        rows=_rows(found),
         notes=[Note(title="In words", paragraphs=[f"{text[:1].upper()}{text[1:]}." for text in messages])],
         figures=drawings, tables=[ranges],
     )  # fmt: skip

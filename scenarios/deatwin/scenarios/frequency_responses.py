@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from deatwin.control.check import BAND_KEY
 from deatwin.ident.frequency import FrequencyResponse, frequency_grid, gfrf, remove_dc
-from deatwin.ident.frequency.nofrf.estimate import Nofrf, NofrfStatus, NofrfWarning, nofrf
-from deatwin.ident.frequency.nofrf.excitation import TestSignal, design_excitation
-from deatwin.ident.frequency.nofrf.ranges import output_frequencies
+from deatwin.ident.frequency.output_responses.estimate import Nofrf, NofrfStatus, NofrfWarning, nofrf
+from deatwin.ident.frequency.output_responses.excitation import TestSignal, design_excitation
+from deatwin.ident.frequency.output_responses.ranges import output_frequencies
 from deatwin.ident.narx import NarxModel
 from deatwin.plant.errors import ModelError
 
@@ -30,6 +30,8 @@ SIDE, COARSE_SIDE = 41, 21
 UNKNOWN_BAND = 0.25
 """Share of half the sampling rate that is taken where a model does not say what its data excited."""
 DRAWN = 0.95
+UNKNOWN, ROUNDING = 0.1, 1e-9
+"""Share of a NOFRF's gain above which its truncation error is told, and of the output that is rounding."""
 LOWERED, MARGIN = 4, 0.9
 """How often the test signal's amplitude is lowered at most where orders beyond those fitted act at it, and to which
 share of what is advised."""
@@ -48,6 +50,8 @@ class Responses:
         Probability of the bands that are written.
     band_Hz : tuple of float
         Of the input, lowest and highest frequency.
+    excited_Hz : float or None
+        Below it the training input has 99 % of its power, if the model tells.
     gfrfs : tuple of FrequencyResponse
         H_1 over frequency; H_2, H_3, ... over two frequencies, the others held in the middle of the band.
     ranges_Hz : tuple of ndarray, shape (k, 2)
@@ -63,6 +67,7 @@ class Responses:
     model: NarxModel
     level: float
     band_Hz: tuple[float, float]
+    excited_Hz: float | None
     gfrfs: tuple[FrequencyResponse, ...]
     ranges_Hz: tuple[Array, ...]
     signal: TestSignal | None
@@ -75,6 +80,11 @@ class Responses:
         return self.gfrfs[0]
 
     @property
+    def extrapolated(self) -> bool:
+        """Whether H_1 goes beyond what the training input excited."""
+        return self.excited_Hz is not None and self.excited_Hz < self.first.frequency_Hz.max()
+
+    @property
     def lines(self) -> Iterator[str]:
         """What there is to say, in lines."""
         point, unit = self.first.point, self.model.input_units[0]
@@ -85,6 +95,11 @@ class Responses:
                 for y, stable in zip(point.outputs, point.stable, strict=True)
             )
             yield f"equilibria {others} {self.model.output_units[0]}".rstrip() + f"; {point.output:.4g} is taken"
+        if self.extrapolated:
+            yield (
+                f"99 % of the power of the training input lies below {self.excited_Hz:.3g} Hz: what H₁ does beyond is "
+                "the model's extrapolation, and its band does not tell of that"
+            )
         for order, bands in enumerate(self.ranges_Hz[1:], start=2):
             yield f"the output of order {order} has energy at {written(bands)} Hz"
         for response in self.gfrfs:
@@ -99,6 +114,7 @@ class Responses:
                 f"NOFRFs: {self.nofrfs.status.value}; levels up to {self.signal.amplitude:.4g} {unit}".rstrip()
                 + f", {self.nofrfs.highest} orders fitted, condition {self.nofrfs.condition:.3g}"
             )
+            yield from _truncated(self.nofrfs)
         if self.missing:
             yield f"no NOFRFs: {self.missing}"
 
@@ -162,15 +178,16 @@ def respond(
         If something that was given cannot be, or the model has no equilibrium.
     """
     highest = np.pi / model.sample_time
-    band = _band(model, band_Hz)
+    excited = _excited(model)
+    band = _band(model, band_Hz, excited)
     omega = np.geomspace(highest / 10**DECADES, highest, POINTS)
     first = gfrf(model, 1, omega, operating_input=operating_input)
     first.band(level)  # a level that cannot be is told before anything long begins
     maps = (gfrf(model, n, _map(n, band), operating_input=operating_input) for n in range(2, order + 1))
     angular = 2 * np.pi * np.array(band)
     found = Responses(
-        model=model, level=level, band_Hz=band, gfrfs=(first, *maps), signal=None, nofrfs=None, missing="",
-        ranges_Hz=tuple(
+        model=model, level=level, band_Hz=band, excited_Hz=excited, gfrfs=(first, *maps), signal=None, nofrfs=None,
+        missing="", ranges_Hz=tuple(
             output_frequencies(angular, n, sample_time=model.sample_time) / (2 * np.pi) for n in range(1, order + 1)
         ),
     )  # fmt: skip
@@ -260,14 +277,19 @@ def _quiet(model: NarxModel, signal: TestSignal, order: int, operating_input: fl
         return nofrf(model, signal, order, operating_input=operating_input)
 
 
-def _band(model: NarxModel, given: tuple[float, float] | None) -> tuple[float, float]:
+def _excited(model: NarxModel) -> float | None:
+    """Below what the training input has 99 % of its power, Hz, as the model's provenance tells."""
+    written = model.provenance.get(BAND_KEY)
+    try:
+        return None if written is None else float(written)
+    except ValueError:
+        raise ModelError(f"the model's provenance has {BAND_KEY} = {written!r}: it must be a number") from None
+
+
+def _band(model: NarxModel, given: tuple[float, float] | None, excited: float | None) -> tuple[float, float]:
     nyquist = 0.5 / model.sample_time
     if given is None:
-        written = model.provenance.get(BAND_KEY)
-        try:
-            high = UNKNOWN_BAND * nyquist if written is None else float(written)
-        except ValueError:
-            raise ModelError(f"the model's provenance has {BAND_KEY} = {written!r}: it must be a number") from None
+        high = UNKNOWN_BAND * nyquist if excited is None else excited
         return 0.0, min(high, 0.999 * nyquist)
     low, high = given
     if not 0 <= low < high < nyquist:
@@ -284,6 +306,19 @@ def _map(order: int, band: tuple[float, float]) -> Array:
     held = np.full(order - 2, (band[0] + band[1]) / 2)
     grid = frequency_grid(axis, axis)
     return 2 * np.pi * np.column_stack([grid, np.broadcast_to(held, (len(grid), order - 2))])
+
+
+def _truncated(found: Nofrf) -> Iterator[str]:
+    """At how many lines orders beyond those fitted have a say, unless these leave rounding only."""
+    if found.residual[:, -1].max() < ROUNDING:
+        return
+    for g, error in zip(found.orders[: found.order], found.truncation, strict=False):
+        share = float(np.mean(error > UNKNOWN * g.gain))
+        if share > 0:
+            yield (
+                f"{symbol_of(g)}: at {100 * share:.0f} % of the lines orders beyond those fitted may make more than "
+                f"{100 * UNKNOWN:.0f} % of the gain"
+            )
 
 
 def symbol_of(response: FrequencyResponse) -> str:

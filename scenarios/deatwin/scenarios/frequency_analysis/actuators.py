@@ -10,8 +10,13 @@ from numpy.typing import NDArray
 
 from deatwin.ident.frequency import FrequencyResponse, frequency_grid, gfrf, output_orders
 from deatwin.ident.frequency.dc import deviations
-from deatwin.ident.frequency.nofrf.estimate import Nofrf, NofrfWarning, nofrf, nofrf_direct
-from deatwin.ident.frequency.nofrf.excitation import InputSpectrum, TestSignal, design_excitation, input_spectrum
+from deatwin.ident.frequency.output_responses.estimate import Nofrf, NofrfWarning, nofrf, nofrf_exact
+from deatwin.ident.frequency.output_responses.excitation import (
+    InputSpectrum,
+    TestSignal,
+    design_excitation,
+    input_spectrum,
+)
 from deatwin.ident.narx import NarxModel, SvbNarx
 from deatwin.scenarios.fleet_frequency import (
     BAND,
@@ -32,6 +37,7 @@ __all__ = [
     "MOST_ORDERS",
     "ORDERS",
     "SHOWN",
+    "TABLED",
     "Actuators",
     "Analysed",
     "Rival",
@@ -47,8 +53,10 @@ Complex = NDArray[np.complex128]
 SHOWN = 5
 """Of the actuators, the one that the thesis shows in full."""
 ORDERS = 3
-FREQUENCIES = np.geomspace(0.01, 4.0, 160)
-"""Of H_1, Hz; the noise ends at 1 Hz."""
+TABLED = (0.01, 0.1, 0.3, 1.0, 3.0)
+"""Of H_1 in the table and in the measures, Hz; the noise ends at 1 Hz."""
+FREQUENCIES = np.unique(np.concatenate([np.geomspace(0.01, 4.0, 160), TABLED]))
+"""Of H_1, Hz."""
 GRID = np.linspace(-1.0, 1.0, 61)
 """Of H_2, Hz."""
 MOST_ORDERS = 8
@@ -301,7 +309,7 @@ def _last_order(model: NarxModel) -> int:
 def _direct(model: NarxModel, excitation: Array) -> tuple[FrequencyResponse, ...]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", NofrfWarning)
-        return tuple(nofrf_direct(model, excitation, n, operating_input=OPERATING_INPUT) for n in range(1, ORDERS + 1))
+        return tuple(nofrf_exact(model, excitation, n, operating_input=OPERATING_INPUT) for n in range(1, ORDERS + 1))
 
 
 def _side(alike: Alike, signal: TestSignal) -> Side:

@@ -195,27 +195,33 @@ def _nofrfs(found: Sequence[Evaluated]) -> tuple[Drawing, Columns]:
 
 def _identified(one: Identified) -> tuple[Drawing, Columns]:
     columns: dict[str, Array] = {"frequency_Hz": one.orders[0].frequency_Hz}
-    with draw((9.6, 3.4)) as figure:
-        panels = figure.subplots(1, 3)
-        for place, axes in enumerate(panels):
+    with draw((9.6, 5.0)) as figure:
+        panels, errors = figure.subplots(2, 3, sharex="col")
+        for place, (axes, relative) in enumerate(zip(panels, errors, strict=True)):
             n, found, truth = place + 1, one.orders[place], one.true_orders[place]
             there = truth.gain > 1e-9 * truth.gain.max()
             f, band = found.frequency_Hz, found.band()
+            low, high = (100 * (side[there] - truth.gain[there]) / truth.gain.max() for side in (band.low, band.high))
+            relative.fill_between(f[there], low, high, color=OF_ORDER[place], alpha=0.35, linewidth=0)
+            relative.axhline(0, color=INK, linewidth=0.9)
+            relative.set_xlabel("frequency (Hz)")
             axes.fill_between(
                 f[there], band.low[there], band.high[there], color=OF_ORDER[place], alpha=0.35, linewidth=0,
                 label="95 % band",
             )  # fmt: skip
             axes.plot(f[there], truth.gain[there], color=INK, linewidth=0.9, label="true")
             axes.set_title(f"|Y{SUBSCRIPTS[n]}|", loc="left", fontsize="medium")
-            axes.set(xlabel="frequency (Hz)", ylim=(0, None))
+            axes.set_ylim(0, None)
             columns |= {
                 f"Y{n}": found.gain, f"Y{n}_low": band.low, f"Y{n}_high": band.high, f"Y{n}_true": truth.gain
             }  # fmt: skip
         panels[0].set_ylabel("Fourier coefficient")
+        errors[0].set_ylabel("band less truth (% of largest)")
         legend_above(figure, panels[0], 2)
         drawing = Drawing.of(
             figure, "identified", "Orders of the output of an identified system (in place of thesis figure 6.10)",
-            "S2, identified by SVB from one recording of 1000 samples, under the test signal. Over "
+            "S2, identified by SVB from one recording of 1000 samples, under the test signal. Below: how far the band "
+            "reaches to either side of the truth, over the largest true line of the order. Over "
             f"{one.recordings} further recordings of 500 samples, fitted by least squares, the bands hold the truth at "
             f"{', '.join(f'{100 * c:.1f}' for c in one.coverage)} % of the lines.",
         )  # fmt: skip

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.frequency import FrequencyResponse, frequency_grid, gfrf, output_orders
-from deatwin.ident.frequency.nofrf.estimate import Nofrf, nofrf, nofrf_direct
-from deatwin.ident.frequency.nofrf.excitation import TestSignal, design_excitation
-from deatwin.ident.frequency.nofrf.ranges import output_frequencies
+from deatwin.ident.frequency.output_responses.estimate import Nofrf, nofrf, nofrf_exact
+from deatwin.ident.frequency.output_responses.excitation import TestSignal, design_excitation
+from deatwin.ident.frequency.output_responses.ranges import output_frequencies
 from deatwin.ident.frequency.spectrum import spectrum_of
 from deatwin.ident.narx import Fixed, NarxModel, SvbNarx
 from deatwin.ident.narx.systems import SYSTEMS as RANDOM_SYSTEMS
@@ -259,7 +259,7 @@ def _evaluated(system: ClosedForm) -> Evaluated:
     signal = design_excitation(BAND, system.model.sample_time, amplitude=PEAK, period=PERIOD)
     return Evaluated(
         system=system, signal=signal, fitted=nofrf(system.model, signal, ORDERS),
-        direct=tuple(nofrf_direct(system.model, signal, n) for n in range(1, ORDERS + 1)),
+        direct=tuple(nofrf_exact(system.model, signal, n) for n in range(1, ORDERS + 1)),
         simulated=settled(system.model, signal.values),
     )  # fmt: skip
 

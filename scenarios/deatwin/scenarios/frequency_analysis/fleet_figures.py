@@ -36,6 +36,8 @@ INK, MEASURED, BEFORE, AFTER, MARK = (COLOURS[role][0] for role in ("ink", "meas
 STYLES = tuple((colour, line) for line in ("-", "--") for colour in (AFTER, BEFORE, MARK))
 """Colour and line of each actuator."""
 MICRO = 1e6
+NOTHING = 1e-14
+"""Share of a free run below which what is left of it is rounding."""
 ZOOM = 20.0
 """Length of the free runs that are drawn, s."""
 UNITS = ("µm/V", "µm/V²", "µm/V³")
@@ -80,18 +82,20 @@ def _removal(one: Analysed) -> tuple[Drawing, Columns]:
         "not_expanded": removal.deleted_run,
     }  # fmt: skip
     shown = {name: MICRO / 1e3 * values[part] for name, values in traces.items()}
-    with draw((9.6, 3.4)) as figure:
-        axes = figure.add_subplot()
-        axes.plot(timepts, shown["measured"], ".", color=MEASURED, markersize=4, label="measured")
-        axes.plot(timepts, shown["model"], color=AFTER, linewidth=3.0, alpha=0.5, label="model")
-        axes.plot(timepts, shown["of_deviations"], color=INK, linewidth=0.8, label="model of deviations, put back")
-        axes.plot(timepts, shown["not_expanded"], color=BEFORE, label="only a constant left out")
-        axes.set(xlabel="time (s)", ylabel="displacement (mm)")
-        legend_above(figure, axes, 4)
+    with draw((9.6, 5.0)) as figure:
+        near, far = figure.subplots(2, 1, sharex=True)
+        for axes in (near, far):
+            axes.plot(timepts, shown["measured"], ".", color=MEASURED, markersize=4, label="measured")
+            axes.plot(timepts, shown["model"], color=AFTER, linewidth=3.0, alpha=0.5, label="model")
+            axes.plot(timepts, shown["of_deviations"], color=INK, linewidth=0.8, label="model of deviations, put back")
+            axes.set_ylabel("displacement (mm)")
+        far.plot(timepts, shown["not_expanded"], color=BEFORE, label="only a constant left out")
+        far.set_xlabel("time (s)")
+        legend_above(figure, far, 4)
         drawing = Drawing.of(
             figure, "removal", f"Removal of the DC component of {one.name} (thesis section 4.2, table 4.3)",
-            "Free runs over the held-out section. The model of deviations has other parameters and more terms, and "
-            "runs as the model does. The same terms without a constant, given deviations, are another system"
+            "Free runs over the held-out section. Above: the model of deviations has other parameters and more terms, "
+            "and runs as the model does. Below: the same terms without a constant, given deviations, are another system"
             + (", although this structure has no constant." if Term(()) not in removal.model.terms else "."),
         )  # fmt: skip
     return drawing, {"time_s": timepts, **{f"{name}_mm": values for name, values in shown.items()}}
@@ -122,8 +126,8 @@ def _first(each: Sequence[Analysed]) -> tuple[Drawing, Columns]:
         legend_above(figure, gain, 6)
         drawing = Drawing.of(
             figure, "gfrf1", "First-order frequency responses of the six (thesis figure 4.10 A)",
-            f"About {OPERATING_INPUT:g} V, with 95 % bands that the parameters' covariance gives. Grey: beyond the "
-            "noise that the models were identified with, where they extrapolate.",
+            f"About {OPERATING_INPUT:g} V; the gain with 95 % bands that the parameters' covariance gives. Grey: "
+            "beyond the noise that the models were identified with, where they extrapolate.",
         )  # fmt: skip
     return drawing, columns
 
@@ -229,7 +233,7 @@ def _series(found: Actuators) -> tuple[Drawing, Columns]:
         every = {"linear in the output": [one.left for one in found.each], "with products": list(found.rival.left)}
         for axes, (label, left) in zip(panels, every.items(), strict=True):
             for one, values, (colour, line) in zip(found.each, left, STYLES, strict=False):
-                shown = 100 * np.maximum(values, 1e-14)
+                shown = 100 * np.maximum(values, NOTHING)
                 axes.plot(orders, shown, line, color=colour, marker="o", markersize=3, label=one.name)
                 columns[f"{one.name.replace(' ', '')}_{label.replace(' ', '_')}_percent"] = 100 * values
             axes.set(yscale="log", xlabel="orders summed", xticks=orders)
@@ -239,8 +243,9 @@ def _series(found: Actuators) -> tuple[Drawing, Columns]:
         drawing = Drawing.of(
             figure, "series", "How many orders there are",
             "Under a piece of the record at its own size, what the sum of the orders leaves of the settled free run. "
-            "Left: the models of this page, whose series ends at their degree. Right: the best common structure with "
-            "products of past output and command, whose series has no end and diverges.",
+            "Left: the models of this page, whose series ends at their degree (what is below "
+            f"{100 * NOTHING:.0e} % is rounding and drawn there). Right: the best common structure with products of "
+            "past output and command, whose series has no end and diverges.",
         )  # fmt: skip
     return drawing, columns
 

@@ -7,6 +7,7 @@ import numpy as np
 from deatwin.scenarios.fleet_frequency import OPERATING_INPUT
 from deatwin.scenarios.frequency_analysis.actuators import ORDERS, Actuators
 from deatwin.scenarios.frequency_analysis.anchor import LARGE, SMALL, Anchor
+from deatwin.scenarios.frequency_analysis.verdicts import HALF, HIGH, LOW, spread
 from deatwin.scenarios.report.quantities import quantity
 from deatwin.scenarios.report.story import Note
 
@@ -27,7 +28,23 @@ def notes(fleet: Actuators, truth: Anchor) -> list[Note]:
     -------
     list of Note
     """
-    return [_thesis(), _structure(fleet), _belief(fleet, truth), _signal(fleet)]
+    return [_words(), _thesis(), _structure(fleet), _apart(fleet), _belief(fleet, truth), _signal(fleet)]
+
+
+def _words() -> Note:
+    return Note(
+        title="What the letters mean",
+        paragraphs=[
+            "The output of a weakly nonlinear system is a sum of orders: order n is of n-th power in the input. Hₙ is "
+            "its generalised frequency response function (GFRF), a function of n frequencies; H₁ is the ordinary "
+            "frequency response. Yₙ is the spectrum of order n of the output, Uₙ that of the n-th power of the input, "
+            "and Gₙ their ratio, the nonlinear output frequency response function (NOFRF). It depends on the input.",
+            "y₁ and u₂ in an equation are the output one sample ago and the input two samples ago. S1 is "
+            "linear, S2 has powers of the input, the quadratic system and the Duffing oscillator have powers of the "
+            "output. SEMP searches term by term for the model of least free-run error; SVB is sparse variational "
+            "Bayes, which gives the parameters with their covariance.",
+        ],
+    )
 
 
 def _thesis() -> Note:
@@ -53,17 +70,36 @@ def _structure(fleet: Actuators) -> Note:
     return Note(
         title="One structure for all, whose series ends",
         paragraphs=[
-            f"Of {one.tried} structures that searches by SEMP on the actuators pass, the one is taken whose free runs "
-            "follow the ends of all training sections best, parameters from their beginnings: "
+            f"Searches by SEMP on the actuators pass through {one.tried} structures. With each, all models are fitted "
+            "to the beginnings of the training sections; the one is taken whose free runs follow their ends best: "
             f"{len(one.structure)} terms at {quantity(step, 's')}. Over the held-out sections the models fit "
             f"{min(fits):.1f} to {max(fits):.1f} %. Their covariance is the one that holds for coloured residuals. All "
-            f"are expanded about {OPERATING_INPUT:g} V, the mean of the noise.",
+            f"responses are about {OPERATING_INPUT:g} V, the mean of the noise; only the removal of the DC component "
+            "is shown at the mean of each actuator's own training commands.",
             "The candidates hold the past output by itself only. With products of output and command the best common "
             f"structure has {len(rival.models[0].terms)} terms and fits {rival.fits.min():.1f} to "
             f"{rival.fits.max():.1f} %. But its Volterra series diverges at the size of the noise: the first "
             f"{rival.left.shape[1]} orders leave {last.min():.0f} to {last.max():.0f} % of the settled free run. No "
             "sum of GₙUₙ says what such a model does there. Whether the series of the thesis' models converge could "
             "not be read.",
+        ],
+    )
+
+
+def _apart(fleet: Actuators) -> Note:
+    """Why the six are, or are not, alike where the thesis' actuators were."""
+    low, high = spread(fleet.each, LOW), spread(fleet.each, HIGH)
+    rests = np.array([1e3 * one.first.point.output for one in fleet.each])
+    far, gains = int(rests.argmax()), np.array([one.first.gain for one in fleet.each])
+    most = ", and its gain is the largest at all frequencies" if np.all(gains[far] >= gains) else ""
+    verdict = "They are not alike there" if low > HALF * high else "They are alike there by the measure above"
+    return Note(
+        title="Are the six alike at low frequencies?",
+        paragraphs=[
+            f"The largest |H₁| is {100 * low:.0f} % above the smallest at {LOW:g} Hz, and {100 * high:.0f} % at "
+            f"{HIGH:g} Hz. {verdict}. The six differ in size first: under {OPERATING_INPUT:g} V they rest at "
+            f"{rests.min():.3f} to {rests.max():.3f} mm, {fleet.each[far].name} furthest out{most}. What made the "
+            "thesis' six alike at low frequencies could not be read.",
         ],
     )
 

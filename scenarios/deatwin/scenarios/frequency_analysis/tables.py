@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from deatwin.scenarios.frequency_analysis.actuators import FREQUENCIES, Actuators, Analysed
+from deatwin.scenarios.frequency_analysis.actuators import FREQUENCIES, TABLED, Actuators, Analysed
 from deatwin.scenarios.frequency_analysis.benchmarks import Benchmarks
 from deatwin.scenarios.frequency_analysis.closed_forms import SYSTEMS
 from deatwin.scenarios.report.story import Table
@@ -14,8 +14,6 @@ from deatwin.scenarios.report.story import Table
 __all__ = ["tables"]
 
 UNITS = "SI: m, V"
-AT = (0.01, 0.1, 0.3, 1.0, 3.0)
-"""Frequencies of the table, Hz."""
 
 
 def tables(found: Benchmarks, fleet: Actuators) -> list[Table]:
@@ -84,7 +82,7 @@ def _deviations(each: Sequence[Analysed]) -> Table:
             f"{removal.deleted_error:.2f}", f"{one.alike.fit_percent:.1f} %",
         ])  # fmt: skip
     return Table(
-        title="Operating points", rows=rows,
+        title="Removal of the DC component at the mean of each actuator's training commands", rows=rows,
         columns=[
             "actuator", "mean command", "equilibrium", "there", "terms before and after",
             "free run: largest change over the stroke", "with only a constant left out: rms change over the deviation",
@@ -94,12 +92,12 @@ def _deviations(each: Sequence[Analysed]) -> Table:
 
 
 def _gains(each: Sequence[Analysed]) -> Table:
-    places = [int(np.argmin(np.abs(FREQUENCIES - f))) for f in AT]
+    places = [int(np.argmin(np.abs(FREQUENCIES - f))) for f in TABLED]
     rows = []
     for one in each:
         gain, deviation = 1e6 * one.first.gain, 1e6 * one.first.gain_deviation
         rows.append([one.name, *(f"{gain[i]:.1f} ± {1.96 * deviation[i]:.1f}" for i in places)])
-    columns = ["actuator", *(f"{f:g} Hz" for f in AT)]
+    columns = ["actuator", *(f"{f:g} Hz" for f in TABLED)]
     return Table(title="|H₁| in µm/V with 95 % bands (beyond 1 Hz extrapolated)", columns=columns, rows=rows)
 
 
@@ -109,13 +107,13 @@ def _posed(each: Sequence[Analysed]) -> Table:
         fitted = one.fitted
         rows.append([
             one.name, f"{fitted.highest} at {fitted.levels.size} levels", f"{fitted.condition:.0f}",
-            f"{fitted.residual[:, -1].max():.0e}", ", ".join(f"{100 * e:.2g} %" for e in one.errors),
+            f"{fitted.residual[:, -1].max():.0e}", ", ".join(f"{e:.0e}" for e in one.errors),
             fitted.status.value,
         ])  # fmt: skip
     return Table(
         title="How well the NOFRFs are posed", rows=rows,
         columns=[
             "actuator", "orders fitted", "condition of the levels", "largest share of an output that they leave",
-            "error of G₁, G₂, G₃ against the model's own", "status",
+            "error of G₁, G₂, G₃ against the model's own, over the largest gain", "status",
         ],
     )  # fmt: skip

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from deatwin.ident.frequency.nofrf.powers import AMPLIFICATION
+from deatwin.ident.frequency.output_responses.powers import AMPLIFICATION
 from deatwin.scenarios.fleet_frequency import BAND
 from deatwin.scenarios.frequency_analysis.actuators import FREQUENCIES, ORDERS, Actuators, Analysed
 from deatwin.scenarios.frequency_analysis.anchor import Anchor

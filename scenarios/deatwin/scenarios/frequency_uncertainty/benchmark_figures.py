@@ -64,6 +64,7 @@ def _complex(spread: Spread) -> tuple[Drawing, Columns]:
         density = np.exp(-0.5 * ((axis - gain) / deviation) ** 2) / (deviation * np.sqrt(2 * np.pi))
         left.plot(axis, density, color=LAW)
         left.axvspan(band.low[place], band.high[place], color=LAW, alpha=0.12, linewidth=0)
+        left.set_axisbelow(True)
         left.set(xlabel=f"gain |H₁| at {response.frequency_Hz[place]:.3f} Hz", ylabel="density")
         left.set_title("a real quantity: an interval", loc="left", fontsize="medium")
         right.plot(draws[:CLOUD].real, draws[:CLOUD].imag, ".", color=DRAWN, markersize=3, label="draws")

@@ -153,6 +153,7 @@ def _spread(found: Consistency) -> tuple[Drawing, Columns]:
         axes.set_xticks(places, [f"H{'₁₂₃'[order - 1]}\n{band_of(low, high)}" for order, low, high in found.columns])
         axes.set_ylabel("standard deviation (% of the gain)")
         axes.grid(axis="x", visible=False)
+        axes.set_axisbelow(True)
         legend_above(figure, axes, 2)
         drawing = Drawing.of(
             figure, "spread", "How consistent fabrication is, by order and band",

@@ -7,8 +7,10 @@ from numpy.typing import NDArray
 
 from deatwin.ident.frequency.comparison.compare import Agreement, Comparison
 from deatwin.scenarios.frequency_uncertainty.actuators import FACTOR, REPEATS, STRUCTURE
+from deatwin.scenarios.frequency_uncertainty.benchmarks import Benchmarks
 from deatwin.scenarios.frequency_uncertainty.consistency import SLOW, Consistency
 from deatwin.scenarios.frequency_uncertainty.study import Study
+from deatwin.scenarios.frequency_uncertainty.verdicts import DRIFTING, FASTER
 from deatwin.scenarios.frequency_uncertainty.words import band_of
 from deatwin.scenarios.report.story import Note
 
@@ -18,7 +20,7 @@ Array = NDArray[np.float64]
 
 
 def answer(fleet: Consistency) -> str:
-    """How consistent fabrication is, in a sentence.
+    """How consistent fabrication is, in a few sentences.
 
     Parameters
     ----------
@@ -32,8 +34,8 @@ def answer(fleet: Consistency) -> str:
     return (
         f"Fabrication alone makes the six differ by {_by_order(fleet, steady)} (standard deviation), most in "
         f"H{'₁₂₃'[order - 1]} at {band_of(low, high)}, and significantly in {_count(table, Agreement.DIFFERENT)} of "
-        f"{len(table.differences)} tests; what happens to them while they are recorded raises that to "
-        f"{_by_order(fleet, recorded)}, and of the {len(as_is.significant)} tests that then find a difference "
+        f"{len(table.differences)} tests. What happens to them while they are recorded raises that to "
+        f"{_by_order(fleet, recorded)}. Of the {len(as_is.significant)} tests that then find a difference "
         f"{_count(as_is, Agreement.DRIFT)} lie within the reach of drift."
     )
 
@@ -50,7 +52,22 @@ def notes(study: Study) -> list[Note]:
     -------
     list of Note
     """
-    return [_question(study.consistency), _comparison(study.consistency), _propagation(), _figures()]
+    fleet = study.consistency
+    return [_words(), _question(fleet), _comparison(fleet), _propagation(study.benchmarks), _figures()]
+
+
+def _words() -> Note:
+    return Note(
+        title="What the letters mean",
+        paragraphs=[
+            "Order n of an output is of n-th power in the input. Hₙ is its generalised frequency response function, a "
+            "function of n frequencies; H₁ is the ordinary frequency response. Yₙ is the spectrum of order n of the "
+            "output. “Propagated” is what follows for a response from the covariance of the model's parameters, to "
+            "first order; “draws” are responses of models whose parameters are drawn from that covariance.",
+            "A difference is significant if its probability by chance, multiplied for the number of tests as Holm "
+            "does it, is below 5 %. A history is what happens to an actuator while it is recorded.",
+        ],
+    )
 
 
 def _question(fleet: Consistency) -> Note:
@@ -72,7 +89,9 @@ def _question(fleet: Consistency) -> Note:
 
 def _comparison(fleet: Consistency) -> Note:
     repeats = fleet.tables["repeats"]
-    single = np.mean([d.p_value < repeats.level for d in repeats.differences])
+    found = np.array([d.p_value < repeats.level for d in repeats.differences])
+    single, columns = found.mean(), 100 * found.reshape(len(repeats.pairs), -1).mean(axis=0)
+    late = [name for name in DRIFTING if not any(d.drifts for d in fleet.tables["fleet"].drifts if d.name == name)]
     return Note(
         title="What the comparison rests on",
         paragraphs=[
@@ -82,20 +101,23 @@ def _comparison(fleet: Consistency) -> Note:
             "they owe to the choice. They do not hold all of the physics, so that residuals are not white and the "
             "covariance of least squares is wrong; how far parameters scatter is read from the record itself.",
             f"Whether that is right is told by {REPEATS} records of one actuator that does not change, each under "
-            f"noise of its own: {100 * single:.1f} % of their single tests find a difference at 5 %.",
+            f"noise of its own: {100 * single:.1f} % of their single tests find a difference at 5 %, "
+            f"by order and band {columns.min():.1f} to {columns.max():.1f} %.",
             f"Differences of the records as they are may be differences of age. The {SLOW} slowest cosines over each "
             "record say whether and how far it drifts; a pair counts as different beyond drift where no time of one "
             "record is like any time of the other. What varies faster is followed in part only: the room of the "
-            "fourth actuator goes through nearly two cycles while it is compared. One fabrication with each of the "
-            "five histories that go on is the test of that: what is called different there is called so wrongly, "
-            "unless a history has already done something that it does not undo by the time the records begin. They "
-            "begin at 60 s, after the transient from rest, and after the shift of the sixth actuator at 45 s, which "
-            "from then on is a difference like any other.",
+            "fourth actuator goes through nearly two cycles while it is compared."
+            f"{f' No drift is found for {_listed(late)}, and that measure is missed.' if late else ''} One fabrication "
+            "with each of the five histories that go on is the test of that: what is called different there is called "
+            "so wrongly, unless a history has already done something that it does not undo by the time the records "
+            "begin. They begin at 60 s, after the transient from rest, and after the shift of the sixth actuator at "
+            "45 s, which from then on is a difference like any other.",
         ],
     )
 
 
-def _propagation() -> Note:
+def _propagation(benchmarks: Benchmarks) -> Note:
+    slow = [f"{one.label} ({one.ratio:.0f})" for one in benchmarks.speeds if one.ratio < FASTER]
     return Note(
         title="When the law of propagation holds",
         paragraphs=[
@@ -110,7 +132,8 @@ def _propagation() -> Note:
             "Equal accuracy of propagation and draws means as many draws as make the covariance of the draws depart "
             "as far from the true one as the propagated does. Where propagation is off by a per cent, as about the "
             "resonance of the linear system, not many are needed; where all draws together cannot tell it from exact, "
-            "the number is a lower bound.",
+            "the number is a lower bound."
+            f"{f' The ratio of {FASTER:g} is missed for {_listed(slow)}.' if slow else ''}",
         ],
     )
 

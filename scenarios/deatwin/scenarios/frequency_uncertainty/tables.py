@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from deatwin.ident.frequency.comparison.compare import Agreement, Comparison
+from deatwin.ident.frequency.uncertainty.propagate import UncertaintyStatus
 from deatwin.plant.fleet import TOLERANCES
 from deatwin.scenarios.frequency_uncertainty.benchmarks import Benchmarks
 from deatwin.scenarios.frequency_uncertainty.consistency import Consistency, share_of
@@ -16,6 +17,11 @@ from deatwin.scenarios.report.story import Table
 
 __all__ = ["tables"]
 
+_SAYS = {
+    UncertaintyStatus.OK: "its law holds", UncertaintyStatus.LOW_GAIN: "a gain is near zero",
+    UncertaintyStatus.BENT: "warns: too nonlinear", UncertaintyStatus.LOST: "warns: an equilibrium is lost",
+    UncertaintyStatus.CERTAIN: "no covariance",
+}  # fmt: skip
 _MARKS = {Agreement.DIFFERENT: "differ", Agreement.DRIFT: "drift", Agreement.ALIKE: "–"}
 
 
@@ -117,7 +123,7 @@ def _systems(benchmarks: Benchmarks) -> Table:
         rows.append([
             spread.case, spread.symbol, f"{100 * longest.min():.2g} to {100 * longest.max():.2g} %",
             f"{spread.propagated.nonlinearity.max():.2g}", f"{np.sqrt(spread.ratio):.3g}", f"{100 * spread.held:.1f} %",
-            spread.propagated.status.name.lower().replace("_", " "),
+            _SAYS[spread.propagated.status],
         ])  # fmt: skip
     return Table(
         title="Propagation beside draws",

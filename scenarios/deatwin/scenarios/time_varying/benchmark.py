@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.frequency.nofrf.excitation import design_excitation
+from deatwin.ident.frequency.output_responses.excitation import design_excitation
 from deatwin.ident.frequency.varying.along_time import tv_gfrf, tv_nofrf
 from deatwin.ident.narx import Recording, ThetaSmoother, ThetaTrajectory
 from deatwin.ident.narx.identifier import FitStatus

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.narx import Term
 from deatwin.scenarios.report.figures import Drawing
 from deatwin.scenarios.report.svg import draw, legend_above
 from deatwin.scenarios.time_varying.benchmark import LINES, ORDERS, Benchmark, Followed
@@ -87,7 +88,7 @@ def _parameters(followed: Sequence[Followed]) -> tuple[Drawing, Columns]:
                 half = QUANTILE * std[::EVERY]
                 draw_band(axes, timepts, theta[::EVERY], half, AFTER, "smoother, 95 % band")
                 axes.plot(timepts, true[places], color=INK, linewidth=1.0, linestyle="--", label="truth")
-                axes.set_title(f"{one.name}: {term}", loc="left", fontsize="small")
+                axes.set_title(f"{one.name}: {_written(term)}", loc="left", fontsize="small")
                 columns |= {f"{key}_{term}": theta[::EVERY], f"{key}_{term}_half": half,
                             f"{key}_{term}_truth": true[places]}  # fmt: skip
                 low, high = axes.get_ylim()
@@ -104,6 +105,10 @@ def _parameters(followed: Sequence[Followed]) -> tuple[Drawing, Columns]:
             "the posterior mode, so that none is taken for zero. The parameters that move are no random walks.",
         )  # fmt: skip
     return drawing, filled(columns)
+
+
+def _written(term: Term) -> str:
+    return "constant" if term == Term(()) else str(term)
 
 
 def _maps(one: Followed, names: Sequence[str], key: str, title: str, caption: str) -> tuple[Drawing, Columns]:
@@ -183,7 +188,7 @@ def _frozen(benchmark: Benchmark) -> tuple[Drawing, Columns]:
             axes.set_xticks(speed[::2], [f"{v:g}" for v in speed[::2]])
             axes.set_xticks([], minor=True)
             axes.set_title(f"{system}, {symbol_of(response)}", loc="left", fontsize="small")
-        panels[0].set_ylabel("over the response (%, rms)")
+        panels[0].set_ylabel("error over the response (%, rms)")
         legend_above(figure, panels[0], 3)
         drawing = Drawing.of(
             figure, "frozen", "Frozen time against the rate of variation",

@@ -117,7 +117,7 @@ def _wander(driven: Sequence[Driven]) -> tuple[Drawing, Columns]:
         left.set(xscale="log", xlabel="share by which a term may wander", ylabel="free-run error, choosing blocks (%)")
         left.set_xticks(SHARES, [f"{share:g}" for share in SHARES])
         left.set_xticks([], minor=True)
-        left.legend(fontsize="x-small", ncols=2)
+        left.legend(fontsize="x-small", ncols=2, markerscale=1, handlelength=3)
         places, width = np.arange(len(driven)), 0.15
         left_out, ahead = (CONSTANT, REFINED, VARYING, LIKELIEST), (CONSTANT, VARYING)
         bars = [
@@ -133,6 +133,7 @@ def _wander(driven: Sequence[Driven]) -> tuple[Drawing, Columns]:
                 edgecolor=INK, linewidth=0.4, label=label,
             )  # fmt: skip
             columns[label.replace(", ", "_").replace(" ", "_") + "_percent"] = values
+        right.set_axisbelow(True)
         right.set_xticks(places, [one.name for one in driven])
         right.set_ylabel("free-run error over the reading's deviation (%)")
         right.set_ylim(0, 1.55 * right.get_ylim()[1])
@@ -154,7 +155,7 @@ def _parameters(shown: Sequence[Driven]) -> tuple[Drawing, Columns]:
     rows = -(-len(terms) // PARAMETER_COLUMNS)
     with draw((9.6, 1.6 * rows)) as figure:
         panels = figure.subplots(rows, PARAMETER_COLUMNS, sharex=True, squeeze=False).ravel()
-        for (one, timepts, _, theta, half), colour in zip(sides, (BEFORE, AFTER, MARK), strict=False):
+        for (one, timepts, _, theta, half), colour in zip(sides, (AFTER, BEFORE, MARK), strict=False):
             columns[f"{key_of(one)}_time_s"] = timepts
             for number, (axes, term) in enumerate(zip(panels, terms, strict=False)):
                 scale = 1.0 if str(term).startswith("y") else MICRO

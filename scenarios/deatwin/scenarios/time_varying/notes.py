@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from deatwin.scenarios.report.story import Note
-from deatwin.scenarios.time_varying.following import BLOCK, CONSTANT, LIKELIEST, REFINED, VARYING
+from deatwin.scenarios.time_varying.benchmark import Benchmark
+from deatwin.scenarios.time_varying.following import BLOCK, CONSTANT, LIKELIEST, REFINED, SHARES, VARYING
 from deatwin.scenarios.time_varying.study import FACTOR, STRUCTURE, Study
-from deatwin.scenarios.time_varying.verdicts import CHANCE, DRIFTING
+from deatwin.scenarios.time_varying.verdicts import CHANCE, DRIFTING, HELD
 
 __all__ = ["notes"]
 
@@ -22,7 +23,22 @@ def notes(study: Study) -> list[Note]:
     -------
     list of Note
     """
-    return [_figures(), _wander(study), _structure(study), _reading(study)]
+    return [_words(), _figures(), _wander(study), _structure(study), _reading(study)]
+
+
+def _words() -> Note:
+    return Note(
+        title="What the letters mean",
+        paragraphs=[
+            "Order n of an output is of n-th power in the input. Hₙ is its generalised frequency response function "
+            "(GFRF), a function of n frequencies; H₁ is the ordinary frequency response. Gₙ, the nonlinear output "
+            "frequency response function (NOFRF), is the spectrum of order n of the output over Uₙ, that of the n-th "
+            "power of the input. TV stands before what varies with time: the response of the parameters of each "
+            "instant, as if they stayed (frozen time).",
+            "A free run is a simulation from the commands alone. Errors are root mean squares; those of actuators are "
+            "over the standard deviation of the reading.",
+        ],
+    )
 
 
 def _figures() -> Note:
@@ -46,7 +62,8 @@ def _wander(study: Study) -> Note:
     )
     losing = [t.name for t in tracks if t.unseen[VARYING] >= t.unseen[REFINED]]
     told = (
-        f" For {' and '.join(losing)} constant parameters of least free-run error do as well on the blocks left out: "
+        f" For {_listed(losing)} constant parameters of least free-run error do as well or better on the blocks left "
+        "out: "
         "varying parameters cost some accuracy where nothing drifts any more, as after the shift of the sixth at 45 s."
         if losing
         else ""
@@ -72,39 +89,56 @@ def _structure(study: Study) -> Note:
     return Note(
         title="Why this structure",
         paragraphs=[
-            f"All six have the same {len(STRUCTURE)} terms: y(k−1), and every product of u(k) and u(k−1) up to the "
-            f"fifth degree, at {0.02 * FACTOR:.2f} s. The past output stands alone, so that the series of orders ends "
-            f"with the fifth, and the sum of Gₙ Uₙ is the whole output (to {worst:.0e} of it). Products of the output "
-            "with powers of the command, as the common structure of the story `frequency-analysis` has them, fit a "
-            "little better and make a series without end, which does not converge under the thesis' noise: single "
-            "orders are defined there, their sum is not the output. With the output alone an equilibrium that moves "
-            "is seen in the mean only: what changes the orders of these models are their parameters. The quadratic "
-            "system above shows the other case.",
+            f"All six have the same {len(STRUCTURE)} terms: y(k−1), a constant, and every product of u(k) and u(k−1) "
+            f"up to the fifth degree, at {0.02 * FACTOR:.2f} s. The past output stands alone, so that the series of "
+            f"orders ends with the fifth, and the sum of Gₙ Uₙ is the whole output (to {worst:.0e} of it). Products of "
+            "the output with powers of the command, as the other structure of the story `frequency-analysis` has them, "
+            "fit a little better and make a series without end, which does not converge under the thesis' noise: "
+            "single orders are defined there, their sum is not the output. With the output alone an equilibrium that "
+            "moves is seen in the mean only: what changes the orders of these models are their parameters. The "
+            "quadratic system below shows the other case.",
         ],
     )
 
 
 def _reading(study: Study) -> Note:
-    shares = sorted({one.track.share for one in study.driven})
+    shares = {one.name: one.track.share for one in study.driven}
+    least = f" ({SHARES[0]:g} is the least that was tried)" if SHARES[0] in shares.values() else ""
     unsure = [one.name for one in study.driven if one.name in DRIFTING and one.chance >= CHANCE]
-    missed = " and ".join(unsure)
+    missed = _listed(unsure)
     return Note(
         title="How to read the maps and the spectra",
         paragraphs=[
             "The maps are of parameters smoothed over the whole record; they say what the record says, not what could "
-            f"have been known at the time. Chosen shares: {', '.join(f'{share:g}' for share in shares)}. A walk of one "
-            "pace smears a jump: the shift of the sixth at 45 s becomes a slope.",
+            "have been known at the time. A term may wander by a share of the reading's deviation; chosen are "
+            f"{', '.join(f'{share:g} for {name}' for name, share in shares.items())}{least}. A walk of one pace smears "
+            "a jump: the shift of the sixth at 45 s becomes a slope.",
             "Mean and gain in sliding windows need no model, and are blunt: the mean of 100 s of the thesis' noise "
             "wanders of itself, and through a steep curve the gain does too. "
             f"{f'They do not tell the drift of {missed} from chance; the parameters follow it. ' if missed else ''}"
             "A single realisation of known parameters is a small sample of their bands: its errors are alike over long "
-            "stretches. The figure of the coverage is of many.",
+            f"stretches.{_short(study.benchmark)} The figure of the coverage is of many.",
             "The predicted spectrum takes the command of a window for one period. Both it and the recording are seen "
             "through a Hann window, so that the seam of the period is out of sight and leakage is the same on both "
             "sides. The windows that are judged were left out of the fit. Above 2 Hz the output is small, and "
             "hysteresis and the sensor have their share in it.",
         ],
     )
+
+
+def _short(benchmark: Benchmark) -> str:
+    """Which bands of known parameters hold the truth too seldom."""
+    seldom = [
+        f"{'the constant' if str(term) == '1' else term} of “{one.name}” ({100 * share:.1f} %)"
+        for one in benchmark.followed
+        for term, share in zip(one.trajectory.terms, one.covered, strict=True)
+        if share < HELD
+    ]
+    return f" So the measure of {100 * HELD:.0f} % is missed by the band of {_listed(seldom)}." if seldom else ""
+
+
+def _listed(texts: list[str]) -> str:
+    return " and ".join([*filter(None, [", ".join(texts[:-1])]), *texts[-1:]])
 
 
 def _span(percent: list[float]) -> str:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.frequency.nofrf.excitation import design_excitation
+from deatwin.ident.frequency.output_responses.excitation import design_excitation
 from deatwin.ident.frequency.varying.along_time import tv_gfrf, tv_nofrf
 from deatwin.ident.frequency.varying.sliding import SlidingStatistics, sliding_mean_and_gain
 from deatwin.ident.narx import NarxModel, Recording, Term, ThetaTrajectory, generate_terms

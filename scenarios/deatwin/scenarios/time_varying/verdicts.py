@@ -73,7 +73,7 @@ def _known(benchmark: Benchmark) -> list[Row]:
         Row(
             measure="known parameters: share of the instants at which a 95 % band holds the truth",
             demanded=f"at least {100 * HELD:.0f} % for each of the {held.size} parameters",
-            reached=f"{100 * held.min():.0f} to {100 * held.max():.0f} %", passed=bool(held.min() >= HELD),
+            reached=f"{100 * held.min():.1f} to {100 * held.max():.1f} %", passed=bool(held.min() >= HELD),
         )
     ]  # fmt: skip
     for order, limit in ERRORS.items():
@@ -96,7 +96,7 @@ def _dc(benchmark: Benchmark) -> Row:
     return Row(
         measure="a constant that drifts, alone: by how much it changes the gains of orders 1 to 3 at 0.1 Hz",
         demanded="above 3 dB in every order, about the equilibrium of each time; nothing where it is held",
-        reached=f"{', '.join(f'{s:.1f}' for s in spans['solved'])} dB; held {max(spans['held']):.0e} dB",
+        reached=f"{', '.join(f'{s:.1f}' for s in spans['solved'])} dB; held {max(spans['held']):.1g} dB",
         passed=min(spans["solved"]) > 3 and max(spans["held"]) < 1e-9,
     )
 
@@ -142,7 +142,7 @@ def _sliding(driven: Iterable[Driven]) -> Row:
     return Row(
         measure="sliding mean and gain: smaller of the two chances of so much change in an actuator that stands still",
         demanded=f"below {CHANCE:g} for each of DEA 1 to 5",
-        reached=", ".join(f"{name} {p:.1g}" for name, p in chances.items()),
+        reached=", ".join(f"{name} {p:.2g}" for name, p in chances.items()),
         passed=all(chances[name] < CHANCE for name in DRIFTING),
     )
 
