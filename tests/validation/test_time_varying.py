@@ -52,8 +52,8 @@ def estimated():
     return ThetaSmoother(terms=TERMS, variances="posterior")
 
 
-def covered(rng, smoother, times):
-    """Whether the 95 % regions of one realisation hold the truth, (n_times, n) each; NaN where they promise nothing."""
+def covered(rng, smoother, times, level):
+    """Whether the regions of one realisation hold the truth, (n_times, n) each; NaN where they promise nothing."""
     recording, theta = draw(rng)
     found = smoother.fit(recording).trajectory_
     assert [str(term) for term in found.terms] == [*TERMS]
@@ -61,32 +61,33 @@ def covered(rng, smoother, times):
     inside = {}
     for name, along in MAPS.items():
         estimate, truth = (along(one, timepts=times, operating_input=LEVEL) for one in (found, true))
-        band = estimate.band(0.95)
+        band = estimate.band(level)
         held = (band.low <= truth.gain) & (truth.gain <= band.high)
         inside[f"{name} gain"] = np.where(band.linear_law, held, np.nan)
         off = (estimate.values - truth.values)[:, -4:]  # without G_2 at 0 Hz, which is real: its ellipse is a line
         parts = np.stack([off.real, off.imag], axis=-1)[..., None]
         distance = (parts.swapaxes(-1, -2) @ np.linalg.solve(estimate.covariance[:, -4:], parts))[..., 0, 0]
-        inside[f"{name} ellipse"] = np.where(band.linear_law[:, -4:], distance <= chi2.ppf(0.95, 2), np.nan)
-    half = norm.ppf(0.975) * estimate.equilibrium_std
+        inside[f"{name} ellipse"] = np.where(band.linear_law[:, -4:], distance <= chi2.ppf(level, 2), np.nan)
+    half = norm.ppf(0.5 + level / 2) * estimate.equilibrium_std
     inside["equilibrium"] = (np.abs(estimate.equilibria - truth.equilibria) <= half).astype(float)[:, None]
     return inside
 
 
 def test_maps_cover_the_truth():
-    # One time and one frequency of each of 60 realisations, so that the binomial law holds: at 95 % fewer than 51 of 60
-    # (or of the fewer ones whose gain follows the linear law) are inside in 0.1 % of cases.
+    # One time and one frequency of each of 100 realisations, so that the binomial law holds: at 50 % fewer than 35 or
+    # more than 65 of 100 (or of the fewer ones whose gain follows the linear law) are inside in 0.2 % of cases. Bands
+    # twice too wide would hold 82, ellipses 94, and half as wide 26 and 16.
     rng = np.random.default_rng(10)
     counts = {}
-    for _ in range(60):
-        inside = covered(rng, known(), [float(rng.integers(5, N - 5))])
+    for _ in range(100):
+        inside = covered(rng, known(), [float(rng.integers(5, N - 5))], 0.5)
         point = rng.integers(20)
         for name, values in inside.items():
             counts.setdefault(name, []).append(values[0, point % values.shape[1]])
     for name, values in counts.items():
         told = np.array(values)[np.isfinite(values)]
-        assert told.size >= 45, name
-        assert told.sum() >= binom.ppf(0.001, told.size, 0.95), name
+        assert told.size >= 75, name
+        assert binom.ppf(0.001, told.size, 0.5) <= told.sum() <= binom.ppf(0.999, told.size, 0.5), name
 
 
 @pytest.mark.study
@@ -99,8 +100,10 @@ def test_maps_cover_the_truth_at_all_times_and_frequencies(smoother):
     # estimated     94.4 ± 0.4 93.8 ± 0.5 95.2 ± 0.5 93.6 ± 0.6 95.2 ± 0.6 92.2 ± 0.6 95.1 ± 0.4
     # The law holds for H_1 everywhere, for H_2 and G_2 at 93 % of the points (estimated: 87 and 88 %). Counted at all
     # points the ellipses of H_2 and G_2 hold 94.1 and 92.8 (estimated: 92.7 and 91.5).
+    # So the ellipses of G_2 are too small, by more than chance: with estimated variances they hold 92.2 % where the
+    # linear law holds, which the bound below just lets pass, and 91.5 % at all points, which it would not.
     times = np.linspace(5, N - 5, 20).round()
-    found = [covered(np.random.default_rng(1000 + seed), smoother(), times) for seed in range(200)]
+    found = [covered(np.random.default_rng(1000 + seed), smoother(), times, 0.95) for seed in range(200)]
     for name in found[0]:
         assert 0.92 <= np.mean([np.nanmean(one[name]) for one in found]) <= 0.98, name
 

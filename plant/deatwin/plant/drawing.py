@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["axes_or_new"]
+__all__ = ["axes_or_new", "written_unit"]
 
 
 def axes_or_new(ax: Axes | None) -> Axes:
@@ -26,4 +27,20 @@ def axes_or_new(ax: Axes | None) -> Axes:
         return ax
     from matplotlib import pyplot
 
-    return pyplot.subplots()[1]
+    return pyplot.subplots(layout="constrained")[1]
+
+
+def written_unit(unit: str) -> str:
+    """Return a unit as axes show it, its powers raised.
+
+    Parameters
+    ----------
+    unit : str
+        As "m/V^2".
+
+    Returns
+    -------
+    str
+        As "m/V$^2$", for matplotlib.
+    """
+    return re.sub(r"\^(\d)\b", r"$^\1$", re.sub(r"\^(\d\d+)", r"$^{\1}$", unit))

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.frequency import FrequencyResponse
-from deatwin.ident.frequency.output_responses.estimate import Nofrf, NofrfStatus
 from deatwin.ident.frequency.output_responses.powers import AMPLIFICATION
+from deatwin.ident.frequency.output_responses.result import Nofrf, NofrfStatus
 from deatwin.scenarios.folder import ResultFolder
 from deatwin.scenarios.frequency_responses import Responses, columns_of, first_columns, symbol_of, written
 from deatwin.scenarios.report.figures import Drawing
@@ -19,7 +19,6 @@ from deatwin.scenarios.report.svg import COLOURS, draw, inline, standalone
 __all__ = ["write_responses"]
 
 Array = NDArray[np.float64]
-RAISED = {f"^{n}": digit for n, digit in enumerate("⁰¹²³⁴⁵⁶⁷⁸")}
 
 
 def write_responses(found: Responses, folder: ResultFolder) -> None:
@@ -98,7 +97,6 @@ def _drawings(found: Responses, folder: ResultFolder) -> Iterator[Drawing]:
     if found.nofrfs is not None and found.signal is not None:
         with draw((7.4, 0.8 + 2.2 * found.nofrfs.order)) as figure:
             for axes in found.nofrfs.plot_orders(list(figure.subplots(found.nofrfs.order, 1, sharex=True))):
-                axes.set_ylabel(_raised(axes.get_ylabel()))
                 for error in axes.get_lines()[1:]:
                     error.set_color(COLOURS["measured"][0])  # that of the library is not for the dark
                 axes.legend(markerscale=1)
@@ -126,20 +124,13 @@ def _hatching(*responses: FrequencyResponse) -> str:
     return "" if known else " Hatched: the gain is below four standard deviations, and its band not to be relied upon."
 
 
-def _raised(unit: str) -> str:
-    """A unit with its powers as a person writes them."""
-    for plain, digit in RAISED.items():
-        unit = unit.replace(plain, digit)
-    return unit
-
-
 def _page(found: Responses, drawings: list[Drawing]) -> StoryPage:
     messages = list(found.lines)
     point, unit = found.first.point, found.model.input_units[0]
     orders = "order 1" if len(found.gfrfs) == 1 else f"orders 1 to {len(found.gfrfs)}"
     about = f"{point.operating_input[0]:.4g} {unit}".rstrip()
     ranges = Table(
-        title="Where each order of the output has energy", columns=["order", "Hz"],
+        title="Where each order of the output can have energy", columns=["order", "Hz"],
         rows=[[str(n), written(bands)] for n, bands in enumerate(found.ranges_Hz, start=1)],
     )  # fmt: skip
     return StoryPage(

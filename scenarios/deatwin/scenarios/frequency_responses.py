@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 from deatwin.control.check import BAND_KEY
 from deatwin.ident.frequency import FrequencyResponse, frequency_grid, gfrf, remove_dc
-from deatwin.ident.frequency.output_responses.estimate import Nofrf, NofrfStatus, NofrfWarning, nofrf
+from deatwin.ident.frequency.output_responses.estimate import nofrf
 from deatwin.ident.frequency.output_responses.excitation import TestSignal, design_excitation
 from deatwin.ident.frequency.output_responses.ranges import output_frequencies
+from deatwin.ident.frequency.output_responses.result import Nofrf, NofrfStatus, NofrfWarning
 from deatwin.ident.narx import NarxModel
 from deatwin.plant.errors import ModelError
 
@@ -55,7 +56,7 @@ class Responses:
     gfrfs : tuple of FrequencyResponse
         H_1 over frequency; H_2, H_3, ... over two frequencies, the others held in the middle of the band.
     ranges_Hz : tuple of ndarray, shape (k, 2)
-        For each order, where its output has energy.
+        For each order, where its output can have energy.
     signal : TestSignal or None
         Of the NOFRFs.
     nofrfs : Nofrf or None
@@ -101,7 +102,7 @@ class Responses:
                 "the model's extrapolation, and its band does not tell of that"
             )
         for order, bands in enumerate(self.ranges_Hz[1:], start=2):
-            yield f"the output of order {order} has energy at {written(bands)} Hz"
+            yield f"the output of order {order} can have energy at {written(bands)} Hz"
         for response in self.gfrfs:
             share = float(np.mean(~response.band(self.level).linear_law))
             if share > 0:

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from deatwin.ident.frequency import gfrf
-from deatwin.ident.frequency.output_responses.estimate import NofrfStatus
+from deatwin.ident.frequency.output_responses.result import NofrfStatus
 from deatwin.ident.narx import NarxModel
 from deatwin.ident.narx.operating import OperatingRange
 from deatwin.scenarios import frequency_report
@@ -107,8 +107,17 @@ def test_all_orders(
     assert all(f'href="{name}"' in page for name in PAGE)
     assert set(validate("run", folder / "run.json")["outputs"]) == set(FILES)
     said = capsys.readouterr().out
-    assert "order 2 has energy at 0 to 2 Hz" in said and "order 3 has energy at 0 to 3 Hz" in said
+    assert "order 2 can have energy at 0 to 2 Hz" in said and "order 3 can have energy at 0 to 3 Hz" in said
     assert "NOFRFs: excitation and levels suit these orders" in said
+
+
+def test_a_second_run_leaves_nothing_of_the_first(square: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(frequency_report, "_drawings", lambda *_: iter(()))
+    folder = square / "response"
+    assert main(["frequency", "narx.json", "--order", "3", "--out", "response"]) == 0
+    (folder / "gfrf8.csv").write_text("somebody's own")  # no run has written it
+    assert main(["frequency", "narx.json", "--out", "response"]) == 0
+    assert {path.name for path in folder.iterdir()} == {"frequency.csv", "report.html", "run.json", "gfrf8.csv"}
 
 
 def test_json_tells_all(

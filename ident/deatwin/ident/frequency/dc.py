@@ -12,9 +12,17 @@ import numpy as np
 from numpy.polynomial import polynomial
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.ident.frequency.linear import feedback, levels, motion, operating_input_of, poles_of
+from deatwin.ident.frequency.frozen import Frozen
+from deatwin.ident.frequency.linear import (
+    feedback,
+    levels,
+    motion,
+    operating_input_of,
+    poles_of,
+    require_finite,
+)
 from deatwin.ident.narx.model import NarxModel
-from deatwin.ident.narx.operating import OperatingRange, read_only
+from deatwin.ident.narx.operating import OperatingRange
 from deatwin.ident.narx.terms import Term, Variable
 from deatwin.plant.errors import ModelError
 
@@ -24,7 +32,7 @@ _PATH_STEPS = 32  # steps from the centre of the training data to the operating 
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Equilibrium:
+class Equilibrium(Frozen):
     """The equilibria of a model at a constant input, and the one the data are near.
 
     Parameters
@@ -75,20 +83,18 @@ def equilibrium(model: NarxModel, operating_input: ArrayLike | None = None) -> E
     Raises
     ------
     ModelError
-        If there is no real equilibrium, or every output is one.
+        If there is no real equilibrium, every output is one, or the coefficients overflow.
     """
     target = operating_input_of(model, operating_input)
     roots = _real_equilibria(model, target)
     if roots.size == 0:
-        raise ModelError(
-            f"the model has no real equilibrium at the input {target.tolist()} "
-            f"{'/'.join(model.input_units)}; its free run cannot settle there"
-        )
+        where = f"{target.tolist()} {'/'.join(model.input_units)}".strip()
+        raise ModelError(f"the model has no real equilibrium at the input {where}; its free run cannot settle there")
     poles = [poles_of(*feedback(model, levels(model, target, float(output)))) for output in roots]
     stable = np.array([bool(np.all(np.abs(p) < 1.0)) for p in poles])
     return Equilibrium(
-        operating_input=read_only(target),
-        outputs=read_only(roots),
+        operating_input=np.array(target),
+        outputs=roots,
         stable=stable,
         chosen=_nearest_to_data(model, target, roots),
     )
@@ -111,7 +117,9 @@ def _real_equilibria(model: NarxModel, inputs: Array) -> Array:
     """Return the real roots of f(y, ..., y; u) - y, increasing."""
     is_output = np.array([v.kind == "y" for v in model.table.variables], dtype=bool)
     degrees = model.table.exponents[:, is_output].sum(axis=1)  # in the output, which is the polynomial's unknown
-    weights = model.theta * model.table.at(levels(model, inputs, 1.0))
+    with np.errstate(over="ignore", invalid="ignore"):
+        weights = model.theta * model.table.at(levels(model, inputs, 1.0))
+    require_finite(weights)
     coefficients = np.bincount(degrees, weights=weights, minlength=2)
     sizes = np.bincount(degrees, weights=np.abs(weights), minlength=2)
     coefficients[1] -= 1.0
@@ -139,18 +147,18 @@ def _output_size(model: NarxModel) -> float:
 
 
 def _newton(coefficients: Array, roots: Array) -> Array:
-    """Polish real roots; three steps suffice from the accuracy of eigenvalues."""
+    """Polish real roots; three steps suffice from the accuracy of eigenvalues. At a double root no step helps."""
     slope = polynomial.polyder(coefficients)
     for _ in range(3):
-        steepness = polynomial.polyval(roots, slope)
-        roots = roots - np.divide(
-            polynomial.polyval(roots, coefficients), steepness, out=np.zeros_like(roots), where=steepness != 0
-        )
+        steepness, residual = polynomial.polyval(roots, slope), polynomial.polyval(roots, coefficients)
+        moved = roots - np.divide(residual, steepness, out=np.zeros_like(roots), where=steepness != 0)
+        nearer = np.abs(polynomial.polyval(moved, coefficients)) < np.abs(residual)
+        roots = np.where(nearer, moved, roots)
     return roots
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Deviations:
+class Deviations(Frozen):
     """A model of the deviations v = y - ybar and w = u - ubar from an equilibrium.
 
     Parameters
@@ -191,7 +199,8 @@ def remove_dc(model: NarxModel, operating_input: ArrayLike | None = None) -> Nar
     Raises
     ------
     ModelError
-        If the model has no equilibrium there, or no term is left.
+        If the model has no equilibrium there, it integrates, two equilibria meet, the coefficients overflow, or no
+        term is left.
     """
     return deviations(model, operating_input).model
 
@@ -218,15 +227,17 @@ def deviations(model: NarxModel, operating_input: ArrayLike | None = None) -> De
     point = equilibrium(model, operating_input)
     expansion: dict[Term, Array] = defaultdict(lambda: np.zeros(len(model.terms)))
     slope: dict[Term, Array] = defaultdict(lambda: np.zeros(len(model.terms)))
-    for m, term in enumerate(model.terms):
-        for remaining, share, change in expand(term, point.operating_input, point.output):
-            expansion[remaining][m] += share
-            slope[remaining][m] += change
+    with np.errstate(over="ignore", invalid="ignore"):
+        for m, term in enumerate(model.terms):
+            for remaining, share, change in expand(term, point.operating_input, np.float64(point.output)):
+                expansion[remaining][m] += share
+                slope[remaining][m] += change
     expansion.pop(Term(()), None)
     if not expansion:
         raise ModelError("the model is constant: nothing is left without its operating point")
     terms = tuple(sorted(expansion, key=lambda t: (t.degree, t.factors)))
     matrix = np.array([expansion[term] for term in terms])
+    require_finite(matrix)
     moves = motion(model, levels(model, point.operating_input, point.output))
     jacobian = matrix + np.outer(np.array([slope[term] for term in terms]) @ model.theta, moves)
     shifted = replace(
@@ -238,7 +249,7 @@ def deviations(model: NarxModel, operating_input: ArrayLike | None = None) -> De
         operating=_shifted_range(model, point),
         provenance={**model.provenance, "deviations_from": _written(model, point)},
     )
-    return Deviations(model=shifted, jacobian=read_only(jacobian), point=point)
+    return Deviations(model=shifted, jacobian=jacobian, point=point)
 
 
 def _shifted_range(model: NarxModel, point: Equilibrium) -> OperatingRange | None:
@@ -276,7 +287,7 @@ def expand(term: Term, inputs: Array, output: Any) -> Iterator[tuple[Term, Any, 
     parts: list[tuple[tuple[Variable, ...], Any, Any]] = [((), 1.0, 0.0)]
     for variable, power in term.factors:
         is_output = variable.kind == "y"
-        level = output if is_output else float(inputs[variable.index])
+        level = output if is_output else inputs[variable.index]
         grown = []
         for kept in range(power + 1):
             rest = power - kept

@@ -15,7 +15,7 @@ from deatwin.ident.frequency.checks import whole_order
 from deatwin.ident.frequency.dc import Deviations, deviations
 from deatwin.ident.frequency.gfrf import HIGHEST_ORDER, gradient_at, require_one_input, values_at
 from deatwin.ident.frequency.response import FrequencyResponse, FrequencyStatus
-from deatwin.ident.frequency.spectrum import line_frequencies, one_period
+from deatwin.ident.frequency.spectrum import excited_lines, line_frequencies, one_period, representable
 from deatwin.ident.narx.model import NarxModel
 from deatwin.plant.errors import ModelError
 
@@ -23,7 +23,6 @@ __all__ = ["direct_output"]
 
 Complex = NDArray[np.complex128]
 
-_EXCITED = 1e-12  # lines below this share of the largest hold the rounding of whoever made the signal
 _BLOCK = 1 << 16  # combinations at a time
 
 
@@ -75,10 +74,9 @@ def direct_output(
     order = whole_order(order, HIGHEST_ORDER)
     require_one_input(model)
     about = deviations(model, operating_input)
-    period = one_period(excitation)
+    period = one_period(excitation, model.sample_time)
     spectrum = np.fft.fft(period) / period.size
-    size = np.abs(spectrum)
-    lines = np.flatnonzero(size > _EXCITED * size.max())
+    lines = np.flatnonzero(excited_lines(spectrum))
     count = comb(lines.size + order - 1, order)
     if count > most:
         raise ModelError(
@@ -95,6 +93,7 @@ def direct_output(
         status=FrequencyStatus.at(about.point),
         unit=model.output_units[0],
         theta_cov=model.theta_cov,
+        theta_dof=model.theta_dof,
         differentiate=partial(_gradient, total, about),
     )
 
@@ -129,10 +128,11 @@ class _Sum:
             reached = lines.sum(axis=1) % n_samples
             wanted = reached < len(total)  # the others are the complex conjugates
             chosen = lines[wanted]
-            weight = _permutations(chosen) * self.spectrum[chosen].prod(axis=1)
             values = response(2 * np.pi * chosen / n_samples)
-            np.add.at(total, reached[wanted], (weight * values.T).T)
-        return total
+            with np.errstate(over="ignore", invalid="ignore"):
+                weight = _permutations(chosen) * self.spectrum[chosen].prod(axis=1)
+                np.add.at(total, reached[wanted], (weight * values.T).T)
+        return representable(total, f"order {self.order} of the output")
 
     def _multisets(self) -> Iterator[NDArray[np.intp]]:
         """Yield blocks of shape (n, order), each row in increasing order."""

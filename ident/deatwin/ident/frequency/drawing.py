@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.plant.drawing import axes_or_new
+from deatwin.ident.frequency.uncertainty.gain_phase import interval_radius
+from deatwin.plant.drawing import axes_or_new, written_unit
 from deatwin.plant.errors import ModelError
 
 if TYPE_CHECKING:
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
 __all__ = ["bode", "drawn_points", "plot_response", "say_zero"]
 
 _ROUNDING = 1e-10  # gains below this share of the largest are rounding and are not drawn
-_95_PERCENT = 1.96
 
 
 def plot_response(response: FrequencyResponse, ax: Axes | None = None) -> Axes:
@@ -81,7 +81,7 @@ def bode(response: FrequencyResponse, axes: Sequence[Axes] | None = None) -> tup
     degrees = np.where(drawn_points(response), response.phase_deg, np.nan)
     (line,) = phase.plot(response.frequency_Hz, degrees, **_style(response))
     if response.theta_cov.any():
-        half = np.minimum(_95_PERCENT * response.phase_deviation_deg, 180.0)
+        half = np.minimum(interval_radius(0.95, response.theta_dof) * response.phase_deviation_deg, 180.0)
         doubtful = ~response.band().linear_law
         limits = response.frequency_Hz, degrees - half, degrees + half
         phase.fill_between(*limits, color=line.get_color(), alpha=0.25, linewidth=0)
@@ -128,7 +128,7 @@ def _plot_gain(response: FrequencyResponse, axes: Axes) -> Axes:
     if response.theta_cov.any():
         _shade(response, drawn, axes, line.get_color())
     axes.set_xlabel("frequency (Hz)")
-    axes.set_ylabel(f"gain ({response.unit})" if response.unit else "gain")
+    axes.set_ylabel(f"gain ({written_unit(response.unit)})" if response.unit else "gain")
     axes.legend()
     return axes
 

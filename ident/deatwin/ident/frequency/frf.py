@@ -7,9 +7,11 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from deatwin.ident.frequency.checks import whole_number
 from deatwin.ident.frequency.dc import Equilibrium
+from deatwin.ident.frequency.gfrf import checked_frequencies
 from deatwin.ident.frequency.many import Evaluated, stable_polynomials
-from deatwin.ident.frequency.response import FrequencyResponse, FrequencyStatus
+from deatwin.ident.frequency.response import FrequencyResponse, FrequencyStatus, Pointwise
 from deatwin.ident.narx.linear import LinearModel
 from deatwin.ident.narx.linear.frequency import transfer, transfer_gradient
 from deatwin.ident.narx.linear.polynomials import Orders
@@ -41,17 +43,12 @@ def frf(model: LinearModel, omega: ArrayLike, *, channel: int = 0) -> FrequencyR
     Raises
     ------
     ModelError
-        If there is no such input, or a frequency is too high.
+        If there is no such input, or the frequencies are not real numbers up to half the sampling rate.
     """
-    if not 0 <= channel < len(model.b):
-        raise ModelError(f"channel = {channel}; the model has {len(model.b)} input(s), counted from 0")
-    frequencies = read_only(np.atleast_1d(np.asarray(omega, dtype=np.float64)))
-    nyquist = np.pi / model.sample_time
-    if frequencies.ndim != 1 or not np.all(np.abs(frequencies) <= nyquist * (1 + 1e-9)):
-        raise ModelError(
-            f"omega must be of shape (n,) and go up to half the sampling rate, {nyquist:.6g} rad/s; got the shape "
-            f"{frequencies.shape}"
-        )
+    if not isinstance(model, LinearModel):
+        raise ModelError(f"a {type(model).__name__} is no LinearModel; gfrf computes the responses of a NarxModel")
+    channel = whole_number(channel, "channel", 0, len(model.b) - 1)
+    frequencies = checked_frequencies(omega, model.sample_time)
     point, angle = _at_rest(model), frequencies * model.sample_time
     units = (model.output_units[0], model.input_units[channel])
     return FrequencyResponse(
@@ -63,12 +60,12 @@ def frf(model: LinearModel, omega: ArrayLike, *, channel: int = 0) -> FrequencyR
         status=FrequencyStatus.at(point),
         unit="/".join(units) if all(units) else "",
         theta_cov=model.theta_cov,
-        differentiate=partial(transfer_gradient, model.orders, model.theta, angle, channel),
-        evaluate=partial(_of_many, model.orders, angle, channel),
+        differentiate=Pointwise(partial(transfer_gradient, model.orders, model.theta, channel=channel), angle),
+        evaluate=Pointwise(partial(_of_many, model.orders, channel), angle),
     )
 
 
-def _of_many(orders: Orders, angle: Array, channel: int, thetas: Array) -> Evaluated:
+def _of_many(orders: Orders, channel: int, angle: Array, thetas: Array) -> Evaluated:
     m = len(orders.nb)
     ends = np.cumsum((0, *orders.sizes))
     feedbacks = [0, *range(1 + m, 1 + 2 * m)]  # A and each F

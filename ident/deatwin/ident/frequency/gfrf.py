@@ -4,22 +4,30 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
-from itertools import product
-from math import prod
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from deatwin.ident.frequency.blocks import blocks_of
 from deatwin.ident.frequency.checks import real_numbers, whole_order
 from deatwin.ident.frequency.dc import Deviations, deviations
 from deatwin.ident.frequency.hierarchy import products_of, solve_parts
 from deatwin.ident.frequency.many import gfrf_of_many
 from deatwin.ident.frequency.parts import FORMS, Tones
-from deatwin.ident.frequency.response import FrequencyResponse, FrequencyStatus
+from deatwin.ident.frequency.response import FrequencyResponse, FrequencyStatus, Pointwise
 from deatwin.ident.narx.model import NarxModel
 from deatwin.plant.errors import ModelError, nearest
 
-__all__ = ["HIGHEST_ORDER", "frequency_grid", "gfrf", "gradient_at", "require_one_input", "unit_of", "values_at"]
+__all__ = [
+    "HIGHEST_ORDER",
+    "checked_frequencies",
+    "frequency_grid",
+    "gfrf",
+    "gradient_at",
+    "require_one_input",
+    "unit_of",
+    "values_at",
+]
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -78,10 +86,10 @@ def gfrf(
     Metrologia 39 (2002) 295-302, doi:10.1088/0026-1394/39/3/6.
     """
     order = whole_order(order, HIGHEST_ORDER)
-    if form not in FORMS:
+    if not isinstance(form, str) or form not in FORMS:
         raise ModelError(f"form = {form!r}{nearest(str(form), FORMS)}; known are {' and '.join(FORMS)}")
     require_one_input(model)
-    frequencies = _checked(model, order, omega)
+    frequencies = checked_frequencies(omega, model.sample_time, order)
     about = deviations(model, operating_input)
     angles = (frequencies if order > 1 else frequencies[:, None]) * model.sample_time
     return FrequencyResponse(
@@ -93,8 +101,9 @@ def gfrf(
         status=FrequencyStatus.at(about.point),
         unit=unit_of(model, order),
         theta_cov=model.theta_cov,
-        differentiate=partial(gradient_at, about, angles, form),
-        evaluate=partial(gfrf_of_many, model, about.point, angles, form),
+        theta_dof=model.theta_dof,
+        differentiate=Pointwise(partial(gradient_at, about, form=form), angles),
+        evaluate=Pointwise(partial(gfrf_of_many, model, about.point, form), angles),
     )
 
 
@@ -123,7 +132,7 @@ def frequency_grid(*axes: ArrayLike) -> Array:
 
 
 def require_one_input(model: NarxModel) -> None:
-    """Raise ModelError unless a model has one input.
+    """Raise ModelError unless a model is polynomial and has one input.
 
     Parameters
     ----------
@@ -133,8 +142,10 @@ def require_one_input(model: NarxModel) -> None:
     Raises
     ------
     ModelError
-        With the number of inputs.
+        With the number of inputs, or what it is.
     """
+    if not isinstance(model, NarxModel):
+        raise ModelError(f"a {type(model).__name__} is no NarxModel; frf computes the response of a linear model")
     if len(model.input_names) != 1:
         raise ModelError(
             f"the model has {len(model.input_names)} inputs; frequency responses are computed for one input"
@@ -157,7 +168,27 @@ def unit_of(model: NarxModel, order: int) -> str:
     return f"{output_unit}/{input_unit}" + (f"^{order}" if order > 1 else "")
 
 
-def _checked(model: NarxModel, order: int, omega: ArrayLike) -> Array:
+def checked_frequencies(omega: ArrayLike, sample_time: float, order: int = 1) -> Array:
+    """Return frequencies after a check.
+
+    Parameters
+    ----------
+    omega : array_like, shape (n,) for order 1, else (n, order)
+        Angular frequencies in rad/s.
+    sample_time : float
+        In s.
+    order : int
+        How many there are for each value.
+
+    Returns
+    -------
+    ndarray, shape (n,) or (n, order)
+
+    Raises
+    ------
+    ModelError
+        If they are not real numbers of that shape, there are none, or one is above half the sampling rate.
+    """
     given = np.atleast_1d(real_numbers(omega, "omega"))
     if order > 1 and given.shape == (order,):
         given = given[None, :]
@@ -168,7 +199,7 @@ def _checked(model: NarxModel, order: int, omega: ArrayLike) -> Array:
         raise ModelError(f"omega has the shape {given.shape}; order {order} needs {wanted}, in rad/s")
     if given.size == 0:
         raise ModelError("omega is empty; give at least one frequency")
-    nyquist = np.pi / model.sample_time
+    nyquist = np.pi / sample_time
     highest = nyquist * (1 + 1e-9)
     if not (given.min() >= -highest and given.max() <= highest):
         wrong = given[~(np.abs(given) <= highest)][0]
@@ -237,40 +268,4 @@ def _blocks(
     """
     held = len(form(angles[:0]).order) * products_of(about.model.terms)
     size = max(1, min(_BLOCK, _HELD // held) // numbers)
-    axes = _axes(angles)
-    if axes is None:
-        lines = ((part,) for part in _cut(len(angles), size))
-        return (len(angles),), ((block, form(angles[block])) for block in lines)
-    shape = tuple(axis.size for axis in axes)
-    lengths = list(shape)
-    while prod(lengths) > size:  # the blocks' shape is near a cube's, whose faces are small
-        longest = int(np.argmax(lengths))
-        lengths[longest] = -(-lengths[longest] // 2)
-    boxes = product(*(_cut(n, length) for n, length in zip(shape, lengths, strict=True)))
-    return shape, ((box, form.on_grid([axis[cut] for axis, cut in zip(axes, box, strict=True)])) for box in boxes)
-
-
-def _cut(count: int, length: int) -> list[slice]:
-    return [slice(first, first + length) for first in range(0, count, length)]
-
-
-def _axes(angles: Array) -> list[Array] | None:
-    """The frequencies of each tone, if the points are all combinations of them, the last running fastest."""
-    lengths, stride = [], len(angles)
-    for column in angles.T:
-        changed = column != column[0]
-        step = int(np.argmax(changed)) if changed.any() else stride
-        if step > stride or stride % step:
-            return None
-        lengths.append(stride // step)
-        stride = step
-    if stride != 1:
-        return None
-    axes = []
-    grid = angles.reshape(*lengths, angles.shape[1])
-    for tone in range(angles.shape[1]):
-        along = np.moveaxis(grid[..., tone], tone, -1)
-        axes.append(along[(0,) * (len(lengths) - 1)])
-        if np.any(along != axes[-1]):
-            return None
-    return axes
+    return blocks_of(angles, form, size)

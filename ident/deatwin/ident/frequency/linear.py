@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.ident.frequency.checks import real_numbers
+from deatwin.ident.frequency.checks import polynomial_model, real_numbers
+from deatwin.ident.frequency.frozen import Frozen
 from deatwin.ident.narx.model import NarxModel
 from deatwin.plant.errors import ModelError
 
 Array = NDArray[np.float64]
 
-_FOLD = 1e-9  # a static stiffness (1 at no feedback) below this is that of two equilibria which meet
+_ROUNDING = 4 * np.finfo(float).eps
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class LinearPart:
+class LinearPart(Frozen):
     """The linear part about an equilibrium: v(k) = sum_l a_l v(k-l) + sum_l b_l w(k-l).
 
     Parameters
@@ -44,10 +45,6 @@ class LinearPart:
     a_theta: Array
     b_theta: Array
 
-    def __post_init__(self) -> None:
-        for item in fields(self):
-            getattr(self, item.name).setflags(write=False)
-
     @property
     def poles(self) -> NDArray[np.complex128]:
         """Poles in the z plane."""
@@ -72,10 +69,10 @@ def operating_input_of(model: NarxModel, operating_input: ArrayLike | None) -> A
     Raises
     ------
     ModelError
-        If the inputs are not as many finite numbers as the model has inputs, or the model has several outputs or
-        noise terms.
+        If the model is no NarxModel or has several outputs or noise terms, or the inputs are not as many finite
+        numbers as it has inputs.
     """
-    model.require_one_output("frequency analysis")
+    polynomial_model(model).require_one_output("frequency analysis")
     count = len(model.input_names)
     if operating_input is None:
         return np.zeros(count) if model.operating is None else model.operating.input_centre
@@ -104,20 +101,21 @@ def linear_part(model: NarxModel, operating_input: ArrayLike, output: float) -> 
     Raises
     ------
     ModelError
-        If the equilibrium is about to vanish, so that it has no derivative.
+        If the model integrates or two equilibria meet there, so that the equilibrium has no derivative; or if the
+        coefficients overflow.
     """
     inputs = operating_input_of(model, operating_input)
     variables, exponents = model.table.variables, model.table.exponents
     values = levels(model, inputs, output)
     is_output = np.array([v.kind == "y" for v in variables], dtype=bool)
     outputs = [j for j, v in enumerate(variables) if v.kind == "y"]
-    first = _slopes(model, values)
+    moves, first = motion(model, values), _slopes(model, values)
     # A slope depends on a parameter directly, and through the equilibrium by its own slope along the output.
     along = np.array([
         sum(float(_derivative(exponents, values, (j, i)) @ model.theta) for i in outputs)
         for j in range(len(variables))
     ])  # fmt: skip
-    by_theta = first + np.outer(along, motion(model, values))
+    by_theta = first + np.outer(along, moves)
     slopes = first @ model.theta
     lags = np.array([v.lag for v in variables], dtype=np.int64)
     index = np.array([v.index for v in variables], dtype=np.int64)
@@ -173,10 +171,37 @@ def feedback(model: NarxModel, values: Array) -> tuple[NDArray[np.int64], Array]
         Lags in samples.
     a : ndarray, shape (n_a,)
         Coefficients.
+
+    Raises
+    ------
+    ModelError
+        If they overflow.
     """
     chosen = [j for j, v in enumerate(model.table.variables) if v.kind == "y"]
     lags = np.array([model.table.variables[j].lag for j in chosen], dtype=np.int64)
-    return lags, (_slopes(model, values) @ model.theta)[chosen]
+    with np.errstate(over="ignore", invalid="ignore"):
+        slopes = _slopes(model, values) @ model.theta
+    require_finite(slopes)
+    return lags, slopes[chosen]
+
+
+def require_finite(coefficients: Array) -> None:
+    """Refuse coefficients that have overflowed.
+
+    Parameters
+    ----------
+    coefficients : ndarray
+        Of any shape.
+
+    Raises
+    ------
+    ModelError
+        If one is not finite.
+    """
+    if not np.all(np.isfinite(coefficients)):
+        raise ModelError(
+            "the model's coefficients overflow at this operating input; choose one near the training data"
+        )
 
 
 def motion(model: NarxModel, values: Array) -> Array:
@@ -196,15 +221,37 @@ def motion(model: NarxModel, values: Array) -> Array:
     Raises
     ------
     ModelError
-        If the equilibrium is about to vanish, so that it has no derivative.
+        If the model integrates or two equilibria meet there, so that the equilibrium has no derivative; or if the
+        coefficients overflow.
+
+    Notes
+    -----
+    The stiffness 1 - sum a = prod (1 - p) of slow poles p is small by nature, and zero only to rounding. About a fold,
+    where it is zero, f(y) - y is a parabola, whose root is known to no more than the square root of its rounding.
     """
-    stiffness = 1.0 - float(feedback(model, values)[1].sum())
-    if abs(stiffness) < _FOLD:
+    a = feedback(model, values)[1]
+    terms, stiffness = model.table.at(values), 1.0 - float(a.sum())
+    degrees, curvature = _along_output(model, values)
+    size = float(np.abs(model.theta) @ np.abs(terms))
+    unsure = max(_ROUNDING * (1.0 + float(np.abs(a).sum())), 2 * np.sqrt(_ROUNDING * curvature) * np.sqrt(size))
+    if abs(stiffness) > unsure:
+        return terms / stiffness
+    if np.any(degrees > 1):
         raise ModelError(
             "two equilibria meet at this operating input, so that the equilibrium has no derivative; "
             "choose another operating input"
         )
-    return model.table.at(values) / stiffness
+    raise ModelError("the model integrates: any output may be its equilibrium, so that it has no derivative")
+
+
+def _along_output(model: NarxModel, values: Array) -> tuple[NDArray[np.int64], float]:
+    """Return the degree of each term in the output, and the size of the second derivative of f(y) there."""
+    is_output = np.array([v.kind == "y" for v in model.table.variables], dtype=bool)
+    degrees = model.table.exponents[:, is_output].sum(axis=1)
+    output = values[is_output][:1].sum()  # all are the same
+    weights = model.theta * model.table.at(np.where(is_output, 1.0, values))
+    bends = degrees * (degrees - 1) * output ** np.maximum(degrees - 2, 0)
+    return degrees, abs(float(weights @ bends))
 
 
 def poles_of(lags: NDArray[np.int64], a: Array) -> NDArray[np.complex128]:

@@ -9,11 +9,14 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.frequency.blocks import blocks_of
 from deatwin.ident.frequency.dc import Equilibrium, expand
+from deatwin.ident.frequency.frozen import Frozen
 from deatwin.ident.frequency.hierarchy import Jet, solve_parts
 from deatwin.ident.frequency.linear import levels
 from deatwin.ident.frequency.parts import FORMS, Orders
@@ -34,7 +37,7 @@ _SETTLED = 1e-9  # of the equation, relative to its terms
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Evaluated:
+class Evaluated(Frozen):
     """A frequency response at many parameters.
 
     Parameters
@@ -74,7 +77,7 @@ class _Many:
     stable: NDArray[np.bool_]
 
 
-def gfrf_of_many(model: NarxModel, point: Equilibrium, angles: Array, form: str, thetas: Array) -> Evaluated:
+def gfrf_of_many(model: NarxModel, point: Equilibrium, form: str, angles: Array, thetas: Array) -> Evaluated:
     """Compute H_n at many parameters.
 
     Parameters
@@ -83,10 +86,10 @@ def gfrf_of_many(model: NarxModel, point: Equilibrium, angles: Array, form: str,
         The model.
     point : Equilibrium
         Its operating point.
-    angles : ndarray, shape (n, order)
-        Normalised frequencies, rad/sample.
     form : str
         As for `deatwin.ident.frequency.gfrf`.
+    angles : ndarray, shape (n, order)
+        Normalised frequencies, rad/sample.
     thetas : ndarray, shape (n_draws, n_terms)
         Parameters.
 
@@ -95,13 +98,16 @@ def gfrf_of_many(model: NarxModel, point: Equilibrium, angles: Array, form: str,
     Evaluated
     """
     many = _deviations(model, point, thetas)
-    values = np.full((len(thetas), len(angles)), np.nan + 0j)
-    for first in range(0, len(angles), _MOST):
-        tones = FORMS[form](angles[first : first + _MOST])
-        for draws, theta in _blocks(many, min(len(angles), _MOST)):
-            part = solve_parts(many.terms, theta, tones, by_theta=False).get(tones.whole)
-            values[draws, first : first + _MOST] = _or_zero(part) / tones.repeats
-    return Evaluated(values=values, exists=many.exists, stable=many.stable)
+    shape, blocks = blocks_of(angles, FORMS[form], _MOST)
+    values = np.full((len(thetas), *shape), np.nan + 0j)
+    beside = (1,) * (len(shape) - 1)
+    for block, tones in blocks:
+        for draws, theta in _blocks(many, values[0][block].size):
+            wide = theta.reshape(*theta.shape, *beside)
+            part = solve_parts(many.terms, wide, tones, by_theta=False).get(tones.whole)
+            place: tuple[Any, ...] = (draws, *block)
+            values[place] = _or_zero(part) / tones.repeats
+    return Evaluated(values=values.reshape(len(thetas), -1), exists=many.exists, stable=many.stable)
 
 
 def spectrum_of_many(

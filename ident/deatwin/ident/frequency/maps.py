@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -11,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from deatwin.ident.frequency.checks import real_numbers
 from deatwin.ident.frequency.drawing import drawn_points, say_zero
+from deatwin.plant.drawing import written_unit
 from deatwin.plant.errors import ModelError
 
 if TYPE_CHECKING:
@@ -161,12 +161,7 @@ def slice_of(response: FrequencyResponse, held_Hz: ArrayLike) -> FrequencyRespon
         raise ModelError(f"held_Hz has the shape {held.shape}; order {response.order} needs {others.shape[1:]}, in Hz")
     nearest = others[np.argmin(np.sum((others - held) ** 2, axis=1))]
     chosen = np.flatnonzero(np.all(others == nearest, axis=1))
-    return replace(
-        response,
-        values=response.values[chosen],
-        omega=response.omega[chosen],
-        differentiate=lambda: response.gradient[chosen],
-    )
+    return response.at_points(chosen)
 
 
 class _Grid(NamedTuple):
@@ -284,5 +279,5 @@ def _label_frequencies(response: FrequencyResponse, axes: Any) -> None:
 
 
 def _gain_label(response: FrequencyResponse) -> str:
-    unit = response.unit.replace("^", "$^") + "$" if "^" in response.unit else response.unit
+    unit = written_unit(response.unit)
     return f"|{response.label}| (dB re 1 {unit})" if unit else f"|{response.label}| (dB)"

@@ -2,26 +2,27 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
-from functools import cached_property
-from statistics import NormalDist
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.frequency.dc import Equilibrium
+from deatwin.ident.frequency.frozen import Frozen
+from deatwin.ident.frequency.uncertainty.gain_phase import interval_radius
 from deatwin.ident.narx.operating import read_only
-from deatwin.plant.errors import ModelError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from deatwin.ident.frequency.many import Evaluated
 
-__all__ = ["Band", "FrequencyResponse", "FrequencyStatus"]
+__all__ = ["Band", "FrequencyResponse", "FrequencyStatus", "Pointwise"]
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -57,7 +58,7 @@ class FrequencyStatus(Enum):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Band:
+class Band(Frozen):
     """A pointwise confidence band of the gain.
 
     Parameters
@@ -76,8 +77,44 @@ class Band:
     linear_law: NDArray[np.bool_]
 
 
+@dataclass(frozen=True, eq=False)
+class Pointwise(Frozen):
+    """A function of points, to be called at some of them.
+
+    Parameters
+    ----------
+    function : callable
+        Takes the points first.
+    points : ndarray, shape (n, ...)
+        Where.
+    """
+
+    function: Callable[..., Any]
+    points: Array
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Return the function of the points.
+
+        Parameters
+        ----------
+        *arguments : Any
+            What else the function takes.
+        """
+        return self.function(self.points, *arguments)
+
+    def at(self, chosen: NDArray[np.intp]) -> Pointwise:
+        """Return the function of fewer points.
+
+        Parameters
+        ----------
+        chosen : ndarray of int, shape (n_chosen,)
+            Which.
+        """
+        return Pointwise(self.function, self.points[chosen])
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
-class FrequencyResponse:
+class FrequencyResponse(Frozen):
     """A complex quantity over frequency at an operating point: H_n, G_n or Y_n.
 
     Parameters
@@ -100,9 +137,12 @@ class FrequencyResponse:
         Covariance of the parameters of the model.
     differentiate : callable
         Returns the derivative by these parameters, complex of shape (n, n_terms), the motion of the equilibrium
-        included.
+        included; a `Pointwise` is called at no more points than are asked for.
     evaluate : callable, optional
-        Takes parameters of shape (n_draws, n_terms) and returns the response at all of them, an ``Evaluated``.
+        Takes parameters of shape (n_draws, n_terms) and returns the response at all of them, an ``Evaluated``;
+        a `Pointwise` likewise.
+    theta_dof : float
+        Degrees of freedom of the parameters' Student-t law; infinite for a normal law.
     """
 
     symbol: str
@@ -115,10 +155,7 @@ class FrequencyResponse:
     theta_cov: Array
     differentiate: Callable[[], Complex]
     evaluate: Callable[[Array], Evaluated] | None = None
-
-    def __post_init__(self) -> None:
-        for array in (self.values, self.omega):
-            array.setflags(write=False)
+    theta_dof: float = math.inf
 
     @cached_property
     def gradient(self) -> Complex:
@@ -132,6 +169,31 @@ class FrequencyResponse:
         """Covariance of real and imaginary part, shape (n, 2, 2), to first order."""
         parts = np.stack([self.gradient.real, self.gradient.imag], axis=1)
         return read_only(parts @ self.theta_cov @ parts.swapaxes(1, 2))
+
+    def at_points(self, chosen: NDArray[Any] | slice) -> FrequencyResponse:
+        """Return the response at some of its points.
+
+        Parameters
+        ----------
+        chosen : ndarray of bool, shape (n,), or of int, shape (n_chosen,), or slice
+            Which.
+
+        Returns
+        -------
+        FrequencyResponse
+            With derivatives and values at other parameters at these points.
+        """
+        where = np.arange(self.values.size)[chosen]
+        derive, many = self.differentiate, self.evaluate
+        if many is not None:
+            many = many.at(where) if isinstance(many, Pointwise) else partial(_columns, many, where)
+        return replace(
+            self,
+            values=self.values[where],
+            omega=self.omega[where],
+            differentiate=derive.at(where) if isinstance(derive, Pointwise) else partial(_rows, self, where),
+            evaluate=many,
+        )
 
     @property
     def label(self) -> str:
@@ -192,8 +254,9 @@ class FrequencyResponse:
     def band(self, level: float = 0.95) -> Band:
         """Return a pointwise confidence band of the gain.
 
-        The parameters are taken as normal and the gain as linear in them. That fails where the gain is not
-        large against its uncertainty (the gain of a normal complex number near zero is Rice-distributed):
+        The parameters are taken as normal, or Student-t where ``theta_dof`` is finite, and the gain as linear in
+        them. That fails where the gain is not large against its uncertainty (the gain of a normal complex number near
+        zero is Rice-distributed):
         where it is less than four standard deviations of the longer axis of the ellipse, ``linear_law`` is
         False. The lower limit is never below zero.
 
@@ -211,9 +274,7 @@ class FrequencyResponse:
         ModelError
             If the level is not between 0 and 1.
         """
-        if not 0.0 < level < 1.0:
-            raise ModelError(f"level = {level}; it must lie between 0 and 1")
-        half = NormalDist().inv_cdf(0.5 + level / 2) * self.gain_deviation
+        half = interval_radius(level, self.theta_dof) * self.gain_deviation
         return Band(
             level=level,
             low=read_only((self.gain - half).clip(min=0.0)),
@@ -254,12 +315,30 @@ class FrequencyResponse:
                 "covariance": (("point", "part", "other_part"), self.covariance, {"units": squared}),
                 "omega": (dims, self.omega, {"units": "rad/s"}),
             },
-            coords={"part": ["real", "imaginary"], "other_part": ["real", "imaginary"]},
+            coords={
+                "frequency_Hz": (dims, self.frequency_Hz, {"units": "Hz"}),
+                "part": ["real", "imaginary"],
+                "other_part": ["real", "imaginary"],
+            },
             attrs={
                 "symbol": self.symbol,
                 "order": self.order,
-                "operating_input": self.point.operating_input.tolist(),
+                "operating_input": _plain(self.point.operating_input),
                 "operating_output": self.point.output,
                 "status": self.status.value,
             },
         )
+
+
+def _rows(response: FrequencyResponse, where: NDArray[np.intp]) -> Complex:
+    return response.gradient[where]
+
+
+def _columns(evaluate: Callable[[Array], Evaluated], where: NDArray[np.intp], thetas: Array) -> Evaluated:
+    found = evaluate(thetas)
+    return replace(found, values=found.values[:, where])
+
+
+def _plain(values: Array) -> float | list[float]:
+    """One number or a list of several, as files keep them: they read a list of one as a number."""
+    return float(values[0]) if values.size == 1 else [float(value) for value in values]

@@ -20,10 +20,20 @@ from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.operating import read_only
 from deatwin.plant.errors import ModelError
 
-__all__ = ["line_frequencies", "one_period", "output_orders", "output_spectrum", "spectrum_of"]
+__all__ = [
+    "excited_lines",
+    "line_frequencies",
+    "one_period",
+    "output_orders",
+    "output_spectrum",
+    "representable",
+    "spectrum_of",
+]
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
+
+_EXCITED = 1e-12  # lines below this share of the largest hold the rounding of whoever made the signal
 
 
 def output_spectrum(
@@ -56,7 +66,8 @@ def output_spectrum(
     ------
     ModelError
         If the order is not an integer, the model has several inputs or no equilibrium, the excitation is not a finite
-        period, or a line of it meets a pole on the unit circle.
+        period at the model's sample time or so large that an order overflows, or a line of it meets a pole on the unit
+        circle.
     """
     highest = whole_order(order)
     return _steady(model, excitation, operating_input, highest).response(range(1, highest + 1), 0)
@@ -122,13 +133,47 @@ def spectrum_of(values: ArrayLike) -> Complex:
     return np.asarray(np.fft.rfft(given) / given.shape[-1], dtype=np.complex128)
 
 
-def one_period(excitation: ArrayLike) -> Array:
+def excited_lines(spectrum: Complex) -> NDArray[np.bool_]:
+    """Return which lines of an input hold more than rounding, of the shape of the spectrum.
+
+    Parameters
+    ----------
+    spectrum : ndarray of complex, shape (n_lines,)
+        Fourier coefficients.
+    """
+    size = np.abs(spectrum)
+    return np.asarray(size > _EXCITED * size.max(), dtype=np.bool_)
+
+
+def representable(values: Complex, what: str) -> Complex:
+    """Return what was computed of an excitation after a check.
+
+    Parameters
+    ----------
+    values : ndarray of complex
+        Any shape.
+    what : str
+        What they are, for the error.
+
+    Raises
+    ------
+    ModelError
+        If a value is not finite.
+    """
+    if not np.all(np.isfinite(values)):
+        raise ModelError(f"the excitation is so large that {what} overflows; lower its amplitude")
+    return values
+
+
+def one_period(excitation: ArrayLike, sample_time: float) -> Array:
     """Return a period of an input after a check.
 
     Parameters
     ----------
     excitation : array_like, shape (n_samples,)
-        The period.
+        The period; a `TestSignal` knows its own sample time.
+    sample_time : float
+        Of the model, s.
 
     Returns
     -------
@@ -137,13 +182,26 @@ def one_period(excitation: ArrayLike) -> Array:
     Raises
     ------
     ModelError
-        If it is not one-dimensional, real, finite and of at least two samples.
+        If it is not one-dimensional, real, finite and of at least two samples, or is known to have another sample
+        time.
     """
     values = real_numbers(excitation, "the excitation")
-    if values.ndim != 1 or values.size < 2 or not np.all(np.isfinite(values)):
+    if values.ndim != 1 or values.size < 2:
         raise ModelError(
-            f"the excitation has the shape {values.shape}; it must be one period of finite deviations from the "
-            "operating input, of shape (n_samples,)"
+            f"the excitation has the shape {values.shape}; it must be one period of at least two samples, of shape "
+            "(n_samples,)"
+        )
+    wrong = np.flatnonzero(~np.isfinite(values))
+    if wrong.size:
+        raise ModelError(
+            f"sample {wrong[0]} of the excitation is {values[wrong[0]]}; all must be finite deviations from the "
+            "operating input"
+        )
+    own = getattr(excitation, "sample_time", sample_time)
+    if not np.isclose(own, sample_time, rtol=1e-9, atol=0.0):
+        raise ModelError(
+            f"the excitation has a sample time of {own:g} s, the model one of {sample_time:g} s; design it at the "
+            "model's"
         )
     return values
 
@@ -165,37 +223,41 @@ class _Steady:
         return self._solve(by_theta=True)
 
     def _solve(self, *, by_theta: bool) -> dict[int, Jet]:
-        return solve_parts(self.about.model.terms, self.about.model.theta, self.parts, by_theta=by_theta)
+        with np.errstate(over="ignore", invalid="ignore"):  # told where the parts are summed
+            return solve_parts(self.about.model.terms, self.about.model.theta, self.parts, by_theta=by_theta)
 
     def response(self, wanted: Sequence[int], number: int) -> FrequencyResponse:
         """The sum of some orders."""
         values = np.zeros(self.parts.excitation.size // 2 + 1, dtype=np.complex128)
-        for n in wanted:
-            if n in self.values:
-                values += spectrum_of(self.values[n].value)
+        with np.errstate(over="ignore", invalid="ignore"):
+            for n in wanted:
+                if n in self.values:
+                    values += spectrum_of(self.values[n].value)
         return FrequencyResponse(
             symbol="Y",
             order=number,
-            values=values,
+            values=representable(values, f"order {wanted[-1]} of the output"),
             omega=line_frequencies(self.parts.excitation.size, self.model.sample_time),
             point=self.about.point,
             status=FrequencyStatus.at(self.about.point),
             unit=self.model.output_units[0],
             theta_cov=self.model.theta_cov,
+            theta_dof=self.model.theta_dof,
             differentiate=partial(self._gradient, wanted),
             evaluate=partial(spectrum_of_many, self.model, self.about.point, self.parts, wanted),
         )
 
     def _gradient(self, wanted: Sequence[int]) -> Complex:
         gradient = np.zeros((self.parts.excitation.size // 2 + 1, self.about.jacobian.shape[1]), dtype=np.complex128)
-        for n in wanted:
-            slope = self.slopes[n].slope if n in self.slopes else None
-            if slope is not None:
-                gradient += spectrum_of(slope).T @ self.about.jacobian
-        return gradient
+        with np.errstate(over="ignore", invalid="ignore"):
+            for n in wanted:
+                slope = self.slopes[n].slope if n in self.slopes else None
+                if slope is not None:
+                    gradient += spectrum_of(slope).T @ self.about.jacobian
+        return representable(gradient, f"the derivative of order {wanted[-1]} of the output")
 
 
 def _steady(model: NarxModel, excitation: ArrayLike, operating_input: ArrayLike | None, highest: int) -> _Steady:
     require_one_input(model)
     about = deviations(model, operating_input)
-    return _Steady(model=model, about=about, parts=Orders(one_period(excitation), highest))
+    return _Steady(model=model, about=about, parts=Orders(one_period(excitation, model.sample_time), highest))

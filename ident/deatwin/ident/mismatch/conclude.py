@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -182,7 +182,7 @@ def _smallest(findings: Findings) -> dict[str, float | None]:
     return {name: None if found is None else found / size for name, found in sizes.items()}
 
 
-def _locate(findings: Findings) -> dict[str, list[dict[str, Any]]]:
+def _locate(findings: Findings) -> dict[str, list[dict[str, Any]] | None]:
     chosen, noise = findings.base.chosen, findings.base.noise
     if not chosen.mismatch:
         return {"time": [], "frequency": [], "region": [], "place": [], "response": []}
@@ -202,8 +202,8 @@ def _locate(findings: Findings) -> dict[str, list[dict[str, Any]]]:
     }
 
 
-def _responses(findings: Findings) -> list[dict[str, Any]]:
-    """Orders and bands in which the response of the recordings is not that of the calibrated base plant."""
+def _responses(findings: Findings) -> list[dict[str, Any]] | None:
+    """Orders and bands in which the response of the recordings is not that of the base plant; None if not tested."""
     plant, checked = findings.base.chosen.calibration.plant, findings.checked
     simulated = [y for each in readings(plant, checked.experiments) for y in each]
     records = [record for experiment in checked.experiments for record in experiment.recordings]
@@ -213,10 +213,8 @@ def _responses(findings: Findings) -> list[dict[str, Any]]:
         replace(record, outputs=np.where(mask, record.outputs, y))
         for record, mask, y in zip(records, sound, simulated, strict=True)
     ]
-    return [
-        {"order": d.order, "from_Hz": d.from_Hz, "to_Hz": d.to_Hz, "p_value": d.p_value, "size": d.size}
-        for d in locate_response(measured, simulated, plant.rig.model_error)
-    ]
+    found = locate_response(measured, simulated, plant.rig.model_error)
+    return None if found is None else [asdict(difference) for difference in found]
 
 
 def _places(findings: Findings) -> list[dict[str, Any]]:

@@ -74,7 +74,7 @@ class ResponseDifference:
 
 def locate_response(
     recordings: Sequence[Recording], readings: Sequence[Array], model_error: float
-) -> tuple[ResponseDifference, ...]:
+) -> tuple[ResponseDifference, ...] | None:
     """Find where the response of the recordings is not that of the plant.
 
     Parameters
@@ -89,13 +89,14 @@ def locate_response(
 
     Returns
     -------
-    tuple of ResponseDifference
-        By order, then by band; empty where nothing differs, or the recordings do not determine the responses.
+    tuple of ResponseDifference, or None
+        By order, then by band; empty where no difference can be shown, None where the recordings are too short or too
+        poor for a test.
     """
     longest = max(reading.size for reading in readings)
     pairs = [(r, y) for r, y in zip(recordings, readings, strict=True) if y.size >= SHORTEST * longest]
     if not any(np.ptp(y) > 0.0 for _, y in pairs):
-        return ()  # a plant that stands still has no response
+        return None  # a plant that stands still has no response
     step = pairs[0][0].sample_time
     top = _top_frequency([y for _, y in pairs], step)
     factor = max(1, int(1 / (SAMPLES * top * step)))
@@ -104,7 +105,7 @@ def locate_response(
     try:
         found = _compared(measured, simulated, [(low * top, high * top) for low, high in BANDS], model_error)
     except (ModelError, np.linalg.LinAlgError):
-        return ()  # too short or too poor for responses of these orders
+        return None  # too short or too poor for responses of these orders
     corrected = holm([difference.p_value for difference in found])
     return tuple(
         replace(difference, p_value=float(p)) for difference, p in zip(found, corrected, strict=True) if p < LEVEL

@@ -193,6 +193,8 @@ def pseudovalues(
         If the recordings do not suit the model, or do not determine its parameters without a block.
     """
     model.require_one_output("the jackknife")
+    if not isinstance(n_blocks, int | np.integer) or n_blocks < 2:
+        raise ModelError(f"n_blocks = {n_blocks!r}; it must be an integer of at least 2")
     data = Regression.on(recordings, model.table)
     rows, target = data.matrix()
     others = rows if instruments is None else Regression.on(instruments, model.table).matrix()[0]

@@ -10,13 +10,10 @@ from numpy.typing import NDArray
 
 from deatwin.ident.frequency import FrequencyResponse, frequency_grid, gfrf, output_orders
 from deatwin.ident.frequency.dc import deviations
-from deatwin.ident.frequency.output_responses.estimate import Nofrf, NofrfWarning, nofrf, nofrf_exact
-from deatwin.ident.frequency.output_responses.excitation import (
-    InputSpectrum,
-    TestSignal,
-    design_excitation,
-    input_spectrum,
-)
+from deatwin.ident.frequency.output_responses.estimate import nofrf, nofrf_exact
+from deatwin.ident.frequency.output_responses.excitation import TestSignal, design_excitation
+from deatwin.ident.frequency.output_responses.powers import InputSpectrum, input_spectrum
+from deatwin.ident.frequency.output_responses.result import Nofrf, NofrfWarning
 from deatwin.ident.narx import NarxModel, SvbNarx
 from deatwin.scenarios.fleet_frequency import (
     BAND,

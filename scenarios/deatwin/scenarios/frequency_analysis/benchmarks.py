@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.frequency import FrequencyResponse, frequency_grid, gfrf, output_orders
-from deatwin.ident.frequency.output_responses.estimate import Nofrf, nofrf, nofrf_exact
+from deatwin.ident.frequency.output_responses.estimate import nofrf, nofrf_exact
 from deatwin.ident.frequency.output_responses.excitation import TestSignal, design_excitation
 from deatwin.ident.frequency.output_responses.ranges import output_frequencies
+from deatwin.ident.frequency.output_responses.result import Nofrf
 from deatwin.ident.frequency.spectrum import spectrum_of
 from deatwin.ident.narx import Fixed, NarxModel, SvbNarx
 from deatwin.ident.narx.systems import SYSTEMS as RANDOM_SYSTEMS

@@ -138,8 +138,8 @@ def _gain_and_phase(linear: Spread, notch: Spread) -> tuple[Drawing, Columns]:
             figure, "gain_phase", "Gain and phase with their bands (thesis figure 7.3)",
             "Left: the law of propagation gives what the draws give. Right: a system whose gain vanishes at one "
             "frequency. There the gain of a normal complex number is not normal and its phase may be anything: where "
-            "the linear law of gain or phase fails (ochre), the band is that of the exact law of a complex normal "
-            "number, and there is none of the phase where the ellipse holds zero.",
+            "the linear law of gain or phase fails (ochre), the band is the range of the ellipse, and there is none of "
+            "the phase where the ellipse holds zero.",
         )  # fmt: skip
     return drawing, _columns([linear, notch])
 

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.frequency import output_spectrum, remove_dc
-from deatwin.ident.frequency.output_responses.estimate import NofrfWarning
-from deatwin.ident.frequency.output_responses.excitation import input_spectrum
+from deatwin.ident.frequency.output_responses.powers import input_spectrum
+from deatwin.ident.frequency.output_responses.result import NofrfWarning
 from deatwin.ident.frequency.varying.along_time import tv_nofrf, tv_output_spectrum
 from deatwin.ident.narx import NarxModel, Recording, ThetaTrajectory
 from deatwin.scenarios.time_varying.maps import root_mean_square

@@ -232,6 +232,14 @@ def test_models_that_cannot_be_compared_are_refused():
         compare(model_of(TRUE), other, (1,), BANDS)
     with pytest.raises(ModelError, match="a band goes from 0 Hz"):
         compare(model_of(TRUE), model_of(TRUE), (1,), ((0.2, 0.1),))
+    for wrong in (None, [1.0, 2.0], [("a", "b")], [(0.0, np.inf)], 3):
+        with pytest.raises(ModelError, match="band"):
+            compare(model_of(TRUE), model_of(TRUE), (1,), wrong)
+    for wrong in (1, (), (1.0,), (6,), "a", None):
+        with pytest.raises(ModelError, match="order"):
+            compare(model_of(TRUE), model_of(TRUE), wrong, BANDS)
+    with pytest.raises(ModelError, match="input_band"):
+        compare(model_of(TRUE), model_of(TRUE), (1,), BANDS, input_band=0.5)
     with pytest.raises(ModelError, match="at least one"):
         compare(model_of(TRUE), model_of(TRUE), (1,), ())
     with pytest.raises(ModelError, match="level"):
@@ -287,6 +295,16 @@ def test_a_table_can_be_read_drawn_and_exported(several):
     texts = [t.get_text() for t in axes.texts]
     assert len(texts) == len(several.significant)
     assert sum(t.startswith("(") for t in texts) == sum(d.agreement is Agreement.DRIFT for d in several.differences)
+
+
+def test_long_names_and_labels_fit_on_the_figure():
+    records = {f"actuator {k} of the second batch": recorded(k, gain=1.0 + 0.1 * k) for k in range(3)}
+    axes = compare_records(records, TERMS, (1, 2), BANDS).plot()
+    axes.figure.canvas.draw()
+    drawn, figure = axes.get_tightbbox(), axes.figure.bbox
+    assert figure.x0 <= drawn.x0 and drawn.x1 <= figure.x1 and figure.y0 <= drawn.y0 and drawn.y1 <= figure.y1
+    columns = [label.get_window_extent() for label in axes.get_xticklabels()]
+    assert all(left.x1 < right.x0 for left, right in pairwise(columns))
 
 
 def test_one_record_cannot_be_compared():

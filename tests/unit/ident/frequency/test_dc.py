@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+from scipy.signal import butter
 
-from deatwin.ident.frequency import equilibrium, linear_part, remove_dc
+from deatwin.ident.frequency import equilibrium, gfrf, linear_part, remove_dc
 from deatwin.ident.narx import NarxModel, OperatingRange
+from deatwin.ident.narx.linear.model import LinearModel
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
@@ -85,6 +87,71 @@ def test_where_two_equilibria_meet_there_is_no_derivative():
     assert point.output == 0.0 and not point.is_stable
     with pytest.raises(ModelError, match="two equilibria meet"):
         linear_part(fold, 0.0, point.output)
+
+
+@pytest.mark.parametrize("excess", [0.0, 1e-15, -1e-16])
+def test_a_fold_is_one_to_rounding(excess):
+    """(y - 1/2)^2 = 0, whose root is known to the square root of the rounding."""
+    fold = NarxModel.from_terms({"1": 0.25 + excess, "y(k-1)^2": 1.0, "u(k-1)": 1.0}, sample_time=1.0)
+    np.testing.assert_allclose(equilibrium(fold, 0.0).outputs, 0.5, atol=1e-7)
+    with pytest.raises(ModelError, match="two equilibria meet"):
+        remove_dc(fold, 0.0)
+    remove_dc(fold, -1e-12)  # the two are 2e-6 apart
+    with pytest.raises(ModelError, match="no real equilibrium"):
+        equilibrium(fold, 1e-9)
+
+
+SLOW_POLES = {
+    "oversampled": [0.995] * 4,
+    "Butterworth": butter(8, 0.02, output="zpk")[1],
+    "very slow": [1.0 - 1e-9],
+}
+
+
+@pytest.mark.parametrize("poles", SLOW_POLES.values(), ids=SLOW_POLES)
+def test_slow_poles_are_no_fold(poles):
+    # The stiffness prod (1 - p) is 6e-10, 2e-10 and 1e-9 and known to about the rounding of the coefficients' sum.
+    a = -np.poly(poles).real[1:]
+    model = NarxModel.from_terms(
+        {**{f"y(k-{lag})": value for lag, value in enumerate(a, 1)}, "u(k-1)": 1e-9}, sample_time=1.0
+    )
+    expected = 1e-9 / np.prod(1.0 - np.asarray(poles)).real
+    rounding = 4 * np.finfo(float).eps * (1 + np.abs(a).sum()) * expected / 1e-9
+    part = linear_part(remove_dc(model, 0.0), 0.0, 0.0)
+    assert part.b.sum() / (1 - part.a.sum()) == pytest.approx(expected, rel=rounding)
+    assert equilibrium(model, 2.0).output == pytest.approx(2 * expected, rel=rounding)
+
+
+def test_a_linear_model_that_integrates_says_so():
+    integrator = NarxModel.from_terms({"y(k-1)": 0.3, "y(k-2)": 0.7, "u(k-1)": 1.0}, sample_time=1.0)
+    with pytest.raises(ModelError, match="the model integrates"):
+        linear_part(integrator, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("term", ["u(k-1)^2", "y(k-1)u(k-1)^2"])
+@pytest.mark.parametrize("size", [1e300, -1e160])
+def test_coefficients_that_overflow_are_refused(term, size):
+    model = NarxModel.from_terms({"y(k-1)": 0.5, "u(k-1)": 1.0, term: -0.1}, sample_time=1.0)
+    with pytest.raises(ModelError, match="overflow"):
+        gfrf(model, 1, [0.1], operating_input=size)
+    with pytest.raises(ModelError, match="overflow"):
+        linear_part(NarxModel.from_terms({"y(k-1)^3": 0.5, "u(k-1)": 1.0}, sample_time=1.0), 0.0, size)
+
+
+def test_a_linear_model_is_sent_elsewhere():
+    model = LinearModel(a=[1.0, -0.5], b=[[0.0, 1.0]], sample_time=1.0)
+    for function in (equilibrium, remove_dc):
+        with pytest.raises(ModelError, match="a LinearModel is no NarxModel; frf"):
+            function(model)
+
+
+def test_what_is_found_is_not_changed():
+    point = equilibrium(NarxModel.from_terms({"y(k-1)": 0.5, "u(k-1)": 1.0}, sample_time=1.0), 1.0)
+    for array in (point.stable, point.outputs, point.operating_input):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 0
+    with pytest.raises(ModelError, match=r"at the input \[1.0\]; its free run"):
+        equilibrium(NarxModel.from_terms({"y(k-1)": 1.0, "u(k-1)": 1.0}, sample_time=1.0), 1.0)
 
 
 def test_a_constant_model_rests_at_its_constant():

@@ -4,7 +4,9 @@ import matplotlib
 import numpy as np
 import pytest
 
-from deatwin.ident.frequency.output_responses.excitation import TestSignal, design_excitation, input_spectrum
+from deatwin.ident import frequency
+from deatwin.ident.frequency.output_responses.excitation import design_excitation
+from deatwin.ident.frequency.output_responses.powers import input_spectrum
 from deatwin.ident.narx import OperatingRange
 from deatwin.plant.errors import ModelError
 from deatwin.plant.excitation import band_limited_noise
@@ -78,12 +80,24 @@ def test_the_amplitude_stays_within_the_training_data():
 
 def test_it_is_an_array_and_immutable():
     signal = design_excitation((0.0, 1.0), SAMPLE_TIME, amplitude=0.7, unit="V")
-    assert isinstance(signal, TestSignal)
+    assert isinstance(signal, frequency.TestSignal)
     np.testing.assert_array_equal(np.asarray(signal), signal.values)
     assert len(signal) == 1000
     with pytest.raises(ValueError, match="read-only"):
         signal.values[0] = 1.0
     assert signal.input_spectrum(2).unit == "V^2"
+
+
+def test_it_is_scaled():
+    signal = design_excitation((0.1, 1.0), SAMPLE_TIME, amplitude=8.0, unit="V")
+    quarter = signal.scaled(-0.25)
+    np.testing.assert_array_equal(quarter.values, -0.25 * signal.values)
+    assert (quarter.amplitude, quarter.sample_time, quarter.band_Hz, quarter.unit) == (
+        2.0, signal.sample_time, signal.band_Hz, "V"
+    )  # fmt: skip
+    for factor, text in ((np.inf, "finite"), (1e308, "finite"), ("a", "real numbers")):
+        with pytest.raises(ModelError, match=text):
+            signal.scaled(factor)
 
 
 def test_two_tones_that_cancel():
@@ -153,6 +167,12 @@ def test_leakage_outside_the_band_does_not_count():
         ({"band_Hz": (0.91, 0.92), "period": 5.0}, "longer period"),
         ({"period": 0.01}, "two samples"),
         ({"period": np.nan}, "two samples"),
+        ({"period": 1e15}, "at most 10000000, 200000 s"),
+        ({"period": 1e308}, "at most 10000000"),
+        ({"period": "a"}, "the period must be real numbers"),
+        ({"band_Hz": (0.0, 1e-12)}, "at most 10000000"),
+        ({"sample_time": "a"}, "sample_time must be real numbers"),
+        ({"amplitude": "a"}, "the amplitude must be real numbers"),
     ],
 )
 def test_what_cannot_be_designed_is_said(given, text):
@@ -165,7 +185,11 @@ def test_what_cannot_be_designed_is_said(given, text):
     ("record", "order", "text"),
     [
         (np.zeros(10), 2, "zero"),
-        ([1.0, np.nan], 2, "finite"),
+        ([1.0, np.nan], 2, "sample 1 of the excitation is nan"),
+        (1e200 * np.ones(4), 2, "power 2 of an excitation up to 1e.200 leaves the range"),
+        (1e-200 * np.ones(4), 2, "leaves the range"),
+        ([5e-324, 0.0], 1, "leaves the range"),
+        ([2.0, 1.0], 2000, "leaves the range"),
         ([1.0], 2, "shape"),
         ([[1.0, 2.0]], 2, "shape"),
         ([1.0, 2.0], 0, "order = 0"),
@@ -176,10 +200,31 @@ def test_what_has_no_spectrum_is_said(record, order, text):
         input_spectrum(record, order, SAMPLE_TIME)
 
 
+def test_small_records_are_no_random_ones():
+    signal = design_excitation((0.1, 1.0), SAMPLE_TIME, amplitude=1e-140)
+    assert signal.input_spectrum(2).suitable
+
+
+def test_a_signal_of_another_sample_time_is_refused():
+    signal = design_excitation((0.0, 1.0), SAMPLE_TIME, amplitude=0.7)
+    with pytest.raises(ModelError, match=r"sample time of 0.02 s, the model one of 0.1 s"):
+        input_spectrum(signal, 2, 0.1)
+
+
+def test_a_spectrum_as_a_dataset():
+    spectrum = design_excitation((0.4, 1.0), SAMPLE_TIME, amplitude=0.7, unit="V").input_spectrum(2)
+    written = spectrum.to_xarray()
+    np.testing.assert_array_equal(written["real"] + 1j * written["imaginary"], spectrum.values)
+    np.testing.assert_array_equal(written["frequency"], spectrum.frequency_Hz)
+    np.testing.assert_array_equal(written["amplification"].where(written["in_range"]), spectrum.amplification)
+    assert written.attrs["order"] == 2
+    assert written["in_phase"].attrs["units"] == "V^2"
+
+
 def test_plots_name_their_axes():
     signal = design_excitation((0.0, 1.0), SAMPLE_TIME, amplitude=0.7, unit="V")
     assert signal.plot().get_ylabel() == "input (V)"
     axes = signal.input_spectrum(2).plot()
     assert axes.get_xlabel() == "frequency (Hz)"
-    assert axes.get_ylabel() == "input spectrum (V^2)"
+    assert axes.get_ylabel() == "input spectrum (V$^2$)"
     matplotlib.pyplot.close("all")

@@ -1,18 +1,22 @@
 """NOFRFs by least squares against sums over GFRFs, free runs, theory of the truncation, and hostile inputs."""
 
+import pickle
 import warnings
+from copy import deepcopy
 from dataclasses import replace
+from functools import partial
 
 import matplotlib
 import numpy as np
 import pytest
 
-from deatwin.ident.frequency import gfrf, output_orders
+from deatwin.ident.frequency import gfrf, output_orders, output_spectrum, propagate
 from deatwin.ident.frequency.direct import direct_output
-from deatwin.ident.frequency.output_responses.estimate import NofrfStatus, NofrfWarning, nofrf, nofrf_exact
+from deatwin.ident.frequency.output_responses.estimate import nofrf, nofrf_exact
 from deatwin.ident.frequency.output_responses.excitation import design_excitation
 from deatwin.ident.frequency.output_responses.levels import chebyshev_levels
 from deatwin.ident.frequency.output_responses.ranges import output_frequencies
+from deatwin.ident.frequency.output_responses.result import NofrfStatus, NofrfWarning
 from deatwin.ident.frequency.output_responses.steady import steady_state
 from deatwin.ident.narx import NarxModel, OperatingRange
 from deatwin.plant.errors import ModelError
@@ -277,6 +281,76 @@ def test_derivatives_are_those_of_the_fit():
     )
 
 
+QUARTIC = {"y(k-1)": 0.5, "u(k-1)": 1.0, "u(k-1)^2": 0.1, "u(k-1)^4": 2.0}
+
+
+@pytest.mark.parametrize(
+    ("order", "levels"), [(2, [1.0, 0.9, 0.8]), (2, [1.0, 2.0]), (2, [1.0, -1.0]), (1, [1.0]), (2, [1.0, 0.9, -0.8])]
+)
+def test_levels_that_cannot_tell_the_truncation_are_said(order, levels):
+    # u^4 acts, and with fewer than two more levels than orders nothing shows it: G_2 comes out many times too large
+    excitation = design_excitation([0.5, 2.0], SAMPLE_TIME, amplitude=1.0)
+    with pytest.warns(NofrfWarning, match=f"nothing is known of the error they make.*{len(levels)} level"):
+        found = nofrf(model_of(QUARTIC), excitation, order, levels=levels)
+    assert found.status is NofrfStatus.UNVERIFIED
+    assert not found.status.ok
+    assert np.isnan(found.advisable_level)
+
+
+def test_levels_enough_in_number_but_not_apart_are_said():
+    # four levels, of which three are one to rounding of their squares: no more than two orders are told apart
+    excitation = design_excitation([0.5, 2.0], SAMPLE_TIME, amplitude=1.0)
+    levels = [1.0, -1.0, 1e-12, 2e-12]
+    with pytest.warns(NofrfWarning, match="nothing is known of the error"):
+        found = nofrf(model_of(QUARTIC), excitation, 2, highest=2, levels=levels)
+    assert found.status is NofrfStatus.UNVERIFIED
+
+
+def test_the_highest_number_of_orders_is_fitted():
+    # with Chebyshev levels 20 orders and the two that judge them stay below the limit of the condition
+    found = nofrf(model_of(FINITE["degree 2"]), signal(), 2, highest=20)
+    assert found.status is NofrfStatus.OK
+    np.testing.assert_allclose(found.values, nofrf_exact(model_of(FINITE["degree 2"]), signal(), 2).values, rtol=1e-5)
+
+
+def test_a_fit_is_propagated_as_the_exact_orders_are_and_fitted_once():
+    # it departs from its tangent as the exact order does; its truncation error does not count as such a departure
+    model = model_of(INFINITE["quadratic"], theta_cov=1e-6 * np.eye(4))
+    with pytest.warns(NofrfWarning) as caught:
+        fitted = propagate(model, lambda m: nofrf(m, signal(0.3), 2, highest=2).response)
+    assert len(caught) == 1
+    exact = propagate(model, partial(nofrf_exact, excitation=signal(0.3), order=2))
+    assert np.abs(fitted.values - exact.values).max() > 1e-3 * np.abs(exact.values).max()
+    np.testing.assert_allclose(fitted.nonlinearity, exact.nonlinearity, rtol=1e-6)
+
+
+def test_the_sum_of_orders_at_other_parameters():
+    model = model_of(FINITE["degree 2"])
+    thetas = model.theta + 0.01 * np.random.default_rng(0).normal(size=(3, 5))
+    found = nofrf(model, signal(), 2).output_spectrum(-0.6).evaluate(thetas)
+    for theta, values in zip(thetas, found.values, strict=True):
+        expected = output_spectrum(replace(model, theta=theta), -0.6 * signal().values, 2).values
+        np.testing.assert_allclose(values, expected, atol=1e-10 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("copy", [deepcopy, lambda found: pickle.loads(pickle.dumps(found))], ids=["copy", "pickle"])
+def test_results_are_copied_and_stay_immutable(copy):
+    original = nofrf(model_of(FINITE["degree 2"]), signal(), 2)
+    found, summed = copy((original, original.output_spectrum(0.5)))
+    for array in (found.values, found.levels, found.truncation[0], found.inputs[0].values, copy(signal()).values):
+        assert not array.flags.writeable
+    np.testing.assert_array_equal(found.response.gradient, original.response.gradient)
+    np.testing.assert_array_equal(summed.gradient, original.output_spectrum(0.5).gradient)
+
+
+@pytest.mark.parametrize(
+    ("level", "text"), [("a", "must be real numbers"), (1e200, "overflows"), (np.nan, "finite"), ([1.0], "one number")]
+)
+def test_what_is_no_level_is_said(level, text):
+    with pytest.raises(ModelError, match=text):
+        nofrf(model_of(FINITE["degree 2"]), signal(), 2).output_spectrum(level)
+
+
 def test_many_parameters_at_once():
     model = model_of(INFINITE["quadratic"])
     response = nofrf_exact(model, signal(0.2), 2)
@@ -372,13 +446,18 @@ def test_levels_that_do_not_tell_orders_apart_are_said():
         ({"levels": [[1.0, 2.0], [3.0, 4.0]]}, "shape"),
         ({"levels": [1.0, -1.0]}, "2 level.s. cannot tell 3 orders apart"),
         ({"levels": [1.0, -1.0, 0.5], "highest": 4}, "cannot tell 4"),
-        ({"highest": 2}, "at least the order"),
+        ({"highest": 2}, "highest = 2; it must be an integer of at least 3"),
         ({"highest": 3.5}, "highest = 3.5"),
+        ({"highest": 500}, "500 orders; beyond 20 the powers of the levels are hardly told apart"),
+        ({"order": 21}, "21 orders; beyond 20"),
+        ({"levels": [1e-300, 1.0, -1.0]}, "between 1e-12 and 1e"),
+        ({"levels": [1e200, 1.0, -1.0]}, "between 1e-12 and 1e"),
+        ({"excitation": 1e200 * signal().values}, "power 2 of an excitation up to 5e.199 leaves the range"),
         ({"order": 0}, "order = 0"),
         ({"order": 2.0}, "order = 2.0"),
         ({"excitation": np.zeros(100)}, "zero"),
         ({"excitation": [1.0]}, "shape"),
-        ({"excitation": np.full(100, np.nan)}, "finite"),
+        ({"excitation": np.r_[1.0, np.nan]}, "sample 1 of the excitation is nan"),
         ({"excitation": np.ones(10) * 1j}, "complex"),
         ({"excitation": design_excitation((0.0, 1.0), 0.1, amplitude=1.0)}, "sample time of 0.1 s"),
         ({"model": TWO_INPUTS}, "2 inputs"),
@@ -394,7 +473,7 @@ def test_results_are_drawn_and_written():
     model = model_of(INFINITE["quadratic"], theta_cov=1e-4 * np.eye(4))
     found = nofrf(model, signal(0.2), 2)
     axes = found.plot_orders()
-    assert [ax.get_ylabel() for ax in axes] == ["gain (mm/V)", "gain (mm/V^2)"]
+    assert [ax.get_ylabel() for ax in axes] == ["gain (mm/V)", "gain (mm/V$^2$)"]
     assert found.plot().get_xlabel() == "frequency (Hz)"
     matplotlib.pyplot.close("all")
     written = found.to_xarray()

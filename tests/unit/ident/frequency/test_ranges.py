@@ -59,6 +59,8 @@ def test_a_band_beyond_many_half_sampling_rates_fills_everything():
         ((1.0, 2.0), 1.5, None, "order = 1.5"),
         ((1.0, 2.0), 2, -1.0, "sample_time"),
         ((1.0, 40.0), 2, 0.1, "half the sampling rate"),
+        ((0.0, 1e308), 3, None, "sums of 3 such frequencies overflow"),
+        ((1.0, 2.0), 2, "a", "sample_time must be real numbers"),
     ],
 )
 def test_what_cannot_be_is_said(band, order, sample_time, text):

@@ -1,5 +1,7 @@
 """Sliding mean and gain: exact cases, coverage of the bands on stationary records, and drift that is found."""
 
+import tracemalloc
+
 import matplotlib
 import numpy as np
 import pytest
@@ -7,7 +9,7 @@ from scipy.signal import lfilter
 from scipy.stats import binom, t
 
 from deatwin.ident.frequency.varying.sliding import SlidingStatus, sliding_mean_and_gain
-from deatwin.plant.errors import DataError
+from deatwin.plant.errors import DataError, ModelError
 from deatwin.plant.recording import Recording
 
 matplotlib.use("agg")
@@ -138,6 +140,42 @@ def test_an_input_that_stands_still_has_no_gain():
     assert sliding_mean_and_gain(still, 100.0).p_mean == 1.0
 
 
+@pytest.mark.parametrize("still", ["input", "output"])
+def test_a_gain_that_cannot_be_judged_is_said_to(still):
+    # 0.1 has no exact mean in binary numbers: rounding is not taken for motion.
+    given, flat = record(np.random.default_rng(9), 6000), np.full(6000, 0.1)
+    signals = (flat, given.outputs) if still == "input" else (given.inputs, flat)
+    found = sliding_mean_and_gain(Recording.from_arrays(*signals, 0.1), 100.0)
+    assert np.isnan(found.gain).all() and np.isnan(found.p_gain)
+    assert found.status is SlidingStatus.STILL and not found.status.ok
+
+
+@pytest.mark.parametrize("step", [0.1, 0.7, 25.0])
+def test_each_window_by_itself(step):
+    """Textbook formulas of one window at a time, far from zero: readings are rounded to 1e-12 of their scatter."""
+    given = record(np.random.default_rng(10), 2000, offset=1e4)
+    found = sliding_mean_and_gain(given, 50.0, step_s=step)
+    for k in (0, 1, len(found.gain) // 2, len(found.gain) - 1):
+        first = k * round(step / 0.1)
+        u, y = (s[0, first : first + 500].reshape(10, 50) for s in (given.inputs, given.outputs))
+        gain = np.log(y.std() / u.std())
+        without = [np.log(np.delete(y, i, 0).std() / np.delete(u, i, 0).std()) for i in range(10)]
+        assert found.mean[k] == pytest.approx(y.mean(), rel=1e-12)
+        assert found.gain[k] == pytest.approx(np.exp(np.mean(10 * gain - 9 * np.array(without))), rel=1e-8)
+
+
+def test_many_windows_need_little_memory():
+    """Of 200 000 samples, a window each 10: all windows side by side would be 160 MB, and so would every copy."""
+    rng = np.random.default_rng(11)
+    given = Recording.from_arrays(rng.normal(size=200_000), rng.normal(size=200_000), 0.01)
+    tracemalloc.start()
+    found = sliding_mean_and_gain(given, 10.0, step_s=0.1)
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert found.gain.size == 19901
+    assert most < 80e6
+
+
 def test_plot_and_dataset():
     given = record(np.random.default_rng(7), 4000)
     found = sliding_mean_and_gain(given, 100.0, level=0.9)
@@ -158,7 +196,11 @@ def test_what_cannot_be():
     for step in (0.0, -1.0, np.inf):
         with pytest.raises(DataError, match="at least the sample time"):
             sliding_mean_and_gain(given, 50.0, step_s=step)
-    with pytest.raises(DataError, match="between 0 and 1"):
+    with pytest.raises(ModelError, match="between 0 and 1"):
         sliding_mean_and_gain(given, 50.0, level=95)
+    with pytest.raises(ModelError, match="window_s must be real numbers; got text"):
+        sliding_mean_and_gain(given, "a")
+    with pytest.raises(ModelError, match="step_s must be one number"):
+        sliding_mean_and_gain(given, 50.0, step_s=[1.0, 2.0])
     with pytest.raises(DataError, match="2 inputs and 1 outputs"):
         sliding_mean_and_gain(Recording.from_arrays(np.ones((2, 1000)), np.arange(1000.0), 0.1), 50.0)

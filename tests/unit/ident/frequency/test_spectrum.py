@@ -7,8 +7,10 @@ import pytest
 
 from deatwin.ident.frequency import equilibrium, gfrf, output_orders, output_spectrum
 from deatwin.ident.frequency.direct import direct_output
+from deatwin.ident.frequency.output_responses.excitation import design_excitation
 from deatwin.ident.frequency.spectrum import line_frequencies, one_period, spectrum_of
-from deatwin.ident.narx import NarxModel
+from deatwin.ident.frequency.varying.along_time import tv_nofrf, tv_output_spectrum
+from deatwin.ident.narx import NarxModel, ThetaTrajectory
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
@@ -156,17 +158,20 @@ def test_too_many_combinations_are_counted():
 def test_lines_and_coefficients():
     np.testing.assert_allclose(line_frequencies(5, 0.1), 2 * np.pi * np.array([0.0, 2.0, 4.0]), rtol=1e-15)
     np.testing.assert_allclose(spectrum_of([3.0, 1.0, 3.0, 1.0]), [2.0, 0.0, 1.0], atol=1e-16)
-    assert not one_period([1.0, 2.0]).flags.writeable
+    assert not one_period([1.0, 2.0], 0.1).flags.writeable
 
 
-HOSTILE = {"a number": 1.0, "one sample": [1.0], "empty": [], "nan": [1.0, np.nan], "two rows": np.ones((2, 4))}
+HOSTILE = {"a number": 1.0, "one sample": [1.0], "empty": [], "two rows": np.ones((2, 4))}
 
 
 @pytest.mark.parametrize("compute", [output_spectrum, output_orders, direct_output])
 def test_what_is_no_period_is_said(compute):
     for excitation in HOSTILE.values():
-        with pytest.raises(ModelError, match="one period of finite deviations"):
+        with pytest.raises(ModelError, match=r"shape .* one period of at least two samples"):
             compute(model(), excitation, 2)
+    for wrong in (np.nan, np.inf):
+        with pytest.raises(ModelError, match=f"sample 2 of the excitation is {wrong}; all must be finite"):
+            compute(model(), [1.0, 2.0, wrong, 3.0], 2)
     for excitation in (np.ones(4) * 1j, "abc", [True, False]):
         with pytest.raises(ModelError, match="the excitation must be real numbers"):
             compute(model(), excitation, 2)
@@ -175,3 +180,29 @@ def test_what_is_no_period_is_said(compute):
             compute(model(), np.ones(4), order)
     with pytest.raises(ModelError, match="one input"):
         compute(NarxModel.from_terms({"u1(k)": 1.0, "u2(k)": 1.0}, sample_time=1.0), np.ones(4), 1)
+
+
+@pytest.mark.parametrize("compute", [output_spectrum, output_orders, direct_output])
+def test_an_excitation_of_another_sample_time_is_refused(compute):
+    signal = design_excitation((0.0, 5.0), 0.02, amplitude=1.0, period=0.2)
+    with pytest.raises(ModelError, match=r"sample time of 0.02 s, the model one of 0.1 s"):
+        compute(model(), signal, 2)
+
+
+@pytest.mark.parametrize("compute", [tv_output_spectrum, tv_nofrf])
+def test_an_excitation_of_another_sample_time_is_refused_along_time(compute):
+    n, known = 3, model()
+    constant = ThetaTrajectory(
+        model=known, timepts=SAMPLE_TIME * np.arange(n), theta=np.repeat(known.theta[:, None], n, axis=1),
+        theta_cov=np.zeros((n, known.theta.size, known.theta.size)), drift_variance=np.zeros(known.theta.size),
+    )  # fmt: skip
+    signal = design_excitation((0.0, 5.0), 0.02, amplitude=1.0, period=0.2)
+    with pytest.raises(ModelError, match=r"sample time of 0.02 s, the model one of 0.1 s"):
+        compute(constant, signal, 2)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("compute", [output_spectrum, output_orders, direct_output])
+def test_orders_that_overflow_are_said(compute):
+    with pytest.raises(ModelError, match="so large that order 2 of the output overflows"):
+        compute(model(), 1e200 * np.array([1.0, -1.0, 0.5, 0.0]), 2)

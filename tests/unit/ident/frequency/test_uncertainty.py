@@ -12,7 +12,7 @@ from scipy import stats
 from deatwin.ident.frequency import gfrf, output_orders, output_spectrum
 from deatwin.ident.frequency.frf import frf
 from deatwin.ident.frequency.many import stable_polynomials
-from deatwin.ident.frequency.uncertainty.gain_phase import exact_quantiles, polar
+from deatwin.ident.frequency.uncertainty.gain_phase import polar
 from deatwin.ident.frequency.uncertainty.parameters import draw_theta, evaluate, with_theta
 from deatwin.ident.frequency.uncertainty.propagate import UncertaintyStatus, UncertaintyWarning, propagate
 from deatwin.ident.frequency.uncertainty.sampling import SampleStatus, sample
@@ -128,31 +128,25 @@ def test_ellipses_and_bands_hold_their_share_of_draws(dof):
 # Gain and phase where they are not normal
 
 
-def test_exact_gain_of_a_circular_law_is_rice():
-    values, shares = np.array([0.0, 1.0 + 1.0j, -3.0j]), np.tile([0.025, 0.5, 0.975], (3, 1))
-    gain, _ = exact_quantiles(values, np.tile(0.25 * np.eye(2), (3, 1, 1)), math.inf, shares, shares)
-    expected = [stats.rice(abs(value) / 0.5, scale=0.5).ppf(shares[0]) for value in values]
-    np.testing.assert_allclose(gain, expected, rtol=0, atol=0.005)  # 0.1 % in probability, density about 1 / 0.5
+@pytest.mark.parametrize("value", [0.4 + 0.0j, 0.4j, 0.0j])
+def test_the_gain_is_covered_where_the_truth_lies_along_the_short_axis(value):
+    """Long, thin ellipses about values near zero, as of a model without gain at rest: at least 95 % of 400.
 
-
-def test_exact_gain_of_a_real_number_is_a_folded_normal():
-    share = np.array([[0.9]])
-    gain, _ = exact_quantiles(np.array([0.3 + 0j]), np.diag([1.0, 0.0])[None], math.inf, share, share)
-    assert gain[0, 0] == pytest.approx(stats.foldnorm(0.3).ppf(0.9), abs=0.01)
-
-
-@pytest.mark.parametrize("dof", [math.inf, 4.0])
-def test_exact_quantiles_against_draws(dof):
-    """A million draws and the points: each is right to about 0.1 % in probability."""
-    rng = np.random.default_rng(8)
-    value, cov = 0.6 - 0.9j, np.array([[0.25, 0.12], [0.12, 0.1]])
-    radius = 1.0 if math.isinf(dof) else np.sqrt((dof - 2) / rng.chisquare(dof, 1_000_000))
-    real, imag = radius * (np.linalg.cholesky(cov) @ rng.normal(size=(2, 1_000_000)))
-    shares = np.array([[0.025, 0.3, 0.975]])
-    gain, phase = exact_quantiles(np.array([value]), cov[None], dof, shares, shares)
-    drawn = value + real + 1j * imag
-    for found, values in ((gain, np.abs(drawn)), (phase, np.angle(drawn / value))):
-        np.testing.assert_allclose(np.mean(values[:, None] < found, axis=0), shares[0], atol=0.003)
+    Quantiles of the gain hold the truth in none of these cases where the value is on the short axis. The range over the
+    ellipse holds it whenever the ellipse does; below 364 of 400 is less likely than 1e-3 by the binomial law.
+    """
+    rng = np.random.default_rng(5)
+    root = np.diag([5.0, 0.2])
+    response = partial(gfrf, order=1, omega=np.array([np.pi / 2]))  # 1 and q^-1 are real and imaginary there
+    covered = 0
+    for real, imaginary in (root @ rng.normal(size=(2, 400))).T:
+        found = value + real + 1j * imaginary
+        model = NarxModel.from_terms(
+            {"u(k)": found.real, "u(k-1)": -found.imag}, sample_time=1.0, theta_cov=root @ root.T
+        )
+        band = propagate(model, response).gain_band()
+        covered += band.low[0] - 1e-9 <= abs(value) <= band.high[0]
+    assert covered >= 364
 
 
 def test_bends_of_gain_and_phase_are_their_second_order_terms():
@@ -176,7 +170,7 @@ def near_zero(deviation):
     return model, partial(gfrf, order=1, omega=np.array([0.1, 2.9, np.pi]))
 
 
-def test_near_zero_gain_the_exact_law_is_used_and_it_is_said():
+def test_near_zero_gain_the_range_of_the_ellipse_is_used_and_it_is_said():
     """With a standard deviation of 0.14, the gain is 1.4 of these at the end: its sign is not known there."""
     model, quantity = near_zero(0.07)
     with warnings.catch_warnings():
@@ -192,7 +186,9 @@ def test_near_zero_gain_the_exact_law_is_used_and_it_is_said():
     for values, band in ((gain, found.gain_band()), (phase[:, :2], found.phase_band())):
         n = values.shape[1]
         inside = np.mean((values >= band.low[:n]) & (values <= band.high[:n]), axis=0)
-        np.testing.assert_allclose(inside, 0.95, atol=0.006)  # the points' 0.3 % and four standard deviations
+        # four standard deviations of 100,000 draws; where the law is taken to hold, 0.3 % more for what it neglects
+        assert inside[0] == pytest.approx(0.95, abs=0.006)
+        assert np.all(inside[1:] >= 0.95 - 0.003)  # who is in the ellipse is in its range
 
 
 def test_the_phase_is_undefined_where_the_ellipse_holds_zero():
@@ -202,8 +198,8 @@ def test_the_phase_is_undefined_where_the_ellipse_holds_zero():
     np.testing.assert_array_equal(np.isnan(band.low), [False, True, True])
     np.testing.assert_array_equal(np.isnan(band.high), [False, True, True])
     np.testing.assert_array_equal(gain.low == 0.0, [False, True, True])
-    # at half the sampling rate the response is N(0.2, 0.5²): the law of its gain is a folded normal
-    assert gain.high[2] == pytest.approx(0.5 * stats.foldnorm(0.4).ppf(0.95), rel=0.01)
+    # at half the sampling rate the response is real, N(0.2, 0.5²): its ellipse is an interval
+    assert gain.high[2] == pytest.approx(0.2 + stats.norm.ppf(0.975) * 0.5, rel=1e-6)
 
 
 # How far the law holds
@@ -391,7 +387,7 @@ def test_what_makes_no_sense_is_refused():
         propagate(box_jenkins(), lambda m: m.frequency_response(OMEGA))
     with pytest.raises(ModelError, match="n_draws = 1"):
         sample(model, quantity, rng, 1)
-    with pytest.raises(ModelError, match="channel = 2; the model has 2"):
+    with pytest.raises(ModelError, match="channel = 2; it must be an integer from 0 to 1"):
         frf(box_jenkins(), OMEGA, channel=2)
     with pytest.raises(ModelError, match="half the sampling rate"):
         frf(box_jenkins(), 1e4)
@@ -409,7 +405,9 @@ def test_drawings_have_units_and_say_where_the_law_fails():
     assert any("linear law fails" in text.get_text() for text in bent.plot().get_legend().get_texts())
     assert found.plot_gain().get_ylabel() == "gain (m/V)"
     assert found.plot_phase().get_ylabel() == "phase (°)"
-    drawn = sample(nonlinear(), QUANTITIES["H_2"], np.random.default_rng(0), 50)
+    diagonal = partial(gfrf, order=2, omega=np.c_[OMEGA, OMEGA], operating_input=0.7)
+    drawn = sample(nonlinear(), diagonal, np.random.default_rng(0), 50)
+    assert drawn.plot_gain().get_ylabel() == "gain (m/V$^2$)"
     assert "sum" in drawn.plot_gain(drawn.plot_phase().figure.add_subplot()).get_xlabel()
     drawn.plot()
     pyplot.close("all")

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from deatwin.ident.frequency import gfrf, output_spectrum
-from deatwin.ident.frequency.output_responses.estimate import NofrfWarning, nofrf_exact
+from deatwin.ident.frequency.output_responses.estimate import nofrf_exact
+from deatwin.ident.frequency.output_responses.result import NofrfWarning
 from deatwin.ident.frequency.varying import following, moving_parts
 from deatwin.ident.frequency.varying.along_time import tv_gfrf, tv_nofrf, tv_output_spectrum
 from deatwin.ident.frequency.varying.following import hold_equilibrium

@@ -1,5 +1,9 @@
 """Where the response of recordings is not that of a plant: known changes, noise alone, and a concealed effect."""
 
+import json
+from importlib.resources import files
+
+import jsonschema
 import numpy as np
 import pytest
 
@@ -88,4 +92,11 @@ def test_short_records_are_left_out_and_poor_ones_say_nothing() -> None:
     assert with_short == locate_response([measured(u, 1.5 * y, 4)], [y], 0.0)
     assert with_short
     few = slice(0, 40 * len(TERMS))
-    assert locate_response([measured(u[few], y[few], 4)], [y[few]], 0.0) == ()
+    assert locate_response([measured(u[few], y[few], 4)], [y[few]], 0.0) is None
+    assert locate_response([measured(u, y, 4)], [np.zeros_like(y)], 0.0) is None
+
+
+def test_the_file_may_say_that_nothing_could_be_tested() -> None:
+    schema = json.loads((files("deatwin.ident") / "schemas" / "diagnosis.schema.json").read_text(encoding="utf-8"))
+    for response in (None, []):
+        jsonschema.validate(response, schema["properties"]["locate"]["properties"]["response"])

@@ -110,6 +110,9 @@ def test_what_cannot_be_known_is_said() -> None:
     model = Fixed(terms=TERMS).fit(record).model_
     with pytest.raises(ModelError, match="too few for 64 blocks"):
         pseudovalues(model, record)
+    for wrong in (-1, 1, 16.0, "a"):
+        with pytest.raises(ModelError, match="integer of at least 2"):
+            robust(model, record, n_blocks=wrong)
     with pytest.raises(ModelError, match="instruments 49"):
         pseudovalues(model, record, n_blocks=16, instruments=recorded(6, n=50))
     with pytest.raises(ModelError, match="at least 13"):

@@ -70,7 +70,7 @@ def test_without_a_working_compiler_the_virtual_machine_serves(
 ):
     monkeypatch.setenv("DEATWIN_CACHE", str(tmp_path))
     compiler_named(program)
-    with caplog.at_level(logging.WARNING):
+    with caplog.at_level(logging.WARNING, logger="deatwin"):  # which a quiet command may have silenced before
         functions = compiled.compile_functions({"square": square()})
     assert float(functions["square"](3.0)) == 9.0
     assert "slower" in caplog.text

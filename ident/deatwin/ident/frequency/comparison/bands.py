@@ -14,13 +14,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from deatwin.ident.frequency.checks import real_numbers, whole_order
 from deatwin.ident.frequency.comparison.equality import Scatter
 from deatwin.ident.frequency.gfrf import frequency_grid, gfrf
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.operating import read_only
 from deatwin.plant.errors import ModelError
 
-__all__ = ["BandMean", "Range", "band_frequencies", "band_means"]
+__all__ = ["BandMean", "Range", "band_frequencies", "band_means", "whole_orders"]
 
 Array = NDArray[np.float64]
 Range = tuple[float, float]
@@ -123,12 +124,11 @@ def band_means(
     ModelError
         If an order or a band is none, nothing is left, or as `gfrf`.
     """
-    several = tuple(orders)
-    _check(several, bands, input_band)
-    inputs = input_band or (0.0, max(high for _, high in bands))
+    several, wanted = whole_orders(orders), _ranges(bands, "bands")
+    inputs = (0.0, max(high for _, high in wanted)) if input_band is None else _ranges([input_band], "input_band")[0]
     found = []
     for order in several:
-        for band in bands:
+        for band in wanted:
             omega = band_frequencies(order, band, inputs)
             if len(omega):
                 found.append(_mean(model, order, band, omega, operating_input))
@@ -139,15 +139,33 @@ def band_means(
     return tuple(found)
 
 
-def _check(orders: Sequence[int], bands: Sequence[Range], input_band: Range | None) -> None:
-    wrong = [order for order in orders if not isinstance(order, int | np.integer) or not 1 <= order <= _HIGHEST]
-    if wrong or not orders:
-        raise ModelError(f"orders = {orders!r}; give integers from 1 to {_HIGHEST}")
-    for low, high in (*bands, *(() if input_band is None else (input_band,))):
-        if not 0 <= low < high:
+def whole_orders(orders: Iterable[int]) -> tuple[int, ...]:
+    """Return the orders of the responses that are compared.
+
+    Parameters
+    ----------
+    orders : iterable of int
+        What was given.
+
+    Raises
+    ------
+    ModelError
+        If there is none, or one is not an integer from 1 to 5.
+    """
+    several = tuple(orders) if isinstance(orders, Iterable) else ()
+    if not several:
+        raise ModelError(f"orders = {orders!r}; give integers from 1 to {_HIGHEST}, as (1, 2)")
+    return tuple(whole_order(order, _HIGHEST) for order in several)
+
+
+def _ranges(bands: Sequence[Range], name: str) -> tuple[Range, ...]:
+    given = real_numbers(bands, name)
+    if given.ndim != 2 or given.shape[1] != 2:
+        raise ModelError(f"{name}: at least one pair of frequencies in Hz is needed, as (0.0, 0.1); got {bands!r}")
+    for low, high in given:
+        if not 0 <= low < high < np.inf:
             raise ModelError(f"a band goes from 0 Hz or more to a higher frequency; got {low:g} to {high:g} Hz")
-    if not bands:
-        raise ModelError("no band was given: a comparison needs at least one, as ((0.0, 0.1), (0.1, 1.0))")
+    return tuple((float(low), float(high)) for low, high in given)
 
 
 def _mean(model: NarxModel, order: int, band: Range, omega: Array, operating_input: ArrayLike | None) -> BandMean:
@@ -157,7 +175,7 @@ def _mean(model: NarxModel, order: int, band: Range, omega: Array, operating_inp
     # A t law with that covariance has a smaller scale.
     share = 1.0 if np.isinf(model.theta_dof) else (model.theta_dof - 2) / model.theta_dof
     return BandMean(
-        order=order, from_Hz=float(band[0]), to_Hz=float(band[1]), value=read_only([mean.real, mean.imag]),
+        order=order, from_Hz=band[0], to_Hz=band[1], value=read_only([mean.real, mean.imag]),
         gradient=read_only(gradient),
         scatter=Scatter(scale=read_only(share * gradient @ model.theta_cov @ gradient.T), dof=model.theta_dof),
         gain=float(np.sqrt(np.mean(response.gain**2))), unit=response.unit,

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from deatwin.ident.frequency.comparison.bands import BandMean, Range, band_means
+from deatwin.ident.frequency.checks import probability
+from deatwin.ident.frequency.comparison.bands import BandMean, Range, band_means, whole_orders
 from deatwin.ident.frequency.comparison.equality import Equality, equality, holm
 from deatwin.ident.frequency.linear import operating_input_of
 from deatwin.ident.narx.model import NarxModel
@@ -273,7 +274,7 @@ def compare(
     where = operating_input
     if where is None:
         where = (operating_input_of(first, None) + operating_input_of(second, None)) / 2
-    several = tuple(orders)
+    several = whole_orders(orders)
     ours, theirs = (
         band_means(model, several, bands, operating_input=where, input_band=input_band) for model in (first, second)
     )
@@ -326,8 +327,7 @@ def tabulated(differences: Sequence[Difference], level: float) -> Comparison:
     ModelError
         If the level is not between 0 and 1.
     """
-    if not 0.0 < level < 1.0:
-        raise ModelError(f"level = {level}; it must lie between 0 and 1")
+    level = probability(level)
     corrected = holm([d.p_value for d in differences])
     judged = (
         replace(d, adjusted=float(p), agreement=Agreement.DIFFERENT if p < level else Agreement.ALIKE)

@@ -15,7 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.ident.frequency.comparison.bands import BandMean, Range, band_means
+from deatwin.ident.frequency.checks import probability, whole_number
+from deatwin.ident.frequency.comparison.bands import BandMean, Range, band_means, whole_orders
 from deatwin.ident.frequency.comparison.compare import (
     Agreement,
     Comparison,
@@ -117,9 +118,9 @@ def compare_records(
     """
     if len(recordings) < 2:
         raise ModelError(f"{len(recordings)} record was given: a comparison needs at least two")
+    several, n_slow, level = whole_orders(orders), whole_number(n_slow, "n_slow"), probability(level)
     models = {name: Fixed(terms=terms).fit(given).model_ for name, given in recordings.items()}
     where = operating_input if operating_input is not None else _centre(tuple(models.values()))
-    several = tuple(orders)
     followed = {}
     for name, model in models.items():
         means = band_means(model, several, bands, operating_input=where, input_band=input_band)

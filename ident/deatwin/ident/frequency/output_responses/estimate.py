@@ -10,11 +10,10 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.ident.frequency.checks import whole_order
+from deatwin.ident.frequency.checks import whole_number, whole_order
 from deatwin.ident.frequency.dc import Deviations, deviations
 from deatwin.ident.frequency.gfrf import require_one_input, unit_of
 from deatwin.ident.frequency.many import Evaluated
-from deatwin.ident.frequency.output_responses.excitation import TestSignal
 from deatwin.ident.frequency.output_responses.levels import LevelFit, chebyshev_levels, checked_levels, fit_orders
 from deatwin.ident.frequency.output_responses.powers import InputSpectrum, input_spectrum
 from deatwin.ident.frequency.output_responses.result import Nofrf, NofrfStatus, NofrfWarning
@@ -25,12 +24,13 @@ from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.operating import read_only
 from deatwin.plant.errors import ModelError
 
-__all__ = ["Nofrf", "NofrfStatus", "NofrfWarning", "nofrf", "nofrf_exact"]
+__all__ = ["nofrf", "nofrf_exact"]
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 _MORE = 4  # orders beyond that asked for, which may be fitted
+_HIGHEST = 20  # with two more the condition of Chebyshev levels comes to the following limit
 _CONDITION = 1e8  # beyond it half of the digits are lost
 _TRUNCATION = 0.01  # share of an order of the output, root mean squares over its lines
 
@@ -58,12 +58,13 @@ def nofrf(
         One period of the input as deviations from the operating input, at the model's sample time, in the input's
         unit; see `design_excitation`.
     order : int
-        The order n that is wanted, at least 1.
+        The order n that is wanted, from 1 to 20.
     levels : array_like, shape (n_levels,), optional
-        Factors of the excitation; by default Chebyshev nodes of both signs, twice as many as orders.
+        Factors of the excitation; by default Chebyshev nodes of both signs, twice as many as orders. With less than
+        two more than orders nothing is known of the error by orders that were not fitted.
     highest : int, optional
-        How many orders are fitted; by default the fewest, from ``order`` to four more, whose error at levels left out
-        is at most twice the smallest.
+        How many orders are fitted, up to 20; by default the fewest, from ``order`` to four more, whose error at levels
+        left out is at most twice the smallest.
     operating_input : float, optional
         Constant input about which the model is analysed, in the input's unit; the centre of the training data by
         default.
@@ -91,7 +92,7 @@ def nofrf(
     order = whole_order(order)
     wanted = _wanted_orders(order, highest)
     require_one_input(model)
-    period = _period_at(excitation, model.sample_time)
+    period = one_period(excitation, model.sample_time)
     factors = chebyshev_levels(2 * max(wanted[-1], 2)) if levels is None else checked_levels(levels)
     if factors.size < wanted[0]:
         raise ModelError(f"{factors.size} level(s) cannot tell {wanted[0]} orders apart; give at least {wanted[0]}")
@@ -145,7 +146,7 @@ def nofrf_exact(
     """
     order = whole_order(order)
     require_one_input(model)
-    period = _period_at(excitation, model.sample_time)
+    period = one_period(excitation, model.sample_time)
     power = input_spectrum(period, order, model.sample_time, unit=model.input_units[0])
     if not power.suitable:
         warnings.warn(NofrfStatus.ERRATIC_EXCITATION.value, NofrfWarning, stacklevel=2)
@@ -155,21 +156,13 @@ def nofrf_exact(
 
 def _wanted_orders(order: int, highest: int | None) -> range:
     """How many orders may be fitted."""
-    if highest is None:
-        return range(order, order + _MORE + 1)
-    is_whole = isinstance(highest, int | np.integer) and not isinstance(highest, bool)
-    if not is_whole or highest < order:
-        raise ModelError(f"highest = {highest!r}; it must be an integer, at least the order, {order}")
-    return range(int(highest), int(highest) + 1)
-
-
-def _period_at(excitation: ArrayLike, sample_time: float) -> Array:
-    if isinstance(excitation, TestSignal) and not np.isclose(excitation.sample_time, sample_time, rtol=1e-9, atol=0.0):
+    fewest = order if highest is None else whole_number(highest, "highest", order)
+    if fewest > _HIGHEST:
         raise ModelError(
-            f"the excitation has a sample time of {excitation.sample_time:g} s, the model one of {sample_time:g} s; "
-            "design it at the model's"
+            f"{fewest} orders; beyond {_HIGHEST} the powers of the levels are hardly told apart in double precision: "
+            "fit fewer, or take `nofrf_exact`"
         )
-    return one_period(excitation)
+    return range(fewest, min(order + _MORE, _HIGHEST) + 1 if highest is None else fewest + 1)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -231,7 +224,7 @@ def _result(
     fit: LevelFit,
 ) -> Nofrf:
     """What was fitted, before it is judged; its derivatives are those of the exact orders, without truncation."""
-    outputs = tuple(replace(y, values=values, evaluate=None) for y, values in zip(exact, fit.orders, strict=True))
+    outputs = tuple(_fitted(y, values) for y, values in zip(exact, fit.orders, strict=True))
     return Nofrf(
         order=order,
         orders=tuple(_quotient(y, u, unit_of(model, u.order)) for y, u in zip(outputs, inputs, strict=True)),
@@ -259,35 +252,43 @@ def _judged(found: Nofrf, settled: bool) -> Nofrf:
         NofrfStatus.ILL_CONDITIONED: found.condition > _CONDITION,
         NofrfStatus.ERRATIC_EXCITATION: not all(u.suitable for u in found.inputs[: found.order]),
         NofrfStatus.TRUNCATED: found.advisable_level < 1.0,
+        NofrfStatus.UNVERIFIED: np.isnan(found.advisable_level),
     }
     return replace(found, status=next((status for status, present in faults.items() if present), NofrfStatus.OK))
 
 
+def _fitted(exact: FrequencyResponse, values: Complex) -> FrequencyResponse:
+    """An order of the output as it was fitted; with other parameters it moves as the exact one does."""
+    many = None if exact.evaluate is None else partial(_moved, exact.evaluate, values - exact.values)
+    return replace(exact, values=values, evaluate=many)
+
+
+def _moved(evaluate: Callable[[Array], Evaluated], shift: Complex, thetas: Array) -> Evaluated:
+    found = evaluate(thetas)
+    return replace(found, values=found.values + shift)
+
+
 def _quotient(output: FrequencyResponse, power: InputSpectrum, unit: str) -> FrequencyResponse:
     """G_n = Y_n / U_n where it exists."""
-    lines = power.defined
-    powers = power.values[lines]
-    many = None if output.evaluate is None else partial(_quotients, output.evaluate, lines, powers)
+    powers, some = power.values[power.defined], output.at_points(power.defined)
+    many = None if some.evaluate is None else partial(_quotients, some.evaluate, powers)
     return replace(
-        output,
+        some,
         symbol="G",
-        values=output.values[lines] / powers,
-        omega=output.omega[lines],
+        values=some.values / powers,
         unit=unit,
-        differentiate=partial(_quotient_gradient, output, lines, powers),
+        differentiate=partial(_quotient_gradient, some, powers),
         evaluate=many,
     )
 
 
-def _quotient_gradient(output: FrequencyResponse, lines: NDArray[np.bool_], powers: Complex) -> Complex:
-    return output.gradient[lines] / powers[:, None]
+def _quotient_gradient(output: FrequencyResponse, powers: Complex) -> Complex:
+    return output.gradient / powers[:, None]
 
 
-def _quotients(
-    evaluate: Callable[[Array], Evaluated], lines: NDArray[np.bool_], powers: Complex, thetas: Array
-) -> Evaluated:
+def _quotients(evaluate: Callable[[Array], Evaluated], powers: Complex, thetas: Array) -> Evaluated:
     found = evaluate(thetas)
-    return replace(found, values=found.values[:, lines] / powers)
+    return replace(found, values=found.values / powers)
 
 
 def _said(found: Nofrf) -> str:
@@ -296,6 +297,8 @@ def _said(found: Nofrf) -> str:
         return f"{found.status.value} ({_written(found.lost_levels)} times the excitation)"
     if found.status is NofrfStatus.TRUNCATED:
         return f"{found.status.value} (about {found.advisable_level:.2g} times these levels would do)"
+    if found.status is NofrfStatus.UNVERIFIED:
+        return f"{found.status.value} ({found.levels.size} level(s) for {found.highest} order(s))"
     return found.status.value
 
 

@@ -3,31 +3,34 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from deatwin.ident.frequency.checks import real_number
+from deatwin.ident.frequency.frozen import Frozen
 from deatwin.ident.frequency.output_responses.powers import InputSpectrum, input_spectrum
 from deatwin.ident.frequency.output_responses.ranges import checked_band, checked_sample_time
 from deatwin.ident.narx.operating import OperatingRange, read_only
-from deatwin.plant.drawing import axes_or_new
+from deatwin.plant.drawing import axes_or_new, written_unit
 from deatwin.plant.errors import ModelError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["InputSpectrum", "TestSignal", "design_excitation", "input_spectrum"]
+__all__ = ["TestSignal", "design_excitation"]
 
 Array = NDArray[np.float64]
 
 _LINES = 20  # up to the end of the band, when the period is not given
+_MOST_SAMPLES = 10_000_000  # 80 MB
 _EDGE = 1e-9  # relative: lines that close to an end of the band are in it
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class TestSignal:
+class TestSignal(Frozen):
     """One period of a test signal; it is taken as an array wherever an excitation is.
 
     Parameters
@@ -41,8 +44,6 @@ class TestSignal:
     unit : str
         Unit of the values.
     """
-
-    __test__ = False  # no test case, whatever its name
 
     values: Array
     sample_time: float
@@ -75,6 +76,24 @@ class TestSignal:
         """Amplitude by root mean square."""
         return self.amplitude / float(np.sqrt(np.mean(self.values**2)))
 
+    def scaled(self, factor: float) -> TestSignal:
+        """Return the signal at another amplitude.
+
+        Parameters
+        ----------
+        factor : float
+            Of the values; a negative one turns the pulse over.
+
+        Raises
+        ------
+        ModelError
+            If it is not a number that leaves the values finite.
+        """
+        share = real_number(factor, "the factor")
+        if not math.isfinite(share * self.amplitude):
+            raise ModelError(f"the factor is {factor}; it must leave the values finite")
+        return replace(self, values=share * self.values)
+
     def input_spectrum(self, order: int) -> InputSpectrum:
         """Return the spectrum of a power of the signal.
 
@@ -102,7 +121,7 @@ class TestSignal:
         timepts = (np.arange(self.values.size) - half) * self.sample_time
         axes.plot(timepts, np.roll(self.values, half))
         axes.set_xlabel("time (s)")
-        axes.set_ylabel(f"input ({self.unit})" if self.unit else "input")
+        axes.set_ylabel(f"input ({written_unit(self.unit)})" if self.unit else "input")
         return axes
 
 
@@ -133,7 +152,8 @@ def design_excitation(
         Instead of the amplitude: that of the data of a model's training, within which the signal stays about their
         centre at levels from -1 to 1.
     period : float, optional
-        Length in s, which is rounded to whole samples; by default that of which the end of the band has 20 lines.
+        Length in s, which is rounded to whole samples, at most 10 million; by default that of which the end of the band
+        has 20 lines.
     unit : str
         Unit of the input.
 
@@ -145,7 +165,8 @@ def design_excitation(
     ------
     ModelError
         If the band is not two frequencies low <= high below half the sampling rate or holds no line of the period,
-        the amplitude is not positive, or amplitude and operating range are both given or both missing.
+        the period has less than two or more than 10 million samples, the amplitude is not positive, or amplitude and
+        operating range are both given or both missing.
 
     References
     ----------
@@ -186,14 +207,19 @@ def _amplitude(amplitude: float | None, operating: OperatingRange | None) -> flo
             raise ModelError(f"the operating range is of {operating.input_centre.size} inputs; it must be of one")
         centre = operating.input_centre[0]
         amplitude = min(centre - operating.input_min[0], operating.input_max[0] - centre)
-    if amplitude is None or not 0 < amplitude < math.inf:
+    size = real_number(amplitude, "the amplitude")
+    if not 0 < size < math.inf:
         raise ModelError(
-            f"the amplitude is {amplitude}; it must be positive (and the operating input inside of the training data)"
+            f"the amplitude is {size:g}; it must be positive (and the operating input inside of the training data)"
         )
-    return float(amplitude)
+    return size
 
 
 def _samples(period: float, rate: float) -> int:
-    if not (math.isfinite(period) and round(period * rate) >= 2):
-        raise ModelError(f"period = {period} s; it must hold at least two samples, {2 / rate:g} s")
-    return round(period * rate)
+    length = real_number(period, "the period") * rate
+    if not 1.5 <= length <= _MOST_SAMPLES:
+        raise ModelError(
+            f"the period is {period:g} s; it must hold at least two samples, {2 / rate:g} s, and at most "
+            f"{_MOST_SAMPLES}, {_MOST_SAMPLES / rate:g} s"
+        )
+    return round(length)

@@ -20,6 +20,7 @@ Flags = NDArray[np.bool_]
 
 _BETTER = 2.0  # fewer orders are taken unless more of them make the error this many times smaller
 _ROUNDING = 1e-12  # share of the spectra that is rounding
+_SPREAD = 1e12  # largest level, and one by the smallest: powers of others leave double precision
 _NOTHING = 1e-10  # errors below this share of all orders are no truncation, as those of an order that is zero
 
 
@@ -41,7 +42,8 @@ class LevelFit:
         For fits of 1, 2, ... orders: share of the spectra that the fit without a level leaves there, over all levels;
         infinite where there are not more levels than orders.
     changes : ndarray, shape (N, n_lines)
-        Magnitude by which each of the orders moves when two more are fitted; NaN where the levels are too few.
+        Magnitude by which each of the orders moves when two more are fitted; NaN where the levels do not tell these
+        apart.
         Leading part of the error by what was not fitted.
     """
 
@@ -125,13 +127,15 @@ def checked_levels(levels: ArrayLike) -> Array:
     Raises
     ------
     ModelError
-        If they are not distinct finite numbers other than 0.
+        If they are not distinct numbers of magnitudes from 1e-12 to 1e12.
     """
     values = real_numbers(levels, "the levels")
     if values.ndim != 1:
         raise ModelError(f"the levels have the shape {values.shape}; they must be of shape (n_levels,)")
     if not np.all(np.isfinite(values)) or np.any(values == 0):
         raise ModelError("the levels must be finite factors of the excitation other than 0, where the output is zero")
+    if np.any(np.abs(values) > _SPREAD) or np.any(np.abs(values) < 1 / _SPREAD):
+        raise ModelError(f"the levels must lie between {1 / _SPREAD:g} and {_SPREAD:g} in magnitude; best near 1")
     if np.unique(values).size < values.size:
         raise ModelError("the levels must be distinct: one twice tells nothing new")
     return values
@@ -164,7 +168,8 @@ def fit_orders(levels: Array, spectra: Complex, in_range: Sequence[Flags], tried
     number = tried[int(np.argmax(errors <= max(_BETTER * errors.min(), _ROUNDING)))]
     orders, _ = _least_squares(levels, spectra, reached[:number])
     changes = np.full(orders.shape, np.nan)
-    if number + 2 <= levels.size:
+    more, sizes = _powers(levels, number + 2)
+    if np.linalg.matrix_rank(more / sizes) == number + 2:
         changes = np.abs(_least_squares(levels, spectra, reached[: number + 2])[0][:number] - orders)
     powers, lengths = _powers(levels, number)
     return LevelFit(
@@ -188,7 +193,7 @@ def _least_squares(levels: Array, spectra: Complex, in_range: Flags) -> tuple[Co
         lines = which.ravel() == number
         q, r = np.linalg.qr((powers / lengths)[:, present])
         projected = q.T @ spectra[:, lines]
-        orders[np.ix_(present, lines)] = np.linalg.solve(r, projected) / lengths[present, None]
+        orders[np.ix_(present, lines)] = np.linalg.lstsq(r, projected, rcond=None)[0] / lengths[present, None]
         # without a level its residual grows by one over 1 - its leverage
         freedom = np.maximum(1.0 - np.sum(q**2, axis=1), np.finfo(float).eps)
         left_out[:, lines] = (spectra[:, lines] - q @ projected) / freedom[:, None]

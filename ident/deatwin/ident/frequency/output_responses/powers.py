@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deatwin.ident.frequency.checks import whole_order
+from deatwin.ident.frequency.frozen import Frozen
 from deatwin.ident.frequency.output_responses.ranges import checked_sample_time
-from deatwin.ident.frequency.spectrum import line_frequencies, one_period, spectrum_of
-from deatwin.plant.drawing import axes_or_new
+from deatwin.ident.frequency.spectrum import excited_lines, line_frequencies, one_period, spectrum_of
+from deatwin.plant.drawing import axes_or_new, written_unit
 from deatwin.plant.errors import ModelError
 
 if TYPE_CHECKING:
@@ -26,13 +27,13 @@ Flags = NDArray[np.bool_]
 AMPLIFICATION = 5.0
 """Largest sum of the magnitudes of the weights, which sum to one, that suits: beyond it G_n is erratic."""
 
-_EXCITED = 1e-12  # lines below this share of the largest hold the rounding of whoever made the signal
 _CANCELLED = 1e-12  # powers below this share of the largest are rounding
+_SMALLEST = float(np.finfo(np.float64).tiny) / _CANCELLED
 _COUNTED = 1e-3  # -60 dB: lines whose contributions are below this share of the largest are skirts of the signal
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class InputSpectrum:
+class InputSpectrum(Frozen):
     """The spectrum U_n of the n-th power of an input.
 
     The nonlinear output frequency response G_n = Y_n / U_n is a mean of H_n over all combinations of lines that add
@@ -61,10 +62,6 @@ class InputSpectrum:
     in_range: Flags
     omega: Array
     unit: str
-
-    def __post_init__(self) -> None:
-        for array in (self.values, self.in_phase, self.in_range, self.omega):
-            array.setflags(write=False)
 
     @property
     def frequency_Hz(self) -> Array:
@@ -116,9 +113,25 @@ class InputSpectrum:
         axes.plot(frequencies, np.abs(self.values[inside]), ".", label=f"$|U_{self.order}|$")
         axes.set_yscale("log")
         axes.set_xlabel("frequency (Hz)")
-        axes.set_ylabel(f"input spectrum ({self.unit})" if self.unit else "input spectrum")
+        axes.set_ylabel(f"input spectrum ({written_unit(self.unit)})" if self.unit else "input spectrum")
         axes.legend()
         return axes
+
+    def to_xarray(self) -> Any:
+        """Return U_n, what it would be in phase, and where it is reached, as an `xarray.Dataset` over frequency."""
+        import xarray
+
+        return xarray.Dataset(
+            {
+                "real": ("frequency", self.values.real, {"units": self.unit}),
+                "imaginary": ("frequency", self.values.imag, {"units": self.unit}),
+                "in_phase": ("frequency", self.in_phase, {"units": self.unit}),
+                "in_range": ("frequency", self.in_range),
+                "amplification": ("frequency", self.amplification),
+            },
+            coords={"frequency": ("frequency", self.frequency_Hz, {"units": "Hz"})},
+            attrs={"order": self.order},
+        )
 
 
 def input_spectrum(excitation: ArrayLike, order: int, sample_time: float, *, unit: str = "") -> InputSpectrum:
@@ -144,7 +157,7 @@ def input_spectrum(excitation: ArrayLike, order: int, sample_time: float, *, uni
     ------
     ModelError
         If the order is not an integer of at least 1, the sample time is not positive, or the excitation is not a
-        finite period or is zero.
+        finite period or is zero, or its power leaves the range of double precision.
 
     References
     ----------
@@ -152,21 +165,28 @@ def input_spectrum(excitation: ArrayLike, order: int, sample_time: float, *, uni
     (2005) 345-362, doi:10.1080/00207170500095759.
     """
     order = whole_order(order)
-    period = one_period(excitation)
+    sample_time = checked_sample_time(sample_time)
+    period = one_period(excitation, sample_time)
     if not np.any(period):
         raise ModelError("the excitation is zero throughout; it has no spectrum to divide by")
     n = period.size
-    omega = line_frequencies(n, checked_sample_time(sample_time))
-    size = np.abs(spectrum_of(period))
-    excited = size > _EXCITED * size.max()
+    spectrum = spectrum_of(period)
+    excited = excited_lines(spectrum)
+    with np.errstate(over="ignore", invalid="ignore"):
+        values = spectrum_of(period**order)
+        in_phase = spectrum_of((n * np.fft.irfft(np.where(excited, np.abs(spectrum), 0.0), n)) ** order).real
+    if not (np.all(np.isfinite(values)) and _SMALLEST < in_phase.max() < np.inf):
+        raise ModelError(
+            f"the power {order} of an excitation up to {np.abs(period).max():.3g} leaves the range of double "
+            "precision; choose another amplitude, another unit or a lower order"
+        )
     in_range = _reached(excited, order, n)
-    in_phase = spectrum_of((n * np.fft.irfft(np.where(excited, size, 0.0), n)) ** order).real
     return InputSpectrum(
         order=order,
-        values=spectrum_of(period**order),
+        values=values,
         in_phase=np.where(in_range, in_phase, 0.0),
         in_range=in_range,
-        omega=omega,
+        omega=line_frequencies(n, sample_time),
         unit=f"{unit}^{order}" if unit and order > 1 else unit,
     )
 

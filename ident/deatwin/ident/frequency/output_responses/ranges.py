@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.ident.frequency.checks import real_numbers, whole_order
+from deatwin.ident.frequency.checks import real_number, real_numbers, whole_order
 from deatwin.ident.narx.operating import read_only
 from deatwin.plant.errors import ModelError
 
@@ -42,8 +42,8 @@ def output_frequencies(band: ArrayLike, order: int, *, sample_time: float | None
     Raises
     ------
     ModelError
-        If the order is not an integer of at least 1, the band is not two frequencies 0 <= low <= high, or it goes
-        beyond half the sampling rate.
+        If the order is not an integer of at least 1, the band is not two frequencies 0 <= low <= high, it goes beyond
+        half the sampling rate, or the sums overflow.
 
     References
     ----------
@@ -51,6 +51,8 @@ def output_frequencies(band: ArrayLike, order: int, *, sample_time: float | None
     """
     order = whole_order(order)
     low, high = checked_band(band, "rad/s")
+    if not math.isfinite(order * high):
+        raise ModelError(f"the band goes up to {high:g} rad/s; sums of {order} such frequencies overflow")
     sums = [((order - k) * low - k * high, (order - k) * high - k * low) for k in range(order + 1)]
     positive = [piece for interval in sums for piece in _magnitudes(*interval)]
     if sample_time is None:
@@ -95,9 +97,10 @@ def checked_sample_time(sample_time: float) -> float:
     ModelError
         If it is not positive and finite.
     """
-    if not 0 < sample_time < math.inf:
+    found = real_number(sample_time, "sample_time")
+    if not 0 < found < math.inf:
         raise ModelError(f"sample_time = {sample_time}; it must be positive, in s")
-    return float(sample_time)
+    return found
 
 
 def _magnitudes(low: float, high: float) -> list[tuple[float, float]]:

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.frequency.checks import real_number
+from deatwin.ident.frequency.frozen import Frozen
+from deatwin.ident.frequency.many import Evaluated
 from deatwin.ident.frequency.output_responses.powers import InputSpectrum
 from deatwin.ident.frequency.response import FrequencyResponse
+from deatwin.ident.frequency.spectrum import representable
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError
 
@@ -57,6 +62,10 @@ class NofrfStatus(Enum):
         "orders that were not fitted act at these levels: they change a NOFRF by more than 1 %; lower the amplitude or "
         "fit more orders"
     )
+    UNVERIFIED = (
+        "the levels do not tell what the orders that were not fitted do: nothing is known of the error they make; give "
+        "at least two more levels than orders, spread out"
+    )
 
     @property
     def ok(self) -> bool:
@@ -65,7 +74,7 @@ class NofrfStatus(Enum):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Nofrf:
+class Nofrf(Frozen):
     """Nonlinear output frequency responses G_1, ..., G_N by least squares over levels of an excitation.
 
     Parameters
@@ -74,7 +83,7 @@ class Nofrf:
         The order that was asked for.
     orders : tuple of FrequencyResponse, length N
         G_1, ..., G_N, each at the lines where it exists; output unit by power of the input unit. Their derivatives
-        and covariances are those of the exact G_n.
+        and covariances are those of the exact G_n, and with other parameters they change as these do.
     outputs : tuple of FrequencyResponse, length N
         The orders of the output, Y_n = G_n U_n, at level 1 and at all lines.
     inputs : tuple of InputSpectrum, length N
@@ -92,7 +101,7 @@ class Nofrf:
         infinite where the levels are too few to leave one out.
     truncation : tuple of ndarray, length N
         By how much each G_n moves when two more orders are fitted, shape (n,) as G_n and in its unit: about the error
-        by the orders that were not fitted. NaN where the levels are too few to tell.
+        by the orders that were not fitted. NaN where the levels do not tell.
     advisable_level : float
         Factor of the levels at which the truncation error of the orders of the output up to ``order`` would be about
         1 % of them (root mean squares over their lines), from its power law, and at which no level is known to
@@ -114,10 +123,6 @@ class Nofrf:
     truncation: tuple[Array, ...]
     advisable_level: float
     status: NofrfStatus
-
-    def __post_init__(self) -> None:
-        for array in (self.levels, self.lost_levels, self.residual, self.left_out, *self.truncation):
-            array.setflags(write=False)
 
     @property
     def response(self) -> FrequencyResponse:
@@ -161,14 +166,26 @@ class Nofrf:
         -------
         FrequencyResponse
             Fourier coefficients in the output's unit at all lines of the period.
+
+        Raises
+        ------
+        ModelError
+            If the level is not a finite number, or so large that an order overflows.
         """
-        shares = [float(level) ** y.order for y in self.outputs]
-
-        def gradient() -> Complex:
-            return np.sum([share * y.gradient for share, y in zip(shares, self.outputs, strict=True)], axis=0)
-
-        values = np.sum([share * y.values for share, y in zip(shares, self.outputs, strict=True)], axis=0)
-        return replace(self.outputs[0], order=0, values=values, differentiate=gradient)
+        factor = real_number(level, "the level")
+        if not np.isfinite(factor):
+            raise ModelError(f"the level is {factor}; it must be finite")
+        with np.errstate(over="ignore", invalid="ignore"):
+            shares = np.power(factor, np.arange(1, self.highest + 1))
+            values = shares @ np.array([y.values for y in self.outputs])
+        evaluates = [y.evaluate for y in self.outputs if y.evaluate is not None]
+        return replace(
+            self.outputs[0],
+            order=0,
+            values=representable(values, f"the output at {factor:g} times it"),
+            differentiate=partial(_summed_gradient, self.outputs, shares),
+            evaluate=partial(_summed, evaluates, shares) if len(evaluates) == self.highest else None,
+        )
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the gain of the order that was asked for over frequency, with its truncation error where it shows.
@@ -257,3 +274,13 @@ class Nofrf:
             },
             attrs={"condition": self.condition, "status": self.status.value},
         )
+
+
+def _summed_gradient(outputs: Sequence[FrequencyResponse], shares: Array) -> Complex:
+    return np.asarray(np.tensordot(shares, [y.gradient for y in outputs], axes=1), dtype=np.complex128)
+
+
+def _summed(evaluates: Sequence[Callable[[Array], Evaluated]], shares: Array, thetas: Array) -> Evaluated:
+    """The sum at other parameters; which of them have an equilibrium is the same for all orders."""
+    found = [evaluate(thetas) for evaluate in evaluates]
+    return replace(found[0], values=np.tensordot(shares, [each.values for each in found], axes=1))

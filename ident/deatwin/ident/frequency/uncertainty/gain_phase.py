@@ -1,4 +1,4 @@
-"""Gain and phase of an uncertain complex number: the law of propagation, how far it holds, and the exact law.
+"""Gain and phase of an uncertain complex number: the law of propagation, how far it holds, and regions.
 
 The complex number is normal in the plane (or bivariate Student-t), with any covariance of real and imaginary part.
 
@@ -18,22 +18,21 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.frequency.checks import probability
+from deatwin.ident.frequency.frozen import Frozen
 from deatwin.ident.narx.posterior import quantile
-from deatwin.plant.errors import ModelError
 
-__all__ = ["Ellipses", "Polar", "exact_quantiles", "polar", "region_radius"]
+__all__ = ["Ellipses", "Polar", "interval_radius", "polar", "region_radius"]
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 _DEGENERATE = 1e-13  # of variances: below this an ellipse is a line, but for rounding
 _NOTHING = 1e-24  # of the largest variance over frequency: below this there is no response, but for rounding
-_SPIRAL = 8192  # points of the exact law; probabilities are then right to about 1e-3
-_GOLDEN = math.pi * (3.0 - math.sqrt(5.0))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Ellipses:
+class Ellipses(Frozen):
     """Principal axes of covariances, without what only rounding made.
 
     Parameters
@@ -88,7 +87,7 @@ class Ellipses:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Polar:
+class Polar(Frozen):
     """Gain and phase by the law of propagation.
 
     Parameters
@@ -159,6 +158,29 @@ def polar(values: Complex, covariance: Array) -> Polar:
     )
 
 
+def interval_radius(level: float, dof: float) -> float:
+    """Return the half width of the central interval of a real normal or Student-t number, in standard deviations.
+
+    Parameters
+    ----------
+    level : float
+        Probability, between 0 and 1.
+    dof : float
+        Degrees of freedom, more than 2; infinite for a normal law.
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    ModelError
+        If the level is not between 0 and 1.
+    """
+    shrink = 1.0 if math.isinf(dof) else math.sqrt((dof - 2) / dof)
+    return quantile(probability(level), dof) * shrink
+
+
 def region_radius(level: float, dof: float, rank: NDArray[np.int64]) -> Array:
     """Return the Mahalanobis radius of the region of a probability, in the metric of the covariance.
 
@@ -183,58 +205,11 @@ def region_radius(level: float, dof: float, rank: NDArray[np.int64]) -> Array:
     ModelError
         If the level is not between 0 and 1.
     """
-    shrink = 1.0 if math.isinf(dof) else math.sqrt((dof - 2) / dof)
-    line = quantile(level, dof) * shrink
+    line = interval_radius(level, dof)
     return np.where(rank == 1, line, math.sqrt(float(_squared_radius(np.array(level), dof))))
 
 
-def exact_quantiles(
-    values: Complex, covariance: Array, dof: float, gain_shares: Array, phase_shares: Array
-) -> tuple[Array, Array]:
-    """Return quantiles of the gain and of the phase of normal or Student-t complex numbers, without linearising.
-
-    They are those of points that fill the law evenly (a golden-angle spiral at the quantiles of the radius), so that
-    probabilities are right to about 1e-3.
-
-    Parameters
-    ----------
-    values : ndarray of complex, shape (n,)
-        Means.
-    covariance : ndarray, shape (n, 2, 2)
-        Of real and imaginary part.
-    dof : float
-        Degrees of freedom; infinite for a normal law.
-    gain_shares, phase_shares : ndarray, shape (n, k)
-        Probabilities, for each value its own.
-
-    Returns
-    -------
-    gain : ndarray, shape (n, k)
-        In the values' unit.
-    phase : ndarray, shape (n, k)
-        In rad, as deviations from the phase of the value, between -π and π.
-    """
-    points = _spiral(dof)
-    gains, phases = np.empty(gain_shares.shape), np.empty(phase_shares.shape)
-    for i, root in enumerate(Ellipses.of(covariance).roots):
-        real, imaginary = root @ points
-        cloud = values[i] + real + 1j * imaginary
-        turned = cloud * np.conj(values[i]) if values[i] != 0 else cloud
-        gains[i] = np.quantile(np.abs(cloud), gain_shares[i])
-        phases[i] = np.quantile(np.angle(turned), phase_shares[i])
-    return gains, phases
-
-
-def _spiral(dof: float) -> Array:
-    """Points of the law with unit covariance, shape (2, _SPIRAL)."""
-    number = np.arange(_SPIRAL)
-    radius = np.sqrt(_squared_radius((number + 0.5) / _SPIRAL, dof))
-    return radius * np.stack([np.cos(_GOLDEN * number), np.sin(_GOLDEN * number)])
-
-
 def _squared_radius(level: Array, dof: float) -> Array:
-    if not np.all((level > 0) & (level < 1)):
-        raise ModelError(f"level = {level}; it must lie between 0 and 1")
     if math.isinf(dof):
         return np.asarray(-2.0 * np.log1p(-level))
     return np.asarray((dof - 2.0) * np.expm1(-2.0 / dof * np.log1p(-level)))

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.frequency.checks import probability
 from deatwin.ident.frequency.many import Evaluated
 from deatwin.ident.frequency.response import FrequencyResponse
 from deatwin.ident.narx.linear import LinearModel
@@ -17,9 +18,24 @@ from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.posterior import ThetaPosterior, covariance_root
 from deatwin.plant.errors import ModelError
 
-__all__ = ["Model", "Quantity", "dof_of", "draw_theta", "evaluate", "response_of", "with_theta"]
+__all__ = [
+    "JOINT",
+    "Model",
+    "Quantity",
+    "dof_of",
+    "draw_theta",
+    "evaluate",
+    "require_memory",
+    "response_of",
+    "with_theta",
+]
 
 Array = NDArray[np.float64]
+
+_INDEFINITE = 1e-8  # of the largest eigenvalue: negative ones down to this are rounding
+_MOST_BYTES = 1 << 31
+JOINT = "the covariance of all parts; take fewer frequencies (at_points)"
+"""What `require_memory` says of it."""
 
 Model = NarxModel | LinearModel
 """What has parameters, their covariance, and a frequency response."""
@@ -92,10 +108,12 @@ def response_of(model: Model, quantity: Quantity, level: float) -> FrequencyResp
     Raises
     ------
     ModelError
-        If it does not, or the quantity is something else.
+        If it does not, the quantity is something else, or the covariance of the parameters is none.
     """
-    if not 0 < level < 1:
-        raise ModelError(f"level = {level}; it must lie between 0 and 1")
+    probability(level)
+    if not callable(quantity):
+        raise ModelError(f"quantity = {quantity!r}; it must be a function of a model, as partial(frf, omega=omega)")
+    _require_covariance(model.theta_cov)
     response = quantity(model)
     if not isinstance(response, FrequencyResponse):
         raise ModelError(
@@ -103,6 +121,37 @@ def response_of(model: Model, quantity: Quantity, level: float) -> FrequencyResp
             "partial(gfrf, order=2, omega=omega) does, or partial(frf, omega=omega) of a linear model"
         )
     return response
+
+
+def _require_covariance(theta_cov: Array) -> None:
+    sizes = np.sqrt(np.abs(np.diag(theta_cov)))
+    divisors = np.where(sizes > 0, sizes, 1.0)
+    eigenvalues = np.linalg.eigvalsh(theta_cov / np.outer(divisors, divisors))
+    least, largest = eigenvalues.min(initial=0.0), np.abs(eigenvalues).max(initial=0.0)
+    if least < -_INDEFINITE * largest:
+        raise ModelError(
+            f"theta_cov is no covariance: beside the largest, {largest:.3g}, its scaled form has the eigenvalue "
+            f"{least:.3g}; all must be at least 0"
+        )
+
+
+def require_memory(count: int, what: str) -> None:
+    """Raise ModelError where an array would be too large.
+
+    Parameters
+    ----------
+    count : int
+        Number of real numbers in it.
+    what : str
+        What it is, and of what fewer would do.
+
+    Raises
+    ------
+    ModelError
+        If that is more than 2 GiB.
+    """
+    if 8 * count > _MOST_BYTES:
+        raise ModelError(f"{8 * count / 2**30:.3g} GiB, more than {_MOST_BYTES >> 30} GiB, are needed for {what}")
 
 
 def evaluate(model: Model, quantity: Quantity, response: FrequencyResponse, thetas: Array) -> Evaluated:
@@ -125,9 +174,20 @@ def evaluate(model: Model, quantity: Quantity, response: FrequencyResponse, thet
     Returns
     -------
     Evaluated
+
+    Raises
+    ------
+    ModelError
+        If the response has other points at other parameters.
     """
     if response.evaluate is not None:
-        return response.evaluate(thetas)
+        many = response.evaluate(thetas)
+        if many.values.shape != (len(thetas), response.values.size):
+            raise ModelError(
+                f"{response.label} has {response.values.size} points, but at {len(thetas)} parameters its values have "
+                f"the shape {many.values.shape}; take some of its points with at_points"
+            )
+        return many
     values = np.full((len(thetas), response.values.size), np.nan + 0j)
     exists, stable = np.zeros(len(thetas), dtype=bool), np.zeros(len(thetas), dtype=bool)
     for i, theta in enumerate(thetas):

@@ -10,8 +10,11 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from deatwin.ident.frequency.checks import whole_number
+from deatwin.ident.frequency.frozen import Frozen
 from deatwin.ident.frequency.response import Band, FrequencyResponse
 from deatwin.ident.frequency.uncertainty.gain_phase import Ellipses, region_radius
+from deatwin.plant.errors import ModelError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,7 +26,7 @@ Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Uncertain(ABC):
+class Uncertain(Frozen, ABC):
     """A frequency response and its uncertainty.
 
     Parameters
@@ -94,7 +97,13 @@ class Uncertain(ABC):
 
     @abstractmethod
     def joint_covariance(self) -> Array:
-        """Return the covariance of all real parts and then all imaginary parts, shape (2n, 2n)."""
+        """Return the covariance of all real parts and then all imaginary parts, shape (2n, 2n).
+
+        Raises
+        ------
+        ModelError
+            If it needs more than 2 GiB.
+        """
 
     @abstractmethod
     def gain_band(self, level: float | None = None) -> Band:
@@ -125,12 +134,18 @@ class Uncertain(ABC):
             Probability at each frequency, ``self.level`` by default: of both parts jointly (5.99 is the squared radius
             of a normal law at 95 %).
         n_points : int
-            Points of each outline; the last is the first.
+            Points of each outline, at least 3; the last is the first.
 
         Returns
         -------
         ndarray of complex, shape (n, n_points)
+
+        Raises
+        ------
+        ModelError
+            If level or number of points are not as described.
         """
+        n_points = whole_number(n_points, "n_points", 3)
         angle = np.linspace(0.0, 2 * np.pi, n_points)
         outline = self._ellipses.roots @ np.stack([np.cos(angle), np.sin(angle)])
         real, imaginary = np.moveaxis(outline * self._radius(level)[:, None, None], 1, 0)
@@ -149,8 +164,19 @@ class Uncertain(ABC):
         Returns
         -------
         ndarray of bool, shape (..., n)
+
+        Raises
+        ------
+        ModelError
+            If there are not as many values as frequencies, or the level is not between 0 and 1.
         """
-        away = np.asarray(other, dtype=np.complex128) - self.values
+        given = np.asarray(other)
+        if given.dtype.kind not in "iufc" or given.shape[-1:] not in ((), self.values.shape):
+            raise ModelError(
+                f"other holds {given.dtype.name} of shape {given.shape}; it must be one number, or one for each of the "
+                f"{self.values.size} frequencies"
+            )
+        away = given - self.values
         return np.asarray(self._ellipses.squared_distance(away) <= self._radius(level) ** 2)
 
     @cached_property
@@ -187,6 +213,11 @@ class Uncertain(ABC):
         Returns
         -------
         matplotlib Axes
+
+        Raises
+        ------
+        ModelError
+            If there are several frequencies for each value, and their sums do not go one way.
         """
         from deatwin.ident.frequency.uncertainty.drawing import plot_gain
 
@@ -203,6 +234,11 @@ class Uncertain(ABC):
         Returns
         -------
         matplotlib Axes
+
+        Raises
+        ------
+        ModelError
+            If there are several frequencies for each value, and their sums do not go one way.
         """
         from deatwin.ident.frequency.uncertainty.drawing import plot_phase
 

@@ -10,8 +10,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.frequency.checks import probability, whole_number
 from deatwin.ident.frequency.response import Band
-from deatwin.ident.frequency.uncertainty.parameters import Model, Quantity, dof_of, draw_theta, evaluate, response_of
+from deatwin.ident.frequency.uncertainty.parameters import (
+    JOINT,
+    Model,
+    Quantity,
+    dof_of,
+    draw_theta,
+    evaluate,
+    require_memory,
+    response_of,
+)
 from deatwin.ident.frequency.uncertainty.regions import Uncertain
 from deatwin.ident.narx.operating import read_only
 from deatwin.plant.errors import ModelError
@@ -113,13 +123,23 @@ class Sampled(Uncertain):
         return read_only(np.stack([rr, ri, ri, ii], axis=-1).reshape(-1, 2, 2) / (len(away) - 1))
 
     def joint_covariance(self) -> Array:
-        """Return the covariance of all real parts and then all imaginary parts, shape (2n, 2n)."""
+        """Return the covariance of all real parts and then all imaginary parts, shape (2n, 2n).
+
+        Raises
+        ------
+        ModelError
+            If it needs more than 2 GiB.
+        """
+        require_memory(4 * self.values.size**2, JOINT)
         away = self.draws - self.mean
         parts = np.concatenate([away.real, away.imag], axis=1)
         return read_only(parts.T @ parts / (len(parts) - 1))
 
     def gain_band(self, level: float | None = None) -> Band:
-        """Return the central quantiles of the gain.
+        """Return the central quantiles of the gain of the draws.
+
+        Near zero gain they are no confidence band of the true gain: draws about a value near zero have more gain than
+        what they are drawn about. `Propagated.gain_band` takes the range of the ellipse there.
 
         Parameters
         ----------
@@ -150,9 +170,7 @@ class Sampled(Uncertain):
         return self._band(self.phase_deg + np.degrees(turned), level)
 
     def _band(self, values: Array, level: float | None) -> Band:
-        level = self.level if level is None else level
-        if not 0 < level < 1:
-            raise ModelError(f"level = {level}; it must lie between 0 and 1")
+        level = self.level if level is None else probability(level)
         low, high = np.quantile(values, [(1 - level) / 2, (1 + level) / 2], axis=0)
         nowhere = np.zeros(low.shape, dtype=np.bool_)
         return Band(level=level, low=read_only(low), high=read_only(high), linear_law=nowhere)
@@ -193,12 +211,14 @@ def sample(
     Raises
     ------
     ModelError
-        If the level or the number of draws makes no sense, the quantity is no FrequencyResponse, or fewer than two
-        draws are left.
+        If level, rng or number of draws are not as described, the draws need more than 2 GiB, the covariance of the
+        parameters is none, the quantity is no FrequencyResponse, or fewer than two draws are left.
     """
     response = response_of(model, quantity, level)
-    if n_draws < 2:
-        raise ModelError(f"n_draws = {n_draws}; at least 2 are needed")
+    n_draws = whole_number(n_draws, "n_draws", 2)
+    if not isinstance(rng, np.random.Generator):
+        raise ModelError(f"rng = {rng!r}; it must be a numpy.random.Generator, as numpy.random.default_rng(0)")
+    require_memory(2 * n_draws * response.values.size, "these draws; take fewer, or fewer frequencies (at_points)")
     found = evaluate(model, quantity, response, draw_theta(model, rng, n_draws))
     kept = found.exists & (found.stable == response.status.ok)
     if kept.sum() < 2:
@@ -206,7 +226,6 @@ def sample(
             f"of {n_draws} draws {int(kept.sum())} have the model's operating point; its parameters are too uncertain"
         )
     draws = found.values if kept.all() else found.values[kept]
-    draws.setflags(write=False)
     return Sampled(
         response=response,
         level=level,

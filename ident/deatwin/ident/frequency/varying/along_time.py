@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deatwin.ident.frequency.checks import real_numbers, whole_order
-from deatwin.ident.frequency.gfrf import gfrf, require_one_input
+from deatwin.ident.frequency.gfrf import HIGHEST_ORDER, checked_frequencies, gfrf, require_one_input
 from deatwin.ident.frequency.hierarchy import Jet, Parts
 from deatwin.ident.frequency.linear import operating_input_of
-from deatwin.ident.frequency.output_responses.estimate import NofrfStatus, NofrfWarning, nofrf_exact
-from deatwin.ident.frequency.output_responses.excitation import input_spectrum
+from deatwin.ident.frequency.output_responses.estimate import nofrf_exact
+from deatwin.ident.frequency.output_responses.powers import input_spectrum
+from deatwin.ident.frequency.output_responses.result import NofrfStatus, NofrfWarning
 from deatwin.ident.frequency.parts import Orders, Tones
 from deatwin.ident.frequency.response import FrequencyResponse
 from deatwin.ident.frequency.spectrum import one_period, output_spectrum, spectrum_of
@@ -80,17 +81,11 @@ def tv_gfrf(
     Zadeh, "Frequency analysis of variable networks", Proc. IRE 38 (1950) 291-299.
     """
 
-    def plan(response: FrequencyResponse) -> tuple[Parts, Reading]:
-        angles = response.omega.reshape(-1, order) * trajectory.model.sample_time
-        tones = Tones(angles)
-
-        def read(found: Mapping[int, Jet]) -> NDArray[Any] | None:
-            return found[tones.whole].value / tones.repeats if tones.whole in found else None
-
-        return tones, read
-
-    quantity = partial(gfrf, order=order, omega=omega)
-    return _along(trajectory, quantity, plan, timepts, operating_input, progress)
+    order = whole_order(order, HIGHEST_ORDER)
+    frequencies = checked_frequencies(omega, trajectory.model.sample_time, order)
+    tones = Tones(frequencies.reshape(-1, order) * trajectory.model.sample_time)
+    quantity = partial(gfrf, order=order, omega=frequencies)
+    return _along(trajectory, quantity, tones, partial(_of_all_tones, tones), timepts, operating_input, progress)
 
 
 def tv_output_spectrum(
@@ -129,16 +124,9 @@ def tv_output_spectrum(
     ModelError
         As `output_spectrum` and `tv_gfrf`.
     """
-    orders = Orders(one_period(excitation), whole_order(order))
-
-    def read(found: Mapping[int, Jet]) -> NDArray[Any] | None:
-        return spectrum_of(sum(jet.value for jet in found.values())) if found else None
-
-    def plan(_: FrequencyResponse) -> tuple[Parts, Reading]:
-        return orders, read
-
+    orders = Orders(one_period(excitation, trajectory.model.sample_time), whole_order(order))
     quantity = partial(output_spectrum, excitation=excitation, order=order)
-    return _along(trajectory, quantity, plan, timepts, operating_input, progress)
+    return _along(trajectory, quantity, orders, _of_all_orders, timepts, operating_input, progress)
 
 
 def tv_nofrf(
@@ -190,30 +178,40 @@ def tv_nofrf(
     Lang, Billings, "Energy transfer properties of non-linear systems in the frequency domain", Int. J. Control 78
     (2005) 345-362, doi:10.1080/00207170500095759.
     """
-    period = one_period(excitation)
+    period = one_period(excitation, trajectory.model.sample_time)
     spectrum = input_spectrum(period, order, trajectory.model.sample_time)
     lines, powers = spectrum.defined, spectrum.values[spectrum.defined]
     if not spectrum.suitable:
         warnings.warn(NofrfStatus.ERRATIC_EXCITATION.value, NofrfWarning, stacklevel=2)
+    quantity, read = partial(_nofrf, excitation, order), partial(_of_order, order, lines, powers)
+    return _along(trajectory, quantity, Orders(period, order), read, timepts, operating_input, progress)
 
-    def quantity(model: NarxModel) -> FrequencyResponse:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", NofrfWarning)  # said once, for all times
-            return nofrf_exact(model, excitation, order)
 
-    def read(found: Mapping[int, Jet]) -> NDArray[Any] | None:
-        return spectrum_of(found[order].value)[:, lines] / powers if order in found else None
+def _of_all_tones(tones: Tones, found: Mapping[int, Jet]) -> NDArray[Any] | None:
+    return found[tones.whole].value / tones.repeats if tones.whole in found else None
 
-    def plan(_: FrequencyResponse) -> tuple[Parts, Reading]:
-        return Orders(period, order), read
 
-    return _along(trajectory, quantity, plan, timepts, operating_input, progress)
+def _of_all_orders(found: Mapping[int, Jet]) -> NDArray[Any] | None:
+    return spectrum_of(sum(jet.value for jet in found.values())) if found else None
+
+
+def _of_order(
+    order: int, lines: NDArray[np.bool_], powers: NDArray[Any], found: Mapping[int, Jet]
+) -> NDArray[Any] | None:
+    return spectrum_of(found[order].value)[:, lines] / powers if order in found else None
+
+
+def _nofrf(excitation: ArrayLike, order: int, model: NarxModel) -> FrequencyResponse:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", NofrfWarning)  # said once, for all times
+        return nofrf_exact(model, excitation, order)
 
 
 def _along(
     trajectory: ThetaTrajectory,
     quantity: Callable[[NarxModel], FrequencyResponse],
-    plan: Callable[[FrequencyResponse], tuple[Parts, Reading]],
+    parts: Parts,
+    read: Reading,
     timepts: ArrayLike | None,
     operating_input: ArrayLike | None,
     progress: Progress | None,
@@ -234,7 +232,6 @@ def _along(
         raise ModelError(
             f"no model from {times[0]:g} s to {times[-1]:g} s has an equilibrium at its operating input; choose another"
         )
-    parts, read = plan(some)
     stable = tuple(m if r is not None and r.status.ok else None for m, r in zip(models, responses, strict=True))
     return VaryingResponse(
         timepts=times,

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.frequency.checks import real_number
 from deatwin.ident.frequency.dc import Equilibrium, equilibrium
 from deatwin.ident.frequency.gfrf import require_one_input
 from deatwin.ident.frequency.linear import levels, motion, operating_input_of
@@ -80,7 +81,7 @@ def hold_equilibrium(
     """
     require_one_input(trajectory.model)
     inputs = operating_input_of(trajectory.model, operating_input)
-    if not np.isfinite(output):
+    if not np.isfinite(real_number(output, "output")):
         raise ModelError(f"output = {output}; the equilibrium must be a finite number")
     regressors = trajectory.model.table.at(levels(trajectory.model, inputs, output))
     constant, terms = Term(()), trajectory.terms

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.frequency.uncertainty.gain_phase import interval_radius
 from deatwin.ident.frequency.varying.response import VaryingResponse, VaryingStatus
-from deatwin.plant.drawing import axes_or_new
+from deatwin.plant.drawing import axes_or_new, written_unit
 from deatwin.plant.errors import ModelError
 
 if TYPE_CHECKING:
@@ -22,7 +23,6 @@ Array = NDArray[np.float64]
 _DECADES = 20.0  # from the lowest to the highest frequency: the axis is logarithmic
 _NARROW = 10.0  # gains within this have linear colours
 _RANGE = 1e4  # gains below the largest by more than this have one colour
-_QUANTILE = 1.959963984540054  # of the normal law, 97.5 %
 
 
 def plot_map(response: VaryingResponse, ax: Axes | None = None) -> Axes:
@@ -59,7 +59,7 @@ def plot_map(response: VaryingResponse, ax: Axes | None = None) -> Axes:
         axes.legend(loc="upper left", frameon=True, facecolor="0.6", labelcolor="black")
     name = response.label.strip("$")
     bar = axes.figure.colorbar(mesh, ax=axes, extend="min" if np.nanmin(gain) < low else "neither")
-    bar.set_label(f"$|{name}|$ ({response.unit})" if response.unit else f"$|{name}|$")
+    bar.set_label(f"$|{name}|$ ({written_unit(response.unit)})" if response.unit else f"$|{name}|$")
     axes.set_xlabel("time (s)")
     axes.set_ylabel(label)
     return axes
@@ -80,7 +80,8 @@ def plot_equilibria(response: VaryingResponse, ax: Axes | None = None) -> Axes:
     matplotlib Axes
     """
     axes = axes_or_new(ax)
-    half = _QUANTILE * response.equilibrium_std
+    dof = [np.inf if model is None else model.theta_dof for model in response.models]
+    half = response.equilibrium_std * [interval_radius(0.95, each) for each in dof]
     low, high = response.equilibria - half, response.equilibria + half
     (line,) = axes.plot(response.timepts, response.equilibria, label="equilibrium")
     axes.fill_between(

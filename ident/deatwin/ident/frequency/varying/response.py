@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.frequency.frozen import Frozen
 from deatwin.ident.frequency.linear import levels, motion
 from deatwin.ident.frequency.response import Band, FrequencyResponse
 from deatwin.ident.narx.model import NarxModel
@@ -46,7 +47,7 @@ class VaryingStatus(Enum):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class VaryingResponse:
+class VaryingResponse(Frozen):
     """H_n, G_n or Y_n along time: at each time that of a model whose parameters and operating input stay as they are.
 
     Parameters
@@ -178,10 +179,8 @@ class VaryingResponse:
         ModelError
             If the level is not between 0 and 1.
         """
-        low = self._stacked(lambda response: response.band(level).low)
-        high = self._stacked(lambda response: response.band(level).high)
-        law = self._stacked(lambda response: response.band(level).linear_law.astype(float)) == 1.0
-        return Band(level=level, low=read_only(low), high=read_only(high), linear_law=law)
+        low, high, law = np.moveaxis(self._stacked(partial(_limits, level)), 1, 0)
+        return Band(level=level, low=read_only(low), high=read_only(high), linear_law=law == 1.0)
 
     def at(self, time: float) -> FrequencyResponse:
         """Return the response of the nearest of ``timepts``.
@@ -251,22 +250,28 @@ class VaryingResponse:
         """Return an `xarray.Dataset` over time and point: values, covariance, error, equilibria and statuses."""
         import xarray
 
-        dims = ("time", "point")
+        model = next(model for model in self.models if model is not None)
+        dims, output = ("time", "point"), {"units": model.output_units[0]}
         units, squared = {"units": self.unit}, {"units": f"({self.unit})^2" if self.unit else ""}
-        parts = ["real", "imaginary"]
+        parts, points = ["real", "imaginary"], ("point",) if self.omega.ndim == 1 else ("point", "tone")
         return xarray.Dataset(
             {
                 "real": (dims, self.values.real, units),
                 "imaginary": (dims, self.values.imag, units),
                 "covariance": ((*dims, "part", "other_part"), self.covariance, squared),
                 "frozen_error": (dims, self.frozen_error, units),
-                "omega": (("point",) if self.omega.ndim == 1 else ("point", "tone"), self.omega, {"units": "rad/s"}),
-                "equilibrium": (("time",), self.equilibria),
-                "equilibrium_std": (("time",), self.equilibrium_std),
-                "operating_input": (("time",), self.operating_inputs),
+                "omega": (points, self.omega, {"units": "rad/s"}),
+                "equilibrium": (("time",), self.equilibria, output),
+                "equilibrium_std": (("time",), self.equilibrium_std, output),
+                "operating_input": (("time",), self.operating_inputs, {"units": model.input_units[0]}),
                 "status": (("time",), [status.name for status in self.statuses]),
             },
-            coords={"time": ("time", self.timepts, {"units": "s"}), "part": parts, "other_part": parts},
+            coords={
+                "time": ("time", self.timepts, {"units": "s"}),
+                "frequency_Hz": (points, self.frequency_Hz, {"units": "Hz"}),
+                "part": parts,
+                "other_part": parts,
+            },
             attrs={"symbol": self.symbol, "order": self.order},
         )
 
@@ -274,6 +279,11 @@ class VaryingResponse:
         """Stack what the responses have; NaN where there is none."""
         missing = np.full_like(get(self._first), np.nan)
         return np.stack([missing if response is None else get(response) for response in self.responses])
+
+
+def _limits(level: float, response: FrequencyResponse) -> Array:
+    band = response.band(level)
+    return np.stack([band.low, band.high, band.linear_law])
 
 
 def _std_of(model: NarxModel, response: FrequencyResponse) -> float:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.frequency.checks import probability, real_number
 from deatwin.ident.narx.panels import panels_or_new
 from deatwin.plant.errors import DataError
 from deatwin.plant.recording import Recording
@@ -26,6 +27,8 @@ _LEAST = 4  # samples of a batch
 _UNCORRELATED = -0.2  # expected of ten independent observations about a straight line: -(sum of P[i, i+1]) / 8
 _CORRELATED = 0.2  # of neighbours: beyond, more distant batches are correlated too
 _MOST = 0.9  # taken of a correlation, so that a band stays finite
+_SAMPLES = 1 << 20  # of batches that are taken together
+_ROUNDING = 16 * np.finfo(float).eps  # of a mean: a smaller deviation is none
 _CHANCE = 0.01  # a change as large as this seldom is taken for drift
 
 
@@ -38,6 +41,7 @@ class SlidingStatus(Enum):
         "neighbouring tenths of a window are correlated, so that the bands are too narrow and their changes may be "
         "chance: take longer windows"
     )
+    STILL = "the input stands still in nearly all windows, or the output does: nothing says whether the gain changes"
     FEW = "the record holds a single window, which tells no change: take shorter windows"
 
     @property
@@ -63,7 +67,7 @@ class SlidingStatistics:
     gain, gain_low, gain_high : ndarray, shape (n_windows,)
         Standard deviation of the output by that of the input, with its band; NaN where the input stands still.
     p_mean, p_gain : float
-        Probability that windows which do not overlap differ so much if nothing drifts; NaN for a single one.
+        Probability that windows which do not overlap differ so much if nothing drifts; NaN for less than two.
     mean_correlation, gain_correlation : float
         Correlation of neighbouring batches (tenths of a window), by which the bands were made wider; near 0 where the
         windows are long enough.
@@ -185,7 +189,9 @@ def sliding_mean_and_gain(
     Raises
     ------
     DataError
-        If the recording has several inputs or outputs, or lengths or level make no sense for it.
+        If the recording has several inputs or outputs, or the lengths make no sense for it.
+    ModelError
+        If a length is no number, or the level not between 0 and 1.
 
     References
     ----------
@@ -199,8 +205,7 @@ def sliding_mean_and_gain(
             f"the recording has {recording.inputs.shape[0]} inputs and {recording.outputs.shape[0]} outputs; mean and "
             "gain are those of one input and one output"
         )
-    if not 0.0 < level < 1.0:
-        raise DataError(f"level = {level}; it must lie between 0 and 1")
+    level = probability(level)
     starts, length, apart = _windows(recording, window_s, step_s)
     mean, gain = _batches(recording, starts, length)
     half = float(t.ppf(0.5 + level / 2, _BATCHES - 1)) / np.sqrt(_BATCHES)
@@ -233,13 +238,15 @@ def sliding_mean_and_gain(
 def _windows(recording: Recording, window_s: float, step_s: float | None) -> tuple[NDArray[np.intp], int, int]:
     """Return the first samples of the windows, their length, and every how many do not overlap."""
     sample_time, n = recording.sample_time, recording.n_samples
-    length = _BATCHES * round(window_s / sample_time / _BATCHES) if np.isfinite(window_s) else 0
+    window = real_number(window_s, "window_s")
+    length = _BATCHES * round(window / sample_time / _BATCHES) if np.isfinite(window) else 0
     if not _BATCHES * _LEAST <= length <= n:
         raise DataError(
             f"window_s = {window_s}; it must lie between {_BATCHES * _LEAST * sample_time:g} s ({_BATCHES} batches of "
             f"{_LEAST} samples) and the record's {n * sample_time:g} s"
         )
-    step = length // 4 if step_s is None else round(step_s / sample_time) if np.isfinite(step_s) else 0
+    wanted = length // 4 if step_s is None else real_number(step_s, "step_s") / sample_time
+    step = round(wanted) if np.isfinite(wanted) else 0
     if step < 1:
         raise DataError(f"step_s = {step_s}; it must be at least the sample time, {sample_time:g} s")
     return np.arange(0, n - length + 1, step), length, -(-length // step)
@@ -247,25 +254,34 @@ def _windows(recording: Recording, window_s: float, step_s: float | None) -> tup
 
 def _batches(recording: Recording, starts: NDArray[np.intp], length: int) -> tuple[Array, Array]:
     """Return the batches' means of the output and pseudo-values of the logarithmic gain, (n_windows, batches) each."""
-    rows = (starts[:, None] + np.arange(length)).reshape(len(starts), _BATCHES, -1)
-    y, u = recording.outputs[0][rows], recording.inputs[0][rows]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        gain = 0.5 * (_log_variance(y) - _log_variance(u))
-    return y.mean(axis=2), np.where(np.isfinite(gain), gain, np.nan)
+    size = length // _BATCHES
+    firsts, place = np.unique(starts[:, None] + size * np.arange(_BATCHES), return_inverse=True)
+    place = place.reshape(len(starts), _BATCHES)  # windows that overlap share batches
+    y, u = (_moments(signal[0], firsts, size)[:, place] for signal in (recording.outputs, recording.inputs))
+    gain = 0.5 * (_log_variance(*y) - _log_variance(*u))
+    return y[0], np.where(np.isfinite(gain), gain, np.nan)
 
 
-def _log_variance(signal: Array) -> Array:
+def _moments(signal: Array, firsts: NDArray[np.intp], size: int) -> Array:
+    """Return mean and variance of batches, shape (2, n_batches); of some at a time, which need little memory."""
+    batches, some = np.lib.stride_tricks.sliding_window_view(signal, size), max(1, _SAMPLES // size)
+    parts = (batches[firsts[first : first + some]] for first in range(0, firsts.size, some))
+    return np.concatenate([np.stack([part.mean(axis=1), part.var(axis=1)]) for part in parts], axis=1)
+
+
+def _log_variance(mean: Array, variance: Array) -> Array:
     """Return jackknife pseudo-values of the logarithm of the variance, shape (n_windows, batches).
 
-    With a batch left out the logarithm is l_i, without l: the pseudo-value is B l - (B - 1) l_i.
+    With a batch left out the logarithm is l_i, without l: the pseudo-value is B l - (B - 1) l_i. They are not finite
+    where the signal stands still, to rounding.
     """
-    centred = signal - signal.mean(axis=(1, 2), keepdims=True)
-    sums, squares = centred.sum(axis=2), (centred**2).sum(axis=2)
-    rest, n = squares.sum(axis=1, keepdims=True) - squares, signal.shape[1] * signal.shape[2]
-    left = n - signal.shape[2]
-    without = np.log(rest / left - (sums / left) ** 2)
-    whole = np.log(squares.sum(axis=1, keepdims=True) / n)
-    return np.asarray(_BATCHES * whole - (_BATCHES - 1) * without)
+    off, others = mean - mean.mean(axis=1, keepdims=True), _BATCHES - 1
+    squares = variance + off**2
+    without = (squares.sum(axis=1, keepdims=True) - squares) / others - (off / others) ** 2
+    rounding = (_ROUNDING * np.abs(mean).max(axis=1, keepdims=True)) ** 2
+    with np.errstate(divide="ignore", invalid="ignore"):
+        left = np.log(np.where(without > rounding, without, 0.0))
+        return np.asarray(_BATCHES * np.log(squares.mean(axis=1, keepdims=True)) - others * left)
 
 
 def _correlation(groups: Array) -> float:
@@ -299,4 +315,6 @@ def _status(p_mean: float, p_gain: float, correlation: float, n_windows: int) ->
         return SlidingStatus.FEW
     if correlation > max(_CORRELATED, 3.0 / np.sqrt(n_windows * _BATCHES)):  # by so much, and not by chance
         return SlidingStatus.SHORT
-    return SlidingStatus.DRIFTING if np.nanmin([p_mean, p_gain, 1.0]) < _CHANCE else SlidingStatus.STEADY
+    if np.nanmin([p_mean, p_gain, 1.0]) < _CHANCE:
+        return SlidingStatus.DRIFTING
+    return SlidingStatus.STILL if np.isnan(p_gain) else SlidingStatus.STEADY

@@ -1,0 +1,76 @@
+"""Frequencies cut into blocks, so that memory is bounded; on a grid a set of tones is computed once for its own."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import product
+from math import prod
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.frequency.parts import Tones
+
+__all__ = ["blocks_of"]
+
+Array = NDArray[np.float64]
+
+
+def blocks_of(
+    angles: Array, form: type[Tones], size: int
+) -> tuple[tuple[int, ...], Iterator[tuple[tuple[slice, ...], Tones]]]:
+    """Cut frequencies into blocks.
+
+    Parameters
+    ----------
+    angles : ndarray, shape (n, order)
+        Normalised frequencies, rad/sample.
+    form : type
+        Of the tones.
+    size : int
+        Most points of a block.
+
+    Returns
+    -------
+    shape : tuple of int
+        That of the grid if the frequencies make one, else (n,).
+    blocks : iterator of (tuple of slice, Tones)
+        Where each block is in an array of that shape, and its tones.
+    """
+    axes = _axes(angles)
+    if axes is None:
+        lines = ((part,) for part in _cut(len(angles), size))
+        return (len(angles),), ((block, form(angles[block])) for block in lines)
+    shape = tuple(axis.size for axis in axes)
+    lengths = list(shape)
+    while prod(lengths) > size:  # the blocks' shape is near a cube's, whose faces are small
+        longest = int(np.argmax(lengths))
+        lengths[longest] = -(-lengths[longest] // 2)
+    boxes = product(*(_cut(n, length) for n, length in zip(shape, lengths, strict=True)))
+    return shape, ((box, form.on_grid([axis[cut] for axis, cut in zip(axes, box, strict=True)])) for box in boxes)
+
+
+def _cut(count: int, length: int) -> list[slice]:
+    return [slice(first, first + length) for first in range(0, count, length)]
+
+
+def _axes(angles: Array) -> list[Array] | None:
+    """The frequencies of each tone, if the points are all combinations of them, the last running fastest."""
+    lengths, stride = [], len(angles)
+    for column in angles.T:
+        changed = column != column[0]
+        step = int(np.argmax(changed)) if changed.any() else stride
+        if step > stride or stride % step:
+            return None
+        lengths.append(stride // step)
+        stride = step
+    if stride != 1:
+        return None
+    axes = []
+    grid = angles.reshape(*lengths, angles.shape[1])
+    for tone in range(angles.shape[1]):
+        along = np.moveaxis(grid[..., tone], tone, -1)
+        axes.append(along[(0,) * (len(lengths) - 1)])
+        if np.any(along != axes[-1]):
+            return None
+    return axes

@@ -1,0 +1,30 @@
+"""Results that nobody changes: arrays that are read-only, in copies too."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+
+__all__ = ["Frozen"]
+
+
+class Frozen:
+    """Base of frozen dataclasses whose arrays are read-only, also after a copy, or in a worker process.
+
+    What such a class computes once and keeps is not copied.
+    """
+
+    def __post_init__(self) -> None:
+        for value in vars(self).values():
+            for array in value if isinstance(value, tuple) else (value,):
+                if isinstance(array, np.ndarray):
+                    array.setflags(write=False)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {item.name: getattr(self, item.name) for item in fields(self)}  # type: ignore[arg-type]
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        Frozen.__post_init__(self)
