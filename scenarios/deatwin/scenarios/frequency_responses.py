@@ -6,6 +6,7 @@ import math
 import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from deatwin.ident.frequency.output_responses.estimate import nofrf
 from deatwin.ident.frequency.output_responses.excitation import TestSignal, design_excitation
 from deatwin.ident.frequency.output_responses.ranges import output_frequencies
 from deatwin.ident.frequency.output_responses.result import Nofrf, NofrfStatus, NofrfWarning
+from deatwin.ident.frequency.uncertainty.propagate import Propagated, UncertaintyStatus, UncertaintyWarning, propagate
 from deatwin.ident.narx import NarxModel
 from deatwin.plant.errors import ModelError
 
@@ -85,6 +87,16 @@ class Responses:
         """Whether H_1 goes beyond what the training input excited."""
         return self.excited_Hz is not None and self.excited_Hz < self.first.frequency_Hz.max()
 
+    @cached_property
+    def laws(self) -> tuple[Propagated, ...]:
+        """How far the linear law of propagation holds, for each of ``gfrfs``."""
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UncertaintyWarning)  # told among the lines
+            return tuple(self._law(response) for response in self.gfrfs)
+
+    def _law(self, response: FrequencyResponse) -> Propagated:
+        return propagate(self.model, lambda _: response, level=self.level)  # which is computed already
+
     @property
     def lines(self) -> Iterator[str]:
         """What there is to say, in lines."""
@@ -110,6 +122,9 @@ class Responses:
                     f"{symbol_of(response)}: the band is not to be relied upon at {100 * share:.0f} % of the "
                     "frequencies, where the gain is below four standard deviations"
                 )
+        for response, law in zip(self.gfrfs, self.laws, strict=True):
+            if law.status in (UncertaintyStatus.BENT, UncertaintyStatus.LOST):
+                yield f"{symbol_of(response)}: {law.advice}"
         if self.nofrfs is not None and self.signal is not None:
             yield (
                 f"NOFRFs: {self.nofrfs.status.value}; levels up to {self.signal.amplitude:.4g} {unit}".rstrip()

@@ -219,3 +219,11 @@ def test_identified_then_analysed(on_bench: Path, capsys: pytest.CaptureFixture[
     assert (found["gain_low"] <= found["gain"]).all()
     assert (on_bench / "found/frequency.svg").read_text(encoding="utf-8").startswith("<svg")
     assert "the operating point is stable" in capsys.readouterr().out
+
+
+def test_it_says_where_ellipses_do_not_describe_a_response():
+    """y(k) = a y(k-1) + u(k-1) with a = 0.9 ± 0.05: near rest the gain 1/(1 - a) is far from linear in a."""
+    model = NarxModel.from_terms({"y(k-1)": 0.9, "u(k-1)": 1.0}, sample_time=0.1, theta_cov=np.diag([0.05**2, 0.0]))
+    assert any(line.startswith("H₁: ") and "not linear in the parameters" in line for line in respond(model, 1).lines)
+    known = replace(model, theta_cov=1e-4 * model.theta_cov)
+    assert not any("not linear" in line for line in respond(known, 1).lines)
