@@ -256,9 +256,9 @@ class FrequencyResponse(Frozen):
 
         The parameters are taken as normal, or Student-t where ``theta_dof`` is finite, and the gain as linear in
         them. That fails where the gain is not large against its uncertainty (the gain of a normal complex number near
-        zero is Rice-distributed):
-        where it is less than four standard deviations of the longer axis of the ellipse, ``linear_law`` is
-        False. The lower limit is never below zero.
+        zero is Rice-distributed): where it is less than four standard deviations of the longer axis of the ellipse,
+        ``linear_law`` is False. Whether the response itself is linear in the parameters is not asked here: `propagate`
+        does. The lower limit is never below zero.
 
         Parameters
         ----------

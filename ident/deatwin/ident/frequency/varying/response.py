@@ -163,6 +163,9 @@ class VaryingResponse(Frozen):
     def band(self, level: float = 0.95) -> Band:
         """Return the pointwise confidence band of the gain at each time.
 
+        To first order in the parameters: whether they are known well enough for that, ``propagate(model, quantity)`` of
+        one of ``models`` tells.
+
         Parameters
         ----------
         level : float
