@@ -9,7 +9,6 @@ import pytest
 
 from deatwin.ident.narx import NarxModel
 from deatwin.ident.narx.residual_tests import correlation, correlation_tests, whiteness_of
-from deatwin.ident.narx.systems import SYSTEMS
 from deatwin.ident.narx.validate import Validation, ValidationStatus, validate
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
