@@ -206,10 +206,10 @@ def region_radius(level: float, dof: float, rank: NDArray[np.int64]) -> Array:
         If the level is not between 0 and 1.
     """
     line = interval_radius(level, dof)
-    return np.where(rank == 1, line, math.sqrt(float(_squared_radius(np.array(level), dof))))
+    return np.where(rank == 1, line, math.sqrt(_squared_radius(level, dof)))
 
 
-def _squared_radius(level: Array, dof: float) -> Array:
+def _squared_radius(level: float, dof: float) -> float:
     if math.isinf(dof):
-        return np.asarray(-2.0 * np.log1p(-level))
-    return np.asarray((dof - 2.0) * np.expm1(-2.0 / dof * np.log1p(-level)))
+        return -2.0 * math.log1p(-level)
+    return (dof - 2.0) * math.expm1(-2.0 / dof * math.log1p(-level))
