@@ -93,7 +93,7 @@ def conclude(findings: Findings) -> Diagnosis:
     unit, size = findings.unit
     model = CalibratedPlant(
         plant=with_model_error(findings.final.plant, findings.bench.stated_error), noise=base.noise,
-        model_error=answer.unseen_test.excess,
+        model_error=answer.unseen_test.size,
         names=findings.final.names, covariance=findings.final.covariance,
         provenance={"verdict": findings.verdict.value},
     )  # fmt: skip
@@ -101,7 +101,7 @@ def conclude(findings: Findings) -> Diagnosis:
     rivals = findings.naming.rivals if findings.named else ()
     names = tuple(dict.fromkeys(e for c in (answer, *rivals) for e in c.effects))
     fit = _fit_table(findings)
-    test = min(base.chosen.fitted_test, base.chosen.unseen_test, key=lambda t: (t.p_value, -t.excess))
+    test = min(base.chosen.fitted_test, base.chosen.unseen_test, key=lambda t: (t.p_value, -t.size))
     return Diagnosis(
         output={"name": rig.output_name, "unit": unit},
         verdict=findings.verdict,
@@ -109,7 +109,7 @@ def conclude(findings: Findings) -> Diagnosis:
         model_error=rig.model_error / size,
         detect={
             "p_value": test.p_value,
-            "excess": test.excess / size,
+            "excess": test.size / size,
             "smallest_detectable": _smallest(findings),
         },
         locate=_locate(findings),
@@ -253,7 +253,7 @@ def _evidence(findings: Findings, model: CalibratedPlant) -> Evidence:
         noise=base.noise,
         model_error=calibration.plant.rig.model_error,
         base_model=CalibratedPlant(
-            plant=calibration.plant, noise=base.noise, model_error=base.chosen.unseen_test.excess,
+            plant=calibration.plant, noise=base.noise, model_error=base.chosen.unseen_test.size,
             names=calibration.names, covariance=calibration.covariance,
         ),
     )  # fmt: skip

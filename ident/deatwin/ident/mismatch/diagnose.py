@@ -11,9 +11,9 @@ from deatwin.ident.greybox.fit import Calibration, calibrate
 from deatwin.ident.mismatch.base import Base, calibrate_base
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.conclude import Findings, conclude
-from deatwin.ident.mismatch.detect import detect
 from deatwin.ident.mismatch.diagnosis import Diagnosis, Verdict
 from deatwin.ident.mismatch.evidence import readings, tracks
+from deatwin.ident.mismatch.excess import excess_over_floor
 from deatwin.ident.mismatch.floor import floor_of, with_model_error
 from deatwin.ident.mismatch.gate import Gate, Soundness, confirm, gate, split
 from deatwin.ident.mismatch.locate import locate_time
@@ -176,7 +176,7 @@ def _verdict(
 
 def _nominal_is_off(bench: Bench, base: Base) -> bool:
     residuals = free_run_residuals(bench.nominal, bench.everything)
-    return residuals is None or detect(residuals, base.noise, bench.nominal.rig.model_error).mismatch
+    return residuals is None or excess_over_floor(residuals, base.noise, bench.nominal.rig.model_error).mismatch
 
 
 def _refit(bench: Bench, answer: Candidate) -> Calibration:

@@ -11,9 +11,10 @@ import numpy as np
 
 from deatwin.ident.greybox.fit import Calibration, Part, simulated
 from deatwin.ident.mismatch.bench import Bench
-from deatwin.ident.mismatch.detect import Detection, detect, noise_floor
+from deatwin.ident.mismatch.excess import Excess, excess_over_floor
 from deatwin.ident.mismatch.floor import floor_of, with_model_error
 from deatwin.ident.mismatch.losses import block_losses, evidence
+from deatwin.ident.mismatch.noise import noise_floor
 from deatwin.ident.mismatch.screen import Footprint, Lead, footprints, leads
 from deatwin.ident.mismatch.search import at_its_time, search
 from deatwin.ident.mismatch.shortlist import shortlist
@@ -62,14 +63,14 @@ class Candidate:
     noise: float
 
     @cached_property
-    def fitted_test(self) -> Detection:
+    def fitted_test(self) -> Excess:
         """Whether what is left of the fitted part is more than noise and model error."""
-        return detect(self.calibration.residuals, self.noise, self.calibration.plant.rig.model_error)
+        return excess_over_floor(self.calibration.residuals, self.noise, self.calibration.plant.rig.model_error)
 
     @cached_property
-    def unseen_test(self) -> Detection:
+    def unseen_test(self) -> Excess:
         """The same of the unseen part."""
-        return detect(self.unseen, self.noise, self.calibration.plant.rig.model_error)
+        return excess_over_floor(self.unseen, self.noise, self.calibration.plant.rig.model_error)
 
     def with_floor(self, model_error: float) -> Candidate:
         """The same candidate, judged by another model error.
