@@ -12,7 +12,7 @@ import numpy as np
 
 from deatwin.plant.builder import Builder
 from deatwin.plant.effects.base import Effect
-from deatwin.plant.effects.catalogue import effect_named
+from deatwin.plant.effects.catalogue import effect_from
 from deatwin.plant.equations import Equations
 from deatwin.plant.errors import RigError
 from deatwin.plant.integrator.compiled import compiler
@@ -97,10 +97,21 @@ class Plant:
         """
         return replace(self, effects=(*self.effects, *effects))
 
-    def without_effects(self) -> Plant:
-        """The same plant, with its values, but none of its effects."""
-        names = {p.name for p in self.rig.parameters}
-        return replace(self, effects=(), values={n: v for n, v in self.values.items() if n in names})
+    def without_effects(self, *names: str) -> Plant:
+        """The same plant, with its values, but without effects.
+
+        Parameters
+        ----------
+        *names : str
+            Of those that are taken out; all of them where none is named.
+
+        Returns
+        -------
+        Plant
+        """
+        kept = tuple(effect for effect in self.effects if names and effect.name not in names)
+        own = {p.name for p in (*self.rig.parameters, *(p for effect in kept for p in effect.parameters))}
+        return replace(self, effects=kept, values={n: v for n, v in self.values.items() if n in own})
 
     def with_values(self, values: Mapping[str, float]) -> Plant:
         """The same plant with other parameter values.
@@ -267,7 +278,7 @@ class Plant:
         """Plain data: rig, effects and all parameters with unit, bounds and source."""
         return {
             "rig": {"kind": self.rig.kind, **self.rig.to_dict()},
-            "effects": list(self.effect_names),
+            "effects": [effect.entry for effect in self.effects],
             "parameters": {p.name: {"value": p.value, "unit": p.unit} for p in self.parameters.values()},
         }
 
@@ -291,7 +302,7 @@ class Plant:
         """
         described = dict(data["rig"])
         rig = rig_kind(described.pop("kind")).from_dict(described)
-        effects = tuple(effect_named(name) for name in data["effects"])
+        effects = tuple(effect_from(entry) for entry in data["effects"])
         try:
             values = {name: float(p["value"]) for name, p in data["parameters"].items()}
         except (TypeError, KeyError, ValueError) as error:
@@ -312,7 +323,7 @@ class _Structure:
         self.plant = plant
         known = {p.name: p.value for p in plant.parameters.values() if p.known}
         rig = {k: v for k, v in plant.rig.to_dict().items() if k not in NOT_IN_EQUATIONS}
-        effects = [(type(e), e.name) for e in plant.effects]
+        effects = [(type(e), e.entry) for e in plant.effects]
         self._key = repr((type(plant.rig), sorted(rig.items()), effects, sorted(known.items())))
 
     def __hash__(self) -> int:

@@ -7,19 +7,14 @@ from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
-from scipy.optimize import least_squares
 
+from deatwin.ident.greybox.minimum import EVALUATIONS, TOLERANCE, minimise
 from deatwin.plant.errors import DataError
 from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter
 from deatwin.plant.recording import Experiment
 
 __all__ = ["Calibration", "FitStatus", "Part", "Problem", "calibrate", "simulated"]
-
-EVALUATIONS = 30
-TOLERANCE = 1e-4
-"""Relative change of the squared residual at which a fit has settled: with 10,000 samples of white noise it
-changes the log-likelihood by a half."""
 
 
 class FitStatus(Enum):
@@ -285,66 +280,22 @@ def calibrate(
     doi:10.1137/S1064827595289108.
     """
     problem = Problem(plant=plant, parts=tuple(parts), names=tuple(names or plant.parameters.free))
-    cost = _Memory(problem)
-    start, (lower, upper) = problem.start(), problem.bounds()
-    first = cost(start)
-    if first is None:
-        return _impossible(problem)
-    margin = 1e-9 * np.maximum(1.0, np.abs(upper - lower))
-    solution = least_squares(
-        cost.residuals, np.clip(start, lower + margin, upper - margin), jac=cost.jacobian,
-        bounds=(lower, upper), x_scale="jac", method="trf", ftol=tolerance, xtol=1e-6, gtol=1e-12,
-        max_nfev=evaluations,
-    )  # fmt: skip
-    found = cost(solution.x)
+    found = minimise(problem, evaluations=evaluations, tolerance=tolerance)
     if found is None:
         return _impossible(problem)
-    residuals, jacobian = found
+    lower, upper = problem.bounds()
     span = 1e-4 * (upper - lower)
-    near = (solution.x - lower < span) | (upper - solution.x < span)
+    near = (found.coordinates - lower < span) | (upper - found.coordinates < span)
     return Calibration(
-        plant=plant.with_values(problem.values(solution.x)),
+        plant=plant.with_values(problem.values(found.coordinates)),
         names=problem.names,
-        covariance=_covariance(residuals, jacobian),
-        residuals=residuals,
-        jacobian=jacobian,
-        status=FitStatus.SETTLED if solution.status > 0 else FitStatus.STOPPED,
+        covariance=_covariance(found.residuals, found.jacobian),
+        residuals=found.residuals,
+        jacobian=found.jacobian,
+        status=FitStatus.SETTLED if found.settled else FitStatus.STOPPED,
         at_bound=tuple(n for n, hit in zip(problem.names, near, strict=True) if hit),
-        evaluations=cost.evaluations,
+        evaluations=found.evaluations,
     )
-
-
-class _Memory:
-    """Residuals and Jacobian of one simulation, kept for the solver's second question."""
-
-    def __init__(self, problem: Problem) -> None:
-        self.problem = problem
-        self.evaluations = 0
-        self._last: tuple[np.ndarray, tuple[np.ndarray, np.ndarray] | None] | None = None
-        self._best: tuple[np.ndarray, np.ndarray] | None = None
-
-    def __call__(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-        if self._last is None or not np.array_equal(self._last[0], x):
-            self.evaluations += 1
-            self._last = x.copy(), self.problem.evaluate(x)
-            if self._last[1] is not None:
-                self._best = self._last[1]
-        return self._last[1]
-
-    def residuals(self, x: np.ndarray) -> np.ndarray:
-        found = self(x)
-        if found is not None:
-            return found[0]
-        # A trial point at which the plant pulls in: so bad that the solver takes a shorter step.
-        if self._best is None:
-            raise RuntimeError("a fit was asked for residuals before a point that can be simulated")
-        return 1e3 * (np.abs(self._best[0]) + 1e-3)
-
-    def jacobian(self, x: np.ndarray) -> np.ndarray:
-        found = self(x)
-        if found is None:
-            raise RuntimeError("the solver accepted a point that cannot be simulated")
-        return -found[1]
 
 
 def _covariance(residuals: np.ndarray, jacobian: np.ndarray) -> np.ndarray:

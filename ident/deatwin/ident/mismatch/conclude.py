@@ -11,14 +11,17 @@ import numpy as np
 from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.mismatch.base import Base
 from deatwin.ident.mismatch.bench import Bench
+from deatwin.ident.mismatch.candidate import Candidate
+from deatwin.ident.mismatch.decide import Naming
 from deatwin.ident.mismatch.diagnosis import Cause, Diagnosis, Interval, Verdict
 from deatwin.ident.mismatch.evidence import CandidateSummary, Evidence, readings, tracks
+from deatwin.ident.mismatch.faults import faults_of
+from deatwin.ident.mismatch.fitted import fitted_parameters
 from deatwin.ident.mismatch.floor import with_model_error
 from deatwin.ident.mismatch.gate import Gate
 from deatwin.ident.mismatch.locate import locate_frequency, locate_region, locate_time
-from deatwin.ident.mismatch.name import Candidate, Naming
-from deatwin.ident.mismatch.response import locate_response
-from deatwin.ident.mismatch.say import sentence
+from deatwin.ident.mismatch.locate.response import locate_response
+from deatwin.ident.mismatch.say import say
 from deatwin.ident.mismatch.screen import Footprint, detectable_size
 from deatwin.ident.mismatch.verify import Verification, shares_explained
 from deatwin.plant.calibrated import CalibratedPlant
@@ -102,7 +105,7 @@ def conclude(findings: Findings) -> Diagnosis:
     names = tuple(dict.fromkeys(e for c in (answer, *rivals) for e in c.effects))
     fit = _fit_table(findings)
     test = min(base.chosen.fitted_test, base.chosen.unseen_test, key=lambda t: (t.p_value, -t.size))
-    return Diagnosis(
+    diagnosis = Diagnosis(
         output={"name": rig.output_name, "unit": unit},
         verdict=findings.verdict,
         noise=base.noise / size,
@@ -116,10 +119,7 @@ def conclude(findings: Findings) -> Diagnosis:
         causes=causes,
         names=names,
         indistinguishable=tuple(_distance(answer, rival, base.noise) for rival in rivals),
-        sentence=sentence(
-            findings.verdict, causes, names, fit, base.noise / size, rig.model_error / size, unit,
-            findings.checked.findings,
-        ),
+        sentence="",
         fit=fit,
         warnings=(
             *findings.checked.findings,
@@ -127,9 +127,13 @@ def conclude(findings: Findings) -> Diagnosis:
             *(f"{name} could not be tried: no fit with it could be simulated" for name in findings.naming.failed),
             *(f"{name} ended on a bound of its range" for name in findings.final.at_bound),
         ),
+        verification=findings.verification.to_dict() if findings.verification.ablations else None,
+        faults=faults_of(findings.checked),
+        parameters=fitted_parameters(findings.bench.nominal, base.chosen.calibration),
         model=model,
         evidence=_evidence(findings, model),
     )
+    return replace(diagnosis, sentence=say(diagnosis))
 
 
 def _form(findings: Findings) -> list[str]:

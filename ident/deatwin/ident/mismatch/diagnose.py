@@ -10,18 +10,19 @@ import numpy as np
 from deatwin.ident.greybox.fit import Calibration, calibrate
 from deatwin.ident.mismatch.base import Base, calibrate_base
 from deatwin.ident.mismatch.bench import Bench
+from deatwin.ident.mismatch.candidate import Candidate, free_run_residuals
 from deatwin.ident.mismatch.conclude import Findings, conclude
+from deatwin.ident.mismatch.decide import Naming
 from deatwin.ident.mismatch.diagnosis import Diagnosis, Verdict
 from deatwin.ident.mismatch.evidence import readings, tracks
 from deatwin.ident.mismatch.excess import excess_over_floor
 from deatwin.ident.mismatch.floor import floor_of, with_model_error
 from deatwin.ident.mismatch.gate import Gate, Soundness, confirm, gate, split
 from deatwin.ident.mismatch.locate import locate_time
-from deatwin.ident.mismatch.name import Candidate, Naming, free_run_residuals, try_pairs, try_singles
+from deatwin.ident.mismatch.name import name_causes
 from deatwin.ident.mismatch.screen import Footprint, footprints
 from deatwin.ident.mismatch.verify import Verification, verify
 from deatwin.plant.effects.base import Effect
-from deatwin.plant.effects.catalogue import catalogue
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment
 
@@ -74,7 +75,7 @@ def diagnose(
     tell(0.0, "checking the recordings")
     several = (experiments,) if isinstance(experiments, Experiment) else tuple(experiments)
     checked = gate(plant, several)
-    bench = _bench(plant, checked, catalogue() if effects is None else effects, jobs)
+    bench = _bench(plant, checked, plant.rig.effects() if effects is None else effects, jobs)
 
     tell(0.02, "calibrating the base plant")
     base = calibrate_base(bench)
@@ -93,7 +94,7 @@ def diagnose(
     fit = base.chosen.calibration
     known = footprints(bench, fit, bench.effects, fit)
     if base.chosen.mismatch and checked.soundness is Soundness.SOUND:
-        tell(0.35, "trying single effects")
+        tell(0.35, "building in effects")
         naming = _name(bench, base, known, lambda share, text: tell(0.35 + 0.55 * share, text))
         base = replace(base, chosen=naming.candidates[0], noise=naming.noise)
 
@@ -144,22 +145,15 @@ def _late_onset(base: Base, checked: Gate) -> float | None:
 
 
 def _name(bench: Bench, base: Base, known: Sequence[Footprint], tell: Progress) -> Naming:
-    """Single effects, then pairs; where neither is adequate, single effects on a rival form of the rig."""
-    singles = try_singles(
-        bench, base.chosen, known, base.noise, lambda share: tell(0.5 * share, "trying single effects")
-    )
-    if singles.best is not None:
-        return singles
-    pairs = try_pairs(
-        bench, known, singles, lambda share: tell(0.5 + 0.5 * share, "trying pairs of effects")
-    )
+    """Effects on the chosen form of the rig; where they do not suffice, on a rival form that fits clearly better."""
+    naming = name_causes(bench, base.chosen, known, lambda share: tell(share, "building in effects"))
     better = [r for r in base.rivals if r.losses.mean() < CLEARLY_BETTER * base.chosen.losses.mean()]
-    if pairs.best is None and better:
+    if naming.best is None and better:
         other = better[0].calibration
-        second = try_singles(bench, better[0], footprints(bench, other, bench.effects, other), base.noise)
+        second = name_causes(bench, better[0], footprints(bench, other, bench.effects, other))
         if second.best is not None:
             return second
-    return pairs
+    return naming
 
 
 def _verdict(

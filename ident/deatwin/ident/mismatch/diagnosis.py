@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, field
 from enum import Enum
 from pathlib import Path
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from deatwin.ident.mismatch.evidence import Evidence
+from deatwin.ident.mismatch.layout import draw_residuals
+from deatwin.ident.mismatch.prefixes import prefixed
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.documents import read_document, write_document
+from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError
 
-__all__ = ["SCHEMA", "Cause", "Diagnosis", "Interval", "Verdict"]
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["SCHEMA", "Cause", "Diagnosis", "FittedParameter", "Interval", "Verdict"]
 
 SCHEMA = "deatwin/diagnosis/1"
 
@@ -64,6 +70,32 @@ class Interval:
     low: float
     high: float
     unit: str
+
+    @property
+    def shown(self) -> dict[str, Any]:
+        """The same as a person writes it: ``value``, ``low`` and ``high`` in a ``unit`` with a prefix."""
+        size, unit = prefixed(self.value, self.unit)
+        return {"value": self.value / size, "low": self.low / size, "high": self.high / size, "unit": unit}
+
+
+@dataclass(frozen=True, kw_only=True)
+class FittedParameter(Interval):
+    """A parameter of the calibrated plant.
+
+    Parameters
+    ----------
+    value, low, high : float
+        With its 95 % interval, SI.
+    unit : str
+        SI unit.
+    nominal : float or None
+        Before the calibration, SI.
+    at_bound : bool
+        Whether it ended on a bound of its range.
+    """
+
+    nominal: float | None = None
+    at_bound: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,6 +148,12 @@ class Diagnosis:
         Rms residual before and after, on the fitted and on the unseen part.
     next_experiment, free_form : mapping or None
         Advice and free-form remainder, where there are any.
+    verification : mapping or None
+        How the best explanation did on unseen data, where there was one: ablation, shams, transfer.
+    faults : tuple of mapping
+        Faults of the recordings.
+    parameters : mapping of str to FittedParameter
+        Of the calibrated base plant.
     warnings : tuple of str
         What the user should know besides.
     model : CalibratedPlant or None
@@ -137,6 +175,9 @@ class Diagnosis:
     indistinguishable: tuple[Mapping[str, Any], ...] = ()
     next_experiment: Mapping[str, Any] | None = None
     free_form: Mapping[str, Any] | None = None
+    verification: Mapping[str, Any] | None = None
+    faults: tuple[Mapping[str, Any], ...] = ()
+    parameters: Mapping[str, FittedParameter] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     model: CalibratedPlant | None = None
     evidence: Evidence | None = None
@@ -158,8 +199,36 @@ class Diagnosis:
             "free_form": self.free_form,
             "sentence": self.sentence,
             "fit": dict(self.fit),
+            "verification": self.verification,
+            "faults": [dict(fault) for fault in self.faults],
+            "parameters": {name: asdict(p) for name, p in self.parameters.items()},
             "warnings": list(self.warnings),
         }
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the residual before and after over time, the unseen part shaded, with the verdict as the title.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            A new figure without it.
+
+        Returns
+        -------
+        matplotlib Axes
+
+        Raises
+        ------
+        ModelError
+            If there is no evidence to draw: a file holds the conclusions, not the recordings.
+        """
+        if self.evidence is None:
+            raise ModelError("this diagnosis has no evidence to draw: a file keeps the conclusions, not the recordings")
+        axes = axes_or_new(ax)
+        draw_residuals(self.evidence, self.output["unit"], axes)
+        names = " and ".join(cause.effect.replace("_", " ") for cause in self.causes)
+        axes.set_title(f"{self.verdict.value.replace('_', ' ')}{': ' if names else ''}{names}")
+        return axes
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
@@ -186,6 +255,8 @@ class Diagnosis:
             return cls(
                 verdict=Verdict(data["verdict"]), causes=causes, names=tuple(data["set"]),
                 indistinguishable=tuple(data["indistinguishable"]), warnings=tuple(data["warnings"]),
+                verification=data.get("verification"), faults=tuple(data.get("faults", ())),
+                parameters={name: FittedParameter(**p) for name, p in data.get("parameters", {}).items()},
                 **{name: data[name] for name in same},
             )  # fmt: skip
         except (KeyError, TypeError, ValueError) as error:
@@ -229,12 +300,14 @@ def _cause_to_dict(cause: Cause) -> dict[str, Any]:
         "probability": cause.probability,
         "share_explained": cause.share_explained,
         "parameters": {
-            name: {"value": p.value, "low": p.low, "high": p.high, "unit": p.unit}
-            for name, p in cause.parameters.items()
+            name: {**asdict(p), "shown": p.shown} for name, p in cause.parameters.items()
         },
     }
 
 
 def _cause_from_dict(data: Mapping[str, Any]) -> Cause:
-    parameters = {name: Interval(**p) for name, p in data["parameters"].items()}
+    parameters = {
+        name: Interval(**{key: value for key, value in p.items() if key != "shown"})
+        for name, p in data["parameters"].items()
+    }
     return Cause(**{**data, "parameters": parameters})

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -12,11 +13,40 @@ from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment
 
-__all__ = ["CandidateSummary", "Evidence", "readings", "tracks"]
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["CandidateSummary", "Drawn", "Evidence", "Step", "readings", "tracks"]
 
 FEWEST = 16
 """Samples of a record that can be located in time and frequency."""
 Readings = tuple[tuple[np.ndarray, ...], ...]
+
+
+class Drawn(Protocol):
+    """A result that draws itself."""
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw it.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            A new figure without it.
+
+        Returns
+        -------
+        matplotlib Axes
+        """
+        ...
+
+
+class Step(Drawn, Protocol):
+    """The result of one step of a diagnosis."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Its part of ``diagnosis.json``."""
+        ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,11 +59,14 @@ class CandidateSummary:
         Empty for the base plant.
     fitted, unseen : float
         Rms residuals on the fitted and on the unseen part, SI.
+    d2 : float or None
+        Squared distance d² from the chosen explanation on these recordings, where it was computed.
     """
 
     effects: tuple[str, ...]
     fitted: float
     unseen: float
+    d2: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -56,6 +89,14 @@ class Evidence:
         Rms.
     base_model : CalibratedPlant
         The calibrated base plant.
+    at_bound : tuple of str
+        Its parameters that ended on a bound.
+    noise_source : str
+        Where the noise is known from.
+    checked : Drawn or None
+        State of the recordings.
+    detection, location, discovery, advice, verification : Step or None
+        Results of the steps that were taken.
     """
 
     experiments: tuple[Experiment, ...]
@@ -66,6 +107,14 @@ class Evidence:
     noise: float
     model_error: float
     base_model: CalibratedPlant
+    at_bound: tuple[str, ...] = ()
+    noise_source: str = ""
+    checked: Drawn | None = None
+    detection: Step | None = None
+    location: Step | None = None
+    discovery: Step | None = None
+    advice: Step | None = None
+    verification: Step | None = None
 
 
 def readings(plant: Plant, experiments: Sequence[Experiment]) -> Readings:

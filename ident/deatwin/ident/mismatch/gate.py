@@ -5,14 +5,22 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
+from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from deatwin.ident.greybox.fit import Part
+from deatwin.ident.mismatch.units import written_amplitude
+from deatwin.ident.soundness import at_limit, neighbours_deviation, noise_of_bends, resolution, runs
 from deatwin.plant.checks import require_excitation, require_samples
+from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import DataError
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 __all__ = ["Gate", "Soundness", "confirm", "gate", "split"]
 
@@ -25,6 +33,10 @@ SPIKE_DEVIATIONS = 12.0
 QUIET_SECONDS = 1.0
 """After a jump of the command the film rings: readings are not called spikes for this long."""
 FEWEST_PER_PARAMETER = 20
+COARSE = 0.1
+"""Share of the noise's variance that steps of the readings add (their square over 12) before they are reported."""
+STEP_BENDS_LESS = 0.85
+"""Beside the bend of a step those of its neighbours are two thirds as large; beside that of a spike, as large."""
 
 
 class Soundness(Enum):
@@ -44,11 +56,16 @@ class Gate:
         As given.
     stuck, outliers : tuple of tuple of ndarray of bool
         For each experiment and record, the samples at fault.
+    clipped, jumps : tuple of tuple of ndarray of bool
+        Likewise the samples at a limit of the reading, and the first ones after it stepped within a sample while the
+        command did not. They are reported and kept: effects of the catalogue explain them.
     """
 
     experiments: tuple[Experiment, ...]
     stuck: Masks
     outliers: Masks
+    clipped: Masks
+    jumps: Masks
 
     @property
     def sound(self) -> Masks:
@@ -65,14 +82,67 @@ class Gate:
 
     @property
     def findings(self) -> tuple[str, ...]:
-        """What is wrong, and where."""
-        found: list[str] = []
-        for experiment, stuck, outliers in zip(self.experiments, self.stuck, self.outliers, strict=True):
+        """What is at fault, and where."""
+        return (*self._described(self.stuck, "the reading is stuck"), *self._described(self.outliers, "outliers"))
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is no fault of the recordings, but should be known: limits, jumps, coarse steps, gaps."""
+        found = [*self._described(self.clipped, "the reading is at a limit"), *self._described(self.jumps, "jumps")]
+        for experiment in self.experiments:
             for number, record in enumerate(experiment.recordings):
-                name = record.provenance.get("file", f"record {number + 1}")
-                found += _describe(name, record, stuck[number], "the reading is stuck")
-                found += _describe(name, record, outliers[number], "outliers")
+                found += _coarse(_called(record, number), record)
+            for before, after in pairwise(experiment.recordings):
+                if after.start - before.end > before.sample_time:
+                    found.append(f"no readings between {before.end:.2f} and {after.start:.2f} s: "
+                                 "the last command is taken to have been held")  # fmt: skip
         return tuple(found)
+
+    def _described(self, masks: Masks, what: str) -> list[str]:
+        """One line for each record with samples of a kind."""
+        found = []
+        for experiment, marked in zip(self.experiments, masks, strict=True):
+            for number, (record, bad) in enumerate(zip(experiment.recordings, marked, strict=True)):
+                if bad.any():
+                    where = record.timepts[bad]
+                    found.append(f"{_called(record, number)}: {what} in {int(bad.sum())} samples "
+                                 f"between {where[0]:.2f} and {where[-1]:.2f} s")  # fmt: skip
+        return found
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the readings with what was found in them; experiments one after another.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Where to draw; new axes otherwise.
+
+        Returns
+        -------
+        matplotlib Axes
+        """
+        axes, passed = axes_or_new(ax), 0.0
+        unit, size = written_amplitude(self.experiments[0].recordings[0].output_units[0])
+        kinds = (("stuck", self.stuck, "C3", "s"), ("outlier", self.outliers, "C1", "x"),
+                 ("at a limit", self.clipped, "C4", "_"), ("jump", self.jumps, "C2", "^"))  # fmt: skip
+        marked: dict[str, list[np.ndarray]] = {}
+        for k, experiment in enumerate(self.experiments):
+            for number, record in enumerate(experiment.recordings):
+                timepts, reading = passed + record.timepts - experiment.start, record.outputs[0] / size
+                axes.plot(timepts, reading, color="0.6", linewidth=0.8)
+                for name, masks, _, _ in kinds:
+                    marked.setdefault(name, []).append(np.stack([timepts, reading])[:, masks[k][number]])
+            passed += experiment.end - experiment.start
+        for name, _, colour, marker in kinds:
+            where = np.concatenate(marked[name], axis=1)
+            if where.size:
+                axes.plot(*where, marker, color=colour, markersize=5, label=f"{name}, {where.shape[1]} samples")
+        axes.set_xlabel("time of the recordings, s")
+        axes.set_ylabel(f"reading, {unit}" if unit else "reading")
+        axes.set_title(self.soundness.value, fontsize="small", loc="left")
+        if any(mask.size for pieces in marked.values() for mask in pieces):
+            axes.legend(fontsize="small")
+        return axes
 
 
 def gate(plant: Plant, experiments: Sequence[Experiment]) -> Gate:
@@ -88,7 +158,7 @@ def gate(plant: Plant, experiments: Sequence[Experiment]) -> Gate:
     Returns
     -------
     Gate
-        Its outliers are suspects until `confirm` has seen them beside a calibrated plant.
+        Its outliers and jumps are suspects until `confirm` has seen them beside a calibrated plant.
 
     Raises
     ------
@@ -108,11 +178,13 @@ def gate(plant: Plant, experiments: Sequence[Experiment]) -> Gate:
         experiments=tuple(experiments),
         stuck=tuple(tuple(_stuck(r) for r in e.recordings) for e in experiments),
         outliers=tuple(tuple(_spikes(r.outputs[0]) & _quiet(r) for r in e.recordings) for e in experiments),
+        clipped=tuple(tuple(_clipped(r) for r in e.recordings) for e in experiments),
+        jumps=tuple(tuple(_jumps(r.outputs[0]) & _quiet(r) for r in e.recordings) for e in experiments),
     )
 
 
 def confirm(checked: Gate, readings: Sequence[Sequence[np.ndarray]]) -> Gate:
-    """Keep the outliers that also stand out of the residual: fast motion of the plant itself is no fault.
+    """Keep the outliers and jumps that also stand out of the residual: fast motion of the plant itself is neither.
 
     Parameters
     ----------
@@ -125,11 +197,12 @@ def confirm(checked: Gate, readings: Sequence[Sequence[np.ndarray]]) -> Gate:
     -------
     Gate
     """
-    confirmed = []
-    for experiment, suspects, simulated in zip(checked.experiments, checked.outliers, readings, strict=True):
-        residuals = (r.outputs[0] - y for r, y in zip(experiment.recordings, simulated, strict=True))
-        confirmed.append(tuple(mask & _spikes(e) for mask, e in zip(suspects, residuals, strict=True)))
-    return replace(checked, outliers=tuple(confirmed))
+    outliers, jumps = [], []
+    for k, (experiment, simulated) in enumerate(zip(checked.experiments, readings, strict=True)):
+        residuals = [r.outputs[0] - y for r, y in zip(experiment.recordings, simulated, strict=True)]
+        outliers.append(tuple(m & _spikes(e) for m, e in zip(checked.outliers[k], residuals, strict=True)))
+        jumps.append(tuple(m & _jumps(e) for m, e in zip(checked.jumps[k], residuals, strict=True)))
+    return replace(checked, outliers=tuple(outliers), jumps=tuple(jumps))
 
 
 def split(
@@ -174,11 +247,10 @@ def _cut(record: Recording, onset: float | None) -> int:
 def _stuck(record: Recording) -> np.ndarray:
     """Runs of one and the same reading, longer than a second, while the command moves."""
     reading, command = record.outputs[0], record.inputs[0]
-    bounds = np.flatnonzero(np.diff(reading) != 0) + 1
-    starts, ends = np.r_[0, bounds], np.r_[bounds, reading.size]
     mask = np.zeros(reading.size, dtype=bool)
     shortest = max(3, round(STUCK_SECONDS / record.sample_time))
-    for first, last in zip(starts, ends, strict=True):
+    for same in runs(np.diff(reading) == 0.0):
+        first, last = same[0], same[-1] + 2
         if last - first >= shortest and np.ptp(command[first:last]) > 0.02 * np.ptp(command):
             mask[first:last] = True
     # A reading at the end of its range is clipped, not stuck: that is physics, and an effect of the catalogue.
@@ -188,13 +260,44 @@ def _stuck(record: Recording) -> np.ndarray:
 def _spikes(signal: np.ndarray) -> np.ndarray:
     """Single values far from the cubic through their four neighbours."""
     padded = np.pad(signal, 2, mode="edge")
-    before_last, before, after, after_next = (padded[k : k + signal.size] for k in (0, 1, 3, 4))
-    deviation = np.abs(signal - (4 * (before + after) - before_last - after_next) / 6)
-    typical = 1.4826 * np.median(deviation) + 1e-15
+    deviation = np.abs(neighbours_deviation(padded)[2:-2])
     # A spike bends its neighbours' cubics too, by two thirds of its size: only the peak is the outlier.
     around = np.pad(deviation, 1)
     peak = (deviation >= around[:-2]) & (deviation >= around[2:])
-    return peak & (deviation > SPIKE_DEVIATIONS * typical)
+    return peak & (deviation > SPIKE_DEVIATIONS * _typical(deviation))
+
+
+def _jumps(signal: np.ndarray) -> np.ndarray:
+    """First values after a step that takes no longer than a sample."""
+    # The bend changes by the step's size at the step, and by two thirds of it, the other way, on either side.
+    step = np.abs(np.diff(neighbours_deviation(signal), prepend=0.0))
+    beside = np.pad(step, 1)
+    lone = np.maximum(beside[:-2], beside[2:]) < STEP_BENDS_LESS * step
+    return lone & (step > SPIKE_DEVIATIONS * _typical(step))
+
+
+def _typical(deviation: np.ndarray) -> float:
+    """Standard deviation of normal values of which most absolute deviations are so large."""
+    return 1.4826 * float(np.median(deviation)) + 1e-15
+
+
+def _clipped(record: Recording) -> np.ndarray:
+    mask = np.zeros(record.n_samples, dtype=bool)
+    for rows in at_limit(record.outputs[0]).values():
+        mask[np.concatenate(rows)] = True
+    return mask
+
+
+def _coarse(name: str, record: Recording) -> list[str]:
+    step, noise = resolution(record.outputs[0]), noise_of_bends(record.outputs[0])
+    if step**2 / 12.0 <= COARSE * noise**2:
+        return []
+    unit, size = written_amplitude(record.output_units[0])
+    return [f"{name}: the readings come in steps of {step / size:.3g} {unit}".rstrip()]
+
+
+def _called(record: Recording, number: int) -> str:
+    return record.provenance.get("file", f"record {number + 1}")
 
 
 def _quiet(record: Recording) -> np.ndarray:
@@ -209,10 +312,3 @@ def _quiet(record: Recording) -> np.ndarray:
         quiet[max(0, jump - 2) : jump + ring] = False
     quiet[:ring] = quiet[-2:] = False  # the record before this one may have ended at another command
     return quiet
-
-
-def _describe(name: str, record: Recording, bad: np.ndarray, what: str) -> list[str]:
-    if not bad.any():
-        return []
-    where = record.timepts[bad]
-    return [f"{name}: {what} in {int(bad.sum())} samples between {where[0]:.2f} and {where[-1]:.2f} s"]

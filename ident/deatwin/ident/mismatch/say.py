@@ -1,22 +1,35 @@
-"""The conclusion in one plain sentence; the verdict decides which words are allowed."""
+"""The conclusion in one plain sentence; the verdict decides which words are allowed.
+
+Every number in it is a field of ``diagnosis.json``, rounded as it is shown; shares are shown in per cent.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
+from typing import Any, Literal
 
-from deatwin.ident.mismatch.diagnosis import Cause, Interval, Verdict
+import numpy as np
+
+from deatwin.ident.mismatch.diagnosis import Cause, Diagnosis, Interval, Verdict
 from deatwin.plant.effects.catalogue import effect_named
 
-__all__ = ["number", "sentence"]
+__all__ = ["number", "say"]
+
+SMALL_SHARE = 0.5
+"""A single cause that explains less than this much of the mismatch is not the whole story."""
+MOST_FAULTS = 3
+COUNTED = {2: "Two", 3: "Three"}
 
 
-def number(value: float) -> str:
-    """A number as the sentence shows it: three significant digits, no exponent for everyday sizes.
+def number(value: float, digits: int = 3) -> str:
+    """A number as the sentence shows it: rounded to significant digits, never with an exponent.
 
     Parameters
     ----------
     value : float
         Any.
+    digits : int
+        Significant digits; zeros at the end are kept where they are fewer than three.
 
     Returns
     -------
@@ -24,97 +37,190 @@ def number(value: float) -> str:
 
     Examples
     --------
-    >>> number(55.812), number(0.0029), number(1234.5)
-    ('55.8', '0.0029', '1230')
+    >>> number(55.812), number(0.0029), number(1234.5), number(2.0, 2)
+    ('55.8', '0.0029', '1230', '2.0')
     """
-    text = f"{value:.3g}"
-    return f"{float(text):.0f}" if "e+" in text and abs(value) < 1e7 else text
+    trim: Literal["-", "k"] = "-" if digits >= 3 else "k"
+    text = np.format_float_positional(value, precision=digits, unique=False, fractional=False, trim=trim)
+    return text.rstrip(".")
 
 
-def sentence(
-    verdict: Verdict,
-    causes: Sequence[Cause],
-    rivals: Sequence[str],
-    fit: Mapping[str, Mapping[str, float | None]],
-    noise: float,
-    model_error: float,
-    unit: str,
-    findings: Sequence[str] = (),
-) -> str:
-    """Say the conclusion.
+def say(diagnosis: Diagnosis) -> str:
+    """Say the conclusion of a diagnosis.
 
     Parameters
     ----------
-    verdict : Verdict
-        Licenses the words.
-    causes : sequence of Cause
-        What is built into the amended plant.
-    rivals : sequence of str
-        Effects that could be the explanation instead.
-    fit : mapping
-        As in the file.
-    noise, model_error : float
-        Of the sensor and of the plant's own equations, in `unit`.
-    unit : str
-        Of amplitudes.
-    findings : sequence of str
-        Faults of the recordings.
+    diagnosis : Diagnosis
+        Its own sentence is not read.
 
     Returns
     -------
     str
+        One sentence, licensed by the verdict.
     """
-    unit = "µm" if unit == "um" else unit
-    residual = fit["fitted"]["before"]
-    left = "" if residual is None else (
-        f"a residual of {number(residual)} {unit} on the fitted data, with {number(noise)} {unit} of sensor noise"
-    )  # fmt: skip
-    within = f"within the plant's own model error of {number(model_error)} {unit}"
-    if verdict is Verdict.NONE:
-        return f"Nothing is missing {within}: the plant follows the recordings to {left}."
-    if verdict is Verdict.PARAMETERS:
-        return f"Nothing but other parameters is needed {within}: the calibrated plant leaves {left}."
-    if verdict is Verdict.DATA_FAULT:
-        return f"The recording is at fault: {'; '.join(findings)}."
-    if verdict is Verdict.UNKNOWN:
-        return (
-            f"Something is missing that no effect of the catalogue explains: the calibrated plant leaves {left}."
-        )
-    if verdict not in (Verdict.NAMED, Verdict.AMBIGUOUS):
-        return verdict.advice[0].upper() + verdict.advice[1:] + "."
-    what = ", and ".join(_physics(cause) for cause in causes)
-    what = what[0].upper() + what[1:]
-    gain = _gain(fit, noise, unit)
-    if verdict is Verdict.AMBIGUOUS:
-        others = ", ".join(name for name in rivals if name not in {c.effect for c in causes})
-        return (
-            f"Something is missing, and these recordings cannot tell which: perhaps {_lower(what)}, "
-            f"perhaps {others}; {gain}."
-        )
-    share = sum(cause.share_explained for cause in causes) if len(causes) == 1 else None
-    explained = "" if share is None else f"it explains {100 * share:.0f} % of the mismatch, and "
-    return f"{what}, which the model does not have; {explained}{gain}."
+    return _SENTENCES[diagnosis.verdict](diagnosis)
 
 
-def _gain(fit: Mapping[str, Mapping[str, float | None]], noise: float, unit: str) -> str:
-    before, after = fit["unseen"]["before"], fit["unseen"]["after"]
-    if before is None or after is None:
-        return f"with {number(noise)} {unit} of sensor noise"
+def _none(diagnosis: Diagnosis) -> str:
+    return f"Nothing is missing: the calibrated plant leaves {_left(diagnosis)}, {_within(diagnosis)}."
+
+
+def _parameters(diagnosis: Diagnosis) -> str:
+    return f"Only the parameters were off: the calibrated plant leaves {_left(diagnosis)}, {_within(diagnosis)}."
+
+
+def _named(diagnosis: Diagnosis) -> str:
+    causes, gain = diagnosis.causes, _gain(diagnosis)
+    if len(causes) == 1:
+        explains = f"it explains {_share(causes[0])} of the mismatch"
+        return f"{_first_up(_physics(causes[0], diagnosis))}, which the model does not have; {explains}, and {gain}."
+    parts = [f"{_physics(cause, diagnosis)} ({_share(cause)} of the mismatch)" for cause in causes]
+    count = COUNTED.get(len(causes), "Several")
+    return f"{count} things are missing from the model: {', and '.join(parts)}; with them {gain}."
+
+
+def _ambiguous(diagnosis: Diagnosis) -> str:
+    known = {cause.effect for cause in diagnosis.causes}
+    guess = ", and ".join(_physics(cause, diagnosis) for cause in diagnosis.causes)
+    others = ", ".join(f"perhaps {_plain(name)}" for name in diagnosis.names if name not in known)
+    rivals = f", {others}" if others else ""
     return (
-        f"with it the error on unseen data falls from {number(before)} to {number(after)} {unit}, "
-        f"with {number(noise)} {unit} of sensor noise"
+        f"Something is missing, and these recordings cannot tell what: perhaps {guess}{rivals}; "
+        f"with the first {_gain(diagnosis)}{_next(diagnosis)}."
     )
 
 
-def _physics(cause: Cause) -> str:
-    fields = {name: _with_interval(p) for name, p in cause.parameters.items()}
-    return _lower(effect_named(cause.effect).wording.format(**fields))
+def _unknown(diagnosis: Diagnosis) -> str:
+    refuted = "; the unseen data refuted the explanation that fitted best" if _refuted(diagnosis) else ""
+    after = diagnosis.fit["unseen"]["after"]
+    shape = "" if diagnosis.free_form is None or after is None else (
+        f"; a free-form term, which is a description and not physics, lowers the error on unseen data to "
+        f"{_amplitude(after, diagnosis)}"
+    )  # fmt: skip
+    return (
+        "Something is missing that no effect of the catalogue explains: the calibrated plant leaves "
+        f"{_left(diagnosis)}, with {_noise(diagnosis)}{refuted}{shape}."
+    )
+
+
+def _disturbance(diagnosis: Diagnosis) -> str:
+    return (
+        "The mismatch does not repeat with input and state, so it is a disturbance and no missing physics of the "
+        f"plant: {_left(diagnosis)}, with {_noise(diagnosis)}."
+    )
+
+
+def _data_fault(diagnosis: Diagnosis) -> str:
+    faults = diagnosis.faults
+    many = any(fault["experiment"] > 1 for fault in faults)
+    said = [_fault(fault, many) for fault in faults[:MOST_FAULTS]]
+    more = "; and more" if len(faults) > MOST_FAULTS else ""
+    where = f": {'; '.join(said)}{more}" if said else ""
+    return f"The recording is at fault{where}."
+
+
+def _not_testable(diagnosis: Diagnosis) -> str:
+    return (
+        "The input is too poor to test whether physics is missing: the calibrated plant leaves "
+        f"{_left(diagnosis)}, with {_noise(diagnosis)}."
+    )
+
+
+_SENTENCES: Mapping[Verdict, Callable[[Diagnosis], str]] = {
+    Verdict.NONE: _none,
+    Verdict.PARAMETERS: _parameters,
+    Verdict.NAMED: _named,
+    Verdict.AMBIGUOUS: _ambiguous,
+    Verdict.UNKNOWN: _unknown,
+    Verdict.DISTURBANCE: _disturbance,
+    Verdict.DATA_FAULT: _data_fault,
+    Verdict.NOT_TESTABLE: _not_testable,
+}
+
+
+def _left(diagnosis: Diagnosis) -> str:
+    """What the calibrated plant leaves."""
+    fitted, unseen = (diagnosis.fit[part]["before"] for part in ("fitted", "unseen"))
+    said = [
+        f"{_amplitude(value, diagnosis)} on {what} data"
+        for value, what in ((fitted, "fitted"), (unseen, "unseen"))
+        if value is not None
+    ]
+    return " and ".join(said) or "a residual that was not judged"
+
+
+def _within(diagnosis: Diagnosis) -> str:
+    own = f"{_amplitude(diagnosis.model_error, diagnosis)} of the plant's own model error"
+    return f"which {_noise(diagnosis)} and {own} account for"
+
+
+def _gain(diagnosis: Diagnosis) -> str:
+    before, after = (diagnosis.fit["unseen"][which] for which in ("before", "after"))
+    return (
+        f"the error on unseen data falls from {_rounded(before)} to {_amplitude(after, diagnosis)}, "
+        f"with {_noise(diagnosis)}"
+    )
+
+
+def _noise(diagnosis: Diagnosis) -> str:
+    return f"{_amplitude(diagnosis.noise, diagnosis)} of sensor noise"
+
+
+def _amplitude(value: float, diagnosis: Diagnosis) -> str:
+    unit = diagnosis.output["unit"]
+    return f"{_rounded(value)} {'µm' if unit == 'um' else unit}".rstrip()
+
+
+def _rounded(value: float) -> str:
+    return number(value, 3 if abs(value) >= 10 else 2)
+
+
+def _share(cause: Cause) -> str:
+    only = "only " if cause.share_explained < SMALL_SHARE else ""
+    return f"{only}{100 * cause.share_explained:.0f} %"
+
+
+def _physics(cause: Cause, diagnosis: Diagnosis) -> str:
+    """In the effect's own words, which a user's effect brings along in the model."""
+    own = () if diagnosis.model is None else diagnosis.model.plant.effects
+    effect = next((e for e in own if e.name == cause.effect), None) or effect_named(cause.effect)
+    text = effect.wording.format(**{name: _with_interval(p) for name, p in cause.parameters.items()})
+    return text[0].lower() + text[1:]
 
 
 def _with_interval(parameter: Interval) -> str:
-    unit = "" if parameter.unit == "1" else f" {parameter.unit}"
-    return f"{number(parameter.value)}{unit} ({number(parameter.low)} to {number(parameter.high)})"
+    shown = parameter.shown
+    ends = f"({number(shown['low'])} to {number(shown['high'])})"
+    return f"{number(shown['value'])} {shown['unit']} {ends}".replace("  ", " ")
 
 
-def _lower(text: str) -> str:
-    return text[0].lower() + text[1:]
+def _next(diagnosis: Diagnosis) -> str:
+    """What the advised experiment would decide."""
+    advised = diagnosis.next_experiment
+    if advised is None or advised.get("file") is None or advised.get("confusion_after") is None:
+        return ""
+    before, after = (number(100 * advised[which], 2) for which in ("confusion_before", "confusion_after"))
+    return (
+        f"; {number(advised['seconds'])} s of the input in {advised['file']} would lower the risk of confusing them "
+        f"from {before} to {after} %"
+    )
+
+
+def _refuted(diagnosis: Diagnosis) -> bool:
+    return diagnosis.verification is not None and not diagnosis.verification["holds"]
+
+
+def _fault(fault: Mapping[str, Any], many: bool) -> str:
+    which = f"recording {fault['recording']}" + (f" of experiment {fault['experiment']}" if many else "")
+    return (
+        f"in {which} {fault['fault']}, {fault['samples']} samples between {fault['from_s']:.2f} and "
+        f"{fault['to_s']:.2f} s"
+    )
+
+
+def _first_up(text: str) -> str:
+    return text[0].upper() + text[1:]
+
+
+def _plain(name: str) -> str:
+    return name.replace("_", " ")

@@ -49,13 +49,16 @@ class Lead:
     Parameters
     ----------
     effect : Effect
-        With the shape and the sign that promise most.
+        With the shape and the sign that promise most, at its typical strength.
     share : float
         Of the squared residual, what it could explain to first order.
+    estimate : Effect
+        With the strength at which it does.
     """
 
     effect: Effect
     share: float
+    estimate: Effect
 
 
 def footprints(
@@ -147,9 +150,12 @@ def _lead(footprint: Footprint, residual: np.ndarray, basis: np.ndarray) -> Lead
     length = float(np.linalg.norm(direction))
     along = float(direction @ residual) / length if length > 1e-9 * np.linalg.norm(footprint.change) else 0.0
     if along < 0.0 and strength.lower >= 0.0:
-        return Lead(effect=effect, share=0.0)
-    start = replace(effect, **{effect.strength: float(np.copysign(strength.value, along))})
-    return Lead(effect=start, share=along**2 / float(residual @ residual))
+        return Lead(effect=effect, share=0.0, estimate=effect)
+    start, estimate = (
+        replace(effect, **{effect.strength: float(np.clip(value, strength.lower, strength.upper))})
+        for value in (np.copysign(strength.value, along), along / length if along else 0.0)
+    )
+    return Lead(effect=start, share=along**2 / float(residual @ residual), estimate=estimate)
 
 
 def _basis(fit: Calibration) -> np.ndarray:

@@ -9,19 +9,21 @@ import numpy as np
 from deatwin.ident.greybox.fit import Calibration, Part, calibrate, simulated
 from deatwin.plant.model import Plant
 
-__all__ = ["approach", "at_its_time", "search", "settle"]
+__all__ = ["OPENING_SAMPLES", "ROUGH", "approach", "at_its_time", "finish", "opening", "search", "settle"]
 
-OPENING_SAMPLES = 4000
+OPENING_SAMPLES = 2000
 """The first approach uses the opening of each experiment, long enough for the film's fast parameters."""
 OPENING_EVALUATIONS = 8
 ROUGH = 3e-3
 """A form that leaves a large residual need not be fitted better than to 0.15 % of it,"""
 ROUGH_EVALUATIONS = 10
 """nor with more simulations than these."""
+DECIDING = 1e-3
+"""Relative change of the squared residual that no decision sees: a tenth of a nat in a hundred blocks."""
 EVENT_STEP = 0.02
 """Share of the record by which an event is moved first."""
-WORTH_POLISHING = 4.0
-"""Mean squared residual against noise and model error, below which a form is fitted to the end."""
+PROMISING = 1.3
+"""Mean squared residual against noise and model error, below which a form is fitted to the end at once."""
 
 
 def approach(start: Plant, parts: Sequence[Part]) -> Calibration:
@@ -39,12 +41,12 @@ def approach(start: Plant, parts: Sequence[Part]) -> Calibration:
     Calibration
         On the openings of `parts`.
     """
-    openings = [_opening(part) for part in parts]
+    openings = [opening(part, OPENING_SAMPLES) for part in parts]
     return calibrate(start, openings, evaluations=OPENING_EVALUATIONS, tolerance=ROUGH)
 
 
 def settle(near: Plant, parts: Sequence[Part], noise: float) -> Calibration:
-    """Fit all counted samples: roughly, and to the end where it is worth it.
+    """Fit all counted samples: roughly, and to the end where what is left is nearly noise.
 
     Parameters
     ----------
@@ -62,9 +64,26 @@ def settle(near: Plant, parts: Sequence[Part], noise: float) -> Calibration:
     """
     rough = calibrate(near, parts, evaluations=ROUGH_EVALUATIONS, tolerance=ROUGH)
     floor = noise**2 + near.rig.model_error**2
-    if not rough.status.ok or rough.rms**2 > WORTH_POLISHING * floor:
-        return rough
-    return calibrate(rough.plant, parts)
+    return finish(rough, parts) if rough.status.ok and rough.rms**2 < PROMISING * floor else rough
+
+
+def finish(rough: Calibration, parts: Sequence[Part]) -> Calibration:
+    """Fit to the end what was fitted roughly.
+
+    Parameters
+    ----------
+    rough : Calibration
+        On `parts`.
+    parts : sequence of Part
+        Samples that count.
+
+    Returns
+    -------
+    Calibration
+        The rough one where the fit fails.
+    """
+    found = calibrate(rough.plant, parts, tolerance=DECIDING)
+    return found if found.status.ok else rough
 
 
 def search(start: Plant, parts: Sequence[Part], noise: float) -> Calibration:
@@ -137,9 +156,22 @@ def _squares(plant: Plant, parts: Sequence[Part]) -> float:
     return float(np.sum((np.concatenate([part.measured for part in parts]) - readings) ** 2))
 
 
-def _opening(part: Part) -> Part:
-    """The counted samples among the first few thousand of an experiment."""
-    left, masks = OPENING_SAMPLES, []
+def opening(part: Part, samples: int) -> Part:
+    """The counted samples among the first of an experiment.
+
+    Parameters
+    ----------
+    part : Part
+        What counts.
+    samples : int
+        How many samples of the experiment open it.
+
+    Returns
+    -------
+    Part
+        The whole one where none of the first samples counts.
+    """
+    left, masks = samples, []
     for mask in part.masks:
         masks.append(mask & (np.arange(mask.size) < left))
         left -= mask.size

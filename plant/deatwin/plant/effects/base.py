@@ -28,7 +28,7 @@ class Family(Enum):
 
 
 class Place(Enum):
-    """Where in the plant an effect enters."""
+    """Where in the plant an effect enters; another plant declares its own places in an `Enum` of its own."""
 
     DRIVE = "drive"
     FILM = "film"
@@ -46,8 +46,9 @@ class Effect(ABC):
     """
 
     name: ClassVar[str]
-    family: ClassVar[Family]
-    place: ClassVar[Place]
+    family: ClassVar[Enum]
+    """One of `Family`; like a place, another plant may declare its own."""
+    place: ClassVar[Enum]
     signal: ClassVar[str]
     strength: ClassVar[str]
     order: ClassVar[int] = 0
@@ -93,6 +94,11 @@ class Effect(ABC):
             This effect at the shapes that look promising; none by default, then a grid of shapes is tried.
         """
         return ()
+
+    @property
+    def entry(self) -> str | dict[str, Any]:
+        """How a model file names it: what makes its equations, without the values of its parameters."""
+        return self.name
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:

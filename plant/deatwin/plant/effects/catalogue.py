@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import lru_cache
 from importlib.metadata import entry_points
+from typing import Any
 
 from deatwin.plant.effects.base import Effect
+from deatwin.plant.effects.free_form import FreeForm
 from deatwin.plant.errors import RigError, nearest
 
-__all__ = ["catalogue", "effect_named"]
+__all__ = ["catalogue", "effect_from", "effect_named"]
 
 GROUP = "deatwin.effects"
 
@@ -56,3 +59,24 @@ def effect_named(name: str) -> Effect:
     except KeyError:
         known = ", ".join(_types())
         raise RigError(f"there is no effect {name!r}{nearest(name, _types())} (known: {known})") from None
+
+
+def effect_from(entry: str | Mapping[str, Any]) -> Effect:
+    """The effect that a model file has.
+
+    Parameters
+    ----------
+    entry : str or mapping
+        A canonical name, or a free form as data.
+
+    Returns
+    -------
+    Effect
+        The values of its parameters are in the model file too.
+
+    Raises
+    ------
+    RigError
+        If there is no effect of that name, or the data are malformed.
+    """
+    return effect_named(entry) if isinstance(entry, str) else FreeForm.from_entry(entry)

@@ -63,7 +63,7 @@ class ThermalStiffness(Effect):
     order: ClassVar[int] = 2
     wording: ClassVar[str] = (
         "The modulus follows the temperature by {change_per_kelvin} for each kelvin "
-        "(unless it was measured: a swing of 1 K with a period of {period} and a phase of {phase})"
+        "(unless it was measured: a swing of one kelvin with a period of {period} and a phase of {phase})"
     )
     reference: ClassVar[float] = 293.15
     """:math:`T_0` in K."""

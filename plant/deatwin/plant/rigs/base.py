@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from deatwin.plant.builder import Builder
 from deatwin.plant.chain import MeasuringChain
+from deatwin.plant.effects.catalogue import catalogue
+from deatwin.plant.effects.sizes import Sizes
 from deatwin.plant.parameters import Parameter
 
 if TYPE_CHECKING:
@@ -81,6 +83,8 @@ class Rig(ABC):
     output_unit: ClassVar[str]
     model_share: ClassVar[float] = 0.0
     """Rms error of the rig's own equations as a share of the motion, where that is more than `model_error`."""
+    sizes: ClassVar[Sizes | None] = None
+    """How large things are here, where the catalogue's effects are to be taken at other sizes than the diaphragm's."""
 
     @property
     @abstractmethod
@@ -147,6 +151,18 @@ class Rig(ABC):
         from deatwin.plant.model import Plant  # a plant is made of rigs, so the module cannot be loaded first
 
         return Plant(rig=self, effects=effects)
+
+    def effects(self) -> tuple[Effect, ...]:
+        """What may be missing from this rig: every effect of the catalogue, at the sizes of this rig.
+
+        A rig with physics of its own adds the effects that may be missing from it.
+
+        Returns
+        -------
+        tuple of Effect
+            Also those that this rig has no signal for.
+        """
+        return catalogue() if self.sizes is None else tuple(self.sizes.of(effect) for effect in catalogue())
 
     def for_motion(self, motion: float) -> Self:
         """The same rig, with the model error that it has on recordings of a given size.

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import math
+from deatwin.ident.mismatch.prefixes import prefixed
 
 __all__ = ["quantity", "three_digits", "with_interval"]
-
-PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
-PREFIXED = ("Pa", "s", "m", "N", "V", "A", "Hz")
 
 
 def quantity(value: float, unit: str) -> str:
@@ -29,7 +26,7 @@ def quantity(value: float, unit: str) -> str:
     >>> quantity(26400.0, "Pa"), quantity(0.05, "s"), quantity(-0.1, "1")
     ('26.4 kPa', '50 ms', '-0.1')
     """
-    factor, shown = _scale(value, unit)
+    factor, shown = prefixed(value, unit)
     return f"{_digits(value / factor)} {shown}".rstrip()
 
 
@@ -70,21 +67,11 @@ def with_interval(value: float, low: float, high: float, unit: str) -> tuple[str
     tuple of str
         For example ``("54.1 s", "50.2 to 59.3 s")``.
     """
-    factor, shown = _scale(value, unit)
+    factor, shown = prefixed(value, unit)
     return (
         f"{_digits(value / factor)} {shown}".rstrip(),
         f"{_digits(low / factor)} to {_digits(high / factor)} {shown}".rstrip(),
     )
-
-
-def _scale(value: float, unit: str) -> tuple[float, str]:
-    if unit not in PREFIXED or value == 0 or not math.isfinite(value):
-        return 1.0, "" if unit == "1" else unit
-    power = 3 * math.floor(math.log10(abs(value)) / 3)
-    if unit == "s":
-        power = min(power, 0)  # nobody writes kiloseconds
-    power = min(max(power, min(PREFIXES)), max(PREFIXES))
-    return 10.0**power, PREFIXES[power] + unit
 
 
 def _digits(value: float) -> str:

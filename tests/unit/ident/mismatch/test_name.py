@@ -6,7 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from deatwin.ident.mismatch.name import Candidate, _cannot_rule_out, _decide, _each_counts
+from deatwin.ident.mismatch.candidate import Candidate
+from deatwin.ident.mismatch.decide import cannot_rule_out, decide
+from deatwin.ident.mismatch.name import _Search
 
 NOISE, MODEL_ERROR = 2.0, 1.2
 RIG = SimpleNamespace(model_error=MODEL_ERROR)
@@ -21,7 +23,7 @@ def candidate(*effects: str, rms: float, unseen: float | None = None) -> Candida
 
 def test_the_best_adequate_explanation_stands_alone():
     right, wrong = candidate("creep", rms=2.1), candidate("electrode_rc", rms=4.7)
-    decided = _decide((right, wrong), (wrong, right), NOISE)
+    decided = decide((right, wrong), (wrong, right), NOISE)
     assert decided.best is right
     assert decided.rivals == ()
     assert decided.probabilities[("creep",)] == pytest.approx(1.0)
@@ -29,13 +31,13 @@ def test_the_best_adequate_explanation_stands_alone():
 
 def test_equal_explanations_are_rivals():
     one, other = candidate("creep", rms=2.10), candidate("permittivity_drift", rms=2.11)
-    decided = _decide((one, other), (one, other), NOISE)
+    decided = decide((one, other), (one, other), NOISE)
     assert decided.rivals == (other,)
-    assert _cannot_rule_out(other, one)
+    assert cannot_rule_out(other, one)
 
 
 def test_nothing_adequate_is_no_explanation():
-    decided = _decide((), (candidate("creep", rms=3.5),), NOISE)
+    decided = decide((), (candidate("creep", rms=3.5),), NOISE)
     assert decided.best is None
 
 
@@ -43,15 +45,31 @@ def test_good_on_the_fitted_part_alone_is_not_enough():
     assert not candidate("creep", rms=2.1, unseen=5.0).adequate
 
 
+def search_over(*candidates: Candidate) -> _Search:
+    """A search in which these were tried, the base plant first."""
+    search = _Search(SimpleNamespace(effects=()), candidates[0], ())
+    search.tried.update({c.effects: c for c in candidates})
+    return search
+
+
 def test_an_effect_of_a_pair_must_count_for_more_than_the_model_error():
     base = candidate(rms=5.7)
     drift, creep = candidate("permittivity_drift", rms=2.54), candidate("creep", rms=4.98)
     pair = candidate("creep", "permittivity_drift", rms=2.05)
     # taking creep out costs 2.54² - 2.05² = 2.25, more than 1.2² = 1.44
-    assert _each_counts(pair, (base, drift, creep))
-    near = candidate("creep", rms=2.2)
-    # taking the second effect out of this pair costs 2.2² - 2.05² = 0.64 only
-    assert not _each_counts(candidate("creep", "electrode_rc", rms=2.05), (base, near))
+    assert search_over(base, drift, creep, pair).each_counts(pair.effects)
+    near = candidate("permittivity_drift", rms=2.2)
+    # taking creep out of this pair costs 2.2² - 2.05² = 0.64 only
+    assert not search_over(base, near, creep, pair).each_counts(pair.effects)
+
+
+def test_an_idle_second_effect_is_a_rival_not_a_cause():
+    base, creep, drift = candidate(rms=5.7), candidate("creep", rms=2.3, unseen=2.75), candidate("sensor_drift", rms=4.0)
+    pair = candidate("creep", "sensor_drift", rms=2.25)
+    search = search_over(base, creep, drift, pair)
+    naming = search.decided_beside(("creep",), [pair.effects])
+    assert naming.best is creep
+    assert naming.rivals == (pair,)
 
 
 def test_another_noise_changes_the_judgement_not_the_residuals():

@@ -17,6 +17,7 @@ from deatwin.ident.narx.preprocess.stationarity import (
     cut,
 )
 from deatwin.ident.narx.regression import Recordings, flatten
+from deatwin.ident.soundness import at_limit, neighbours_deviation, noise_of_bends, resolution, runs
 from deatwin.plant.errors import DataError
 from deatwin.plant.recording import Recording, label
 
@@ -27,7 +28,6 @@ _SEGMENTS = 20  # whose means are tested for a trend and a drift
 _NEIGHBOURHOOD = 101  # samples over which the usual deviation of a reading is taken
 _RINGING = 10  # samples in which a lone reading has no company
 _FEWEST = 200  # samples below which nothing can be told from chance
-_LEVELS = 50  # a signal of fewer values is a command of steps: its holds are meant
 _PREFIXED = ("m", "V", "A", "s", "N", "F", "Pa", "W", "Hz")
 _PREFIXES = {-4: "p", -3: "n", -2: "µ", -1: "m", 0: "", 1: "k", 2: "M", 3: "G"}
 
@@ -217,13 +217,12 @@ def _outliers(channel: _Channel, level: float) -> Iterator[Finding]:
 
     y = channel.values
     inner = np.arange(2, y.size - 2)
-    deviation, jump = np.zeros((2, y.size))
-    deviation[inner] = y[inner] - (4.0 * (y[inner - 1] + y[inner + 1]) - y[inner - 2] - y[inner + 2]) / 6.0
+    deviation, jump = neighbours_deviation(y), np.zeros(y.size)
     jump[inner] = np.abs(y[inner + 1] - y[inner - 1])
     size = np.abs(deviation)
     # What is usual around where the signal moves fast, what is usual on the whole elsewhere.
     usual = 1.4826 * np.maximum(median_filter(size, _NEIGHBOURHOOD, mode="nearest"), np.median(size[inner]))
-    usual = np.maximum(usual, max(_resolution(y) / 2.0, 1e-12 * float(np.abs(y).max())))
+    usual = np.maximum(usual, max(resolution(y) / 2.0, 1e-12 * float(np.abs(y).max())))
     # Bonferroni over the samples; the median of n correlated deviations is uncertain by about 2 / sqrt(n).
     limit = -float(ndtri(level / (2.0 * y.size))) * (1.0 + 2.0 / np.sqrt(y.size))
     # The outlier itself bends the cubics of its neighbours up to two samples away; farther off it has no company.
@@ -257,9 +256,7 @@ def _kinks(record: Recording) -> NDArray[np.bool_]:
 def _quantisation(channel: _Channel) -> Iterator[Finding]:
     """A step between readings that adds a tenth or more to the variance of what is fast in them."""
     y = channel.values
-    step = _resolution(y)
-    bend = np.diff(y, n=2)
-    noise = 1.4826 * float(np.median(np.abs(bend - np.median(bend)))) / np.sqrt(6.0)
+    step, noise = resolution(y), noise_of_bends(y)
     if step**2 / 12.0 > 0.1 * noise**2:
         text = (
             f"readings come in steps of {channel.amount(step)} ({np.unique(y).size} levels); the noise is "
@@ -268,36 +265,19 @@ def _quantisation(channel: _Channel) -> Iterator[Finding]:
         yield channel.finding(FindingKind.QUANTISATION, np.arange(y.size), step, text)
 
 
-def _resolution(y: Array) -> float:
-    """The step of which all differences are multiples, 0 where there is none or readings seldom agree."""
-    steps = np.diff(np.unique(y))
-    steps = steps[steps > 1e-9 * np.ptp(y)]
-    if steps.size < 2 or steps.size > y.size / 2:
-        return 0.0
-    counts = steps / steps.min()
-    on_grid = np.all(np.abs(counts - np.round(counts)) < 0.02 * counts)
-    return float(steps.min()) if on_grid else 0.0
-
-
 def _clipping(channel: _Channel) -> Iterator[Finding]:
     """Readings that pile up at the largest or smallest value, three and more in a row."""
     y = channel.values
-    levels, counts = np.unique(y, return_counts=True)
-    if levels.size < _LEVELS:
-        return
-    for edge, inside, word in ((0, slice(1, 6), "smallest"), (-1, slice(-6, -1), "largest")):
-        at = y == levels[edge]
-        rows = [run for run in _runs(at) if run.size >= 3]
-        if rows and counts[edge] > 3 * counts[inside].max():
-            where = np.concatenate(rows)
-            yield channel.finding(
-                FindingKind.CLIPPING,
-                where,
-                levels[edge],
-                f"{where.size} readings in {len(rows)} stretch(es) stay at the {word} value, "
-                f"{channel.amount(levels[edge])}, between {channel.record.timepts[where[0]]:.6g} and "
-                f"{channel.record.timepts[where[-1]]:.6g} s: clipped",
-            )
+    for word, rows in at_limit(y).items():
+        where = np.concatenate(rows)
+        level = y[where[0]]
+        yield channel.finding(
+            FindingKind.CLIPPING,
+            where,
+            level,
+            f"{where.size} readings in {len(rows)} stretch(es) stay at the {word} value, {channel.amount(level)}, "
+            f"between {channel.record.timepts[where[0]]:.6g} and {channel.record.timepts[where[-1]]:.6g} s: clipped",
+        )
 
 
 def _constant(channel: _Channel, moves: Array, level: float) -> Iterator[Finding]:
@@ -313,7 +293,7 @@ def _constant(channel: _Channel, moves: Array, level: float) -> Iterator[Finding
     # Of independent equal neighbours, a run of m comes n share^m times.
     longest = 3 if share == 0.0 else max(3, int(np.ceil(log(level / y.size) / log(share))))
     extremes = (y.min(), y.max())
-    for run in _runs(same):
+    for run in runs(same):
         where = np.r_[run, run[-1] + 1]
         if (
             run.size >= longest
@@ -334,12 +314,6 @@ def _moves(record: Recording) -> Array:
     """Inputs as shares of their ranges, shape (n_inputs, n)."""
     span = np.ptp(record.inputs, axis=1, keepdims=True)
     return np.asarray(record.inputs / np.where(span > 0.0, span, np.inf), dtype=np.float64)
-
-
-def _runs(flags: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
-    """Positions of each run of True."""
-    where = np.flatnonzero(flags)
-    return [run for run in np.split(where, np.flatnonzero(np.diff(where) > 1) + 1) if run.size]
 
 
 def _with_unit(value: float, unit: str) -> str:

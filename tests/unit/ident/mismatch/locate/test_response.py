@@ -7,7 +7,7 @@ import jsonschema
 import numpy as np
 import pytest
 
-from deatwin.ident.mismatch.response import TERMS, locate_response
+from deatwin.ident.mismatch.locate.response import TERMS, locate_response
 from deatwin.ident.narx import NarxModel
 from deatwin.plant import Diaphragm, ElectrodeRC, Experiment, Plant, Recording
 from deatwin.plant.excitation import band_limited_noise

@@ -1,0 +1,399 @@
+"""Extended Kalman likelihood and smoother of a plant into which something unknown enters at one place.
+
+One wandering quantity d is opened at a time: a command, a force, a factor of the film, a reading, a parameter or the
+diffusion of a state. It starts from zero, where the experiment starts from rest, and is an Ornstein-Uhlenbeck process,
+
+.. math:: d_{k+1} = \\varphi d_k + \\sqrt{1 - \\varphi^2}\\,a\\,w_k, \\qquad \\varphi = e^{-h/T},
+
+whose amplitude a and memory T are found by maximum likelihood: with a memory of a sample it is white, a diffusion, with
+one longer than the record a random walk. The calibrated parameters are unknown constants again, so that what they
+absorbed of a mismatch comes free; the plant's own model error is a wandering of the reading of known size. The filter is
+linearised along the plant's free run, by exact derivatives of each step, which all openings share.
+
+References
+----------
+.. [1] Kristensen, Madsen, Jørgensen, "A method for systematic improvement of stochastic grey-box models", Comput. Chem.
+   Eng. 28 (2004) 1431-1449.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import exp
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+from deatwin.ident.greybox.filter_linear import Linear, linearise
+from deatwin.ident.greybox.filter_openings import Opening, places
+from deatwin.ident.greybox.fit import Part
+from deatwin.ident.kalman import Filtered, StateSpace, kalman_filter, kalman_smoother
+from deatwin.plant.errors import ModelError
+from deatwin.plant.model import Plant
+
+__all__ = [
+    "Floor", "Latent", "Linear", "Opened", "Opening", "filter_likelihood", "latent", "linearise", "open_place", "places",
+    "smoothed",
+]  # fmt: skip
+
+Array = NDArray[np.float64]
+
+STEPS = 1500
+"""Steps of the filter in which amplitude and memory are found: samples are joined until there are no more."""
+MEMORIES = 4
+"""Memories that are tried, from one step to three times the record."""
+SHARES = (0.1, 0.5, 2.0)
+"""Amplitudes that are tried, by the rms that they make in the reading against that of the residual."""
+REFINEMENTS = 20
+"""Likelihoods for the refinement of amplitude and memory."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Floor:
+    """What accounts for a residual where nothing is opened.
+
+    Parameters
+    ----------
+    noise : float
+        Standard deviation of the sensor's white noise, SI.
+    model_error : float
+        Rms of the plant's own error in the reading, SI.
+    memory : float
+        How long that error stays the same, s.
+    """
+
+    noise: float
+    model_error: float = 0.0
+    memory: float = 1.0
+
+    @classmethod
+    def of(cls, linears: Sequence[Linear], noise: float | None = None) -> Floor:
+        """The floor of a plant: a static error moves as the motion does.
+
+        Parameters
+        ----------
+        linears : sequence of Linear
+            The plant along the recordings.
+        noise : float, optional
+            Standard deviation of the sensor's noise, SI; the rig's by default.
+
+        Returns
+        -------
+        Floor
+            Its memory is the time in which the autocorrelation of the command-driven motion falls to 1/e.
+        """
+        rig = linears[0].plant.rig
+        memory = float(np.median([_correlation_time(linear) for linear in linears]))
+        return cls(noise=rig.noise if noise is None else noise, model_error=rig.model_error, memory=memory)
+
+
+def _correlation_time(linear: Linear) -> float:
+    """Of the states' motion, weighted by what the reading sees of each, s."""
+    motion = sum(
+        (np.abs(linear.rows[:, k]).mean() * linear.states[name] for k, name in enumerate(linear.state_names)),
+        start=np.zeros(linear.residual.size),
+    )
+    motion = motion - motion.mean()
+    if not motion.any():
+        return linear.interval
+    spectrum = np.abs(np.fft.rfft(motion, 2 * motion.size)) ** 2
+    correlation = np.fft.irfft(spectrum)[: motion.size]
+    return linear.interval * max(1, int(np.argmax(correlation < correlation[0] / np.e)))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Opened:
+    """A plant with one place opened, and how likely that makes the recordings.
+
+    Parameters
+    ----------
+    opening : Opening or None
+        What is opened; None where nothing is.
+    amplitude : float
+        Standard deviation of what enters once it has forgotten its start, SI.
+    memory : float
+        Its correlation time, s.
+    log_likelihood : float
+        Of the readings.
+    terms : ndarray, shape (n,)
+        What each step of the filter adds to it, one part after another.
+    """
+
+    opening: Opening | None
+    amplitude: float
+    memory: float
+    log_likelihood: float
+    terms: Array
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Latent:
+    """What entered a plant, smoothed: given all readings.
+
+    Parameters
+    ----------
+    opening : Opening
+        Where it enters.
+    timepts : ndarray, shape (n,)
+        Clock times at the ends of the samples, one part after another, s.
+    mean, deviation : ndarray, shape (n,)
+        Of what enters during each sample, SI (a number where it is a factor).
+    states : mapping of str to ndarray, each of shape (n,)
+        Command, and smoothed states; watched signals and coordinates of the free run; SI.
+    counted : ndarray of bool, shape (n,)
+        Where a reading counts.
+    origin : ndarray of int, shape (n,)
+        Number of the part.
+    amplitude, memory : float
+        Of the process, SI and s.
+    log_likelihood : float
+        Of the readings.
+    """
+
+    opening: Opening
+    timepts: Array
+    mean: Array
+    deviation: Array
+    states: Mapping[str, Array]
+    counted: NDArray[np.bool_]
+    origin: NDArray[np.int_]
+    amplitude: float
+    memory: float
+    log_likelihood: float
+
+
+def filter_likelihood(
+    linears: Sequence[Linear], floor: Floor, opening: Opening | None = None, *, amplitude: float = 0.0,
+    memory: float = 1.0,
+) -> Opened:  # fmt: skip
+    """How likely the readings are with one place opened.
+
+    Parameters
+    ----------
+    linears : sequence of Linear
+        The plant, linearised along the recordings.
+    floor : Floor
+        Noise and model error.
+    opening : Opening, optional
+        What is opened; nothing by default.
+    amplitude : float
+        Standard deviation of what enters, SI.
+    memory : float
+        Its correlation time, s.
+
+    Returns
+    -------
+    Opened
+
+    Raises
+    ------
+    ModelError
+        If the opening is not among those of the linearisation, or the memory is not positive.
+    """
+    terms = []
+    for linear in linears:
+        filtered = _filtered(linear, floor, opening, amplitude, memory)
+        variance, innovation = filtered.innovation_variances[0], filtered.innovations[0]
+        square = -0.5 * (np.log(2 * np.pi * variance) + innovation**2 / variance)
+        # Of a mean of some readings the innovation was scaled by the root of their number.
+        terms.append(np.where(linear.counted, square + 0.5 * np.log(np.maximum(linear.counts, 1)), 0.0))
+    values = np.concatenate(terms)
+    return Opened(
+        opening=opening, amplitude=amplitude, memory=memory, log_likelihood=float(values.sum()), terms=values
+    )
+
+
+def open_place(linears: Sequence[Linear], floor: Floor, opening: Opening) -> Opened:
+    """Open a place with the amplitude and the memory that make the readings likeliest.
+
+    Parameters
+    ----------
+    linears : sequence of Linear
+        The plant, linearised along the recordings.
+    floor : Floor
+        Noise and model error.
+    opening : Opening
+        What is opened.
+
+    Returns
+    -------
+    Opened
+        With an amplitude of zero where nothing is gained.
+    """
+    joined = _few_steps(linears)
+    best = filter_likelihood(joined, floor)
+    duration = sum(linear.interval * linear.residual.size for linear in joined)
+    interval = joined[0].interval
+    size = float(np.sqrt(np.nanmean(np.concatenate([linear.residual for linear in joined]) ** 2)))
+    memories = np.geomspace(interval, 3 * duration, MEMORIES)
+    gains = _gains(joined, opening, memories)
+    tried = [
+        filter_likelihood(joined, floor, opening, amplitude=share * size / gain, memory=float(memory))
+        for memory, gain in zip(memories, gains, strict=True)
+        if gain > 0
+        for share in SHARES
+    ]
+    if not tried:
+        return best  # the reading does not see this place
+    first = max(tried, key=lambda o: o.log_likelihood)
+
+    def value(logs: Array) -> float:
+        amplitude, memory = np.exp(np.clip(logs, -600, 600))
+        return -filter_likelihood(joined, floor, opening, amplitude=amplitude, memory=memory).log_likelihood
+
+    limits = [(None, None), (np.log(interval / 10), np.log(30 * duration))]
+    start = np.log([first.amplitude, first.memory])
+    simplex = start + np.array([[0.0, 0.0], [0.7, 0.0], [0.0, 1.0]])
+    found = minimize(
+        value, start, method="Nelder-Mead", bounds=limits,
+        options={"initial_simplex": simplex, "maxfev": REFINEMENTS, "fatol": 0.05, "xatol": 0.05},
+    )  # fmt: skip
+    amplitude, memory = (float(v) for v in np.exp(found.x))
+    refined = filter_likelihood(joined, floor, opening, amplitude=amplitude, memory=memory)
+    return max((best, first, refined), key=lambda o: o.log_likelihood)
+
+
+def latent(
+    plant: Plant, parts: Sequence[Part], opening: Opening, *, floor: Floor | None = None, opened: Opened | None = None
+) -> Latent:
+    """Smooth what entered a plant at one place.
+
+    Parameters
+    ----------
+    plant : Plant
+        Calibrated.
+    parts : sequence of Part
+        Samples that count.
+    opening : Opening
+        Where it enters.
+    floor : Floor, optional
+        Noise and model error; the rig's by default.
+    opened : Opened, optional
+        The amplitude and memory to be taken; those that make the readings likeliest by default.
+
+    Returns
+    -------
+    Latent
+
+    Raises
+    ------
+    ModelError
+        If nothing enters there: the readings are as likely without.
+    SimulationError
+        If the plant cannot be simulated on the parts.
+    """
+    linears = linearise(plant, parts, (opening,))
+    known = Floor.of(linears) if floor is None else floor
+    process = open_place(linears, known, opening) if opened is None else opened
+    return smoothed(linears, known, process)
+
+
+def smoothed(linears: Sequence[Linear], floor: Floor, process: Opened) -> Latent:
+    """Smooth what entered, from a plant that is linearised already.
+
+    Parameters
+    ----------
+    linears : sequence of Linear
+        The plant along the recordings.
+    floor : Floor
+        Noise and model error.
+    process : Opened
+        Where it enters, with amplitude and memory.
+
+    Returns
+    -------
+    Latent
+
+    Raises
+    ------
+    ModelError
+        If nothing enters there.
+    """
+    opening = process.opening
+    if opening is None or not process.amplitude > 0:
+        raise ModelError("nothing enters where nothing is opened: the readings are as likely without")
+    means, deviations, states, total = [], [], [], 0.0
+    for linear in linears:
+        filtered = _filtered(linear, floor, opening, process.amplitude, process.memory)
+        result = kalman_smoother(filtered)
+        total += result.log_likelihood
+        means.append(result.states[:, -1])
+        deviations.append(result.std[:, -1])
+        moved = {name: linear.states[name] + result.states[:, k] for k, name in enumerate(linear.state_names)}
+        states.append({**linear.states, **moved})
+    return Latent(
+        opening=opening,
+        timepts=np.concatenate([linear.timepts for linear in linears]),
+        mean=np.concatenate(means),
+        deviation=np.concatenate(deviations),
+        states={name: np.concatenate([s[name] for s in states]) for name in states[0]},
+        counted=np.concatenate([linear.counted for linear in linears]),
+        origin=np.repeat(np.arange(len(linears)), [linear.residual.size for linear in linears]),
+        amplitude=process.amplitude,
+        memory=process.memory,
+        log_likelihood=total,
+    )
+
+
+def _few_steps(linears: Sequence[Linear]) -> tuple[Linear, ...]:
+    size = -(-sum(linear.residual.size for linear in linears) // STEPS)
+    return tuple(linear.joined(size) for linear in linears)
+
+
+def _gains(linears: Sequence[Linear], opening: Opening, memories: Array) -> Array:
+    """Rms of the readings over that of what enters, if that is a sine of one radian a memory."""
+    squares, count = np.zeros(memories.size), 0
+    for linear in linears:
+        elapsed = linear.timepts - linear.timepts[0]
+        waves = np.sqrt(2) * np.sin(elapsed[:, None] / memories)
+        answers = linear.response(linear.openings.index(opening), waves)[linear.counted]
+        squares += (answers**2).sum(axis=0)
+        count += len(answers)
+    return np.asarray(np.sqrt(squares / max(count, 1)))
+
+
+def _filtered(linear: Linear, floor: Floor, opening: Opening | None, amplitude: float, memory: float) -> Filtered:
+    """The filter over states, constant parameters, model error and what enters, in this order."""
+    n, (n_x, n_p) = linear.residual.size, linear.start_by_parameter.shape
+    m = n_x + n_p + 2
+    error, entering = m - 2, m - 1
+    transition = np.zeros((n, m, m))
+    transition[:, range(m), range(m)] = 1.0
+    transition[:, :n_x, :n_x] = linear.transition
+    transition[:, :n_x, n_x:error] = linear.by_parameter
+    rows = np.zeros((n, m))
+    rows[:, :n_x], rows[:, n_x:error], rows[:, error] = linear.rows, linear.rows_by_parameter, 1.0
+    process = np.zeros((m, m))
+    process[error, error] = _wander(transition, error, floor.model_error, floor.memory, linear.interval)
+    if opening is not None:
+        number = _number(linear, opening)
+        transition[:, :n_x, entering] = linear.entering[:, :, number]
+        rows[:, entering] = linear.rows_entering[:, number]
+        process[entering, entering] = _wander(transition, entering, amplitude, memory, linear.interval)
+    start = np.zeros((m, m))
+    spread = np.vstack([linear.start_by_parameter, np.eye(n_p)]) * np.sqrt(linear.prior)
+    start[:error, :error] = spread @ spread.T
+    weight = np.sqrt(linear.counts)
+    model = StateSpace(
+        rows=rows * weight[:, None], noise_variance=floor.noise**2, start=np.zeros(m), start_cov=start,
+        transition=transition[:-1], process_cov=process,
+    )  # fmt: skip
+    return kalman_filter(model, linear.residual * weight)
+
+
+def _wander(transition: Array, state: int, amplitude: float, memory: float, interval: float) -> float:
+    """Let a state forget; returns the variance that it takes up in a step."""
+    if not memory > 0:
+        raise ModelError(f"a memory of {memory:g} s: it must be positive")
+    kept = exp(-interval / memory)
+    transition[:, state, state] = kept
+    return amplitude**2 * (1 - kept**2)
+
+
+def _number(linear: Linear, opening: Opening) -> int:
+    if opening not in linear.openings:
+        known = ", ".join(o.name for o in linear.openings)
+        raise ModelError(f"{opening.name} cannot be opened: the plant was linearised for {known}")
+    return linear.openings.index(opening)

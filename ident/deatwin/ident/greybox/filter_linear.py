@@ -1,0 +1,390 @@
+"""A plant linearised along its own free run: exact derivatives of each implicit step by states and parameters.
+
+With x the deviation from the free run, theta that of the constant parameters and d what enters at an opening,
+
+.. math:: x_{k+1} = F_k x_k + B_k\\theta + G_k d_k, \\qquad e_k = C_k x_k + D_k\\theta + L_k d_k + v_k
+
+where e is measured minus simulated. All openings share F, B, C and D.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.greybox.filter_openings import STATE, Opening, opened_equations, places
+from deatwin.ident.greybox.fit import Part
+from deatwin.plant.effects.base import Place
+from deatwin.plant.equations import Equations
+from deatwin.plant.errors import SimulationError
+from deatwin.plant.integrator.collocation import step_functions
+from deatwin.plant.integrator.compiled import compile_functions
+from deatwin.plant.integrator.march import March
+from deatwin.plant.integrator.newton import SETTLED
+from deatwin.plant.model import Plant
+from deatwin.plant.rest import RestState, rest_state
+
+__all__ = ["Linear", "linearise"]
+
+Array = NDArray[np.float64]
+
+CHUNK = 200
+SHORTER_STEPS = (4, 16, 64)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Linear:
+    """A plant, linearised along its free run through one part of the recordings.
+
+    Parameters
+    ----------
+    plant : Plant
+        That was linearised.
+    openings : tuple of Opening
+        What may be opened.
+    timepts : ndarray, shape (n,)
+        Clock times at the end of each sample from the start procedure on, s.
+    residual : ndarray, shape (n,)
+        Measured minus simulated at the end of each sample, SI; NaN where no reading counts.
+    transition : ndarray, shape (n, n_x, n_x)
+        F_k, from the start of a sample to its end.
+    by_parameter : ndarray, shape (n, n_x, n_p)
+        B_k, by parameters that were other from the beginning, in their coordinates.
+    rows : ndarray, shape (n, n_x)
+        C_k, of the reading at the end of a sample by the states at its start.
+    rows_by_parameter : ndarray, shape (n, n_p)
+        D_k.
+    start_by_parameter : ndarray, shape (n_x, n_p)
+        Derivative of the state of rest.
+    entering : ndarray, shape (n, n_x, n_openings)
+        G_k, by what enters for this sample only, in SI.
+    rows_entering : ndarray, shape (n, n_openings)
+        L_k.
+    states : mapping of str to ndarray, each of shape (n,)
+        Command, states, coordinates and watched signals of the free run, SI.
+    counts : ndarray, shape (n,)
+        Readings of which `residual` is the mean: 1 or 0, more where samples were joined.
+    interval : float
+        From one of them to the next, s.
+    """
+
+    plant: Plant
+    openings: tuple[Opening, ...]
+    timepts: Array
+    residual: Array
+    transition: Array
+    by_parameter: Array
+    rows: Array
+    rows_by_parameter: Array
+    start_by_parameter: Array
+    entering: Array
+    rows_entering: Array
+    states: Mapping[str, Array]
+    counts: Array
+    interval: float
+
+    @property
+    def counted(self) -> NDArray[np.bool_]:
+        """Whether a reading counts at the end of each sample, shape (n,)."""
+        return self.counts > 0
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        """Of x, in its order."""
+        return self.plant.equations.states
+
+    @cached_property
+    def prior(self) -> Array:
+        """Variances of the constant parameters, shape (n_p,): the squares of the widths of their ranges."""
+        free = [self.plant.parameters[name] for name in self.plant.parameters.free]
+        return np.array([(p.scale.to_coordinate(p.upper) - p.scale.to_coordinate(p.lower)) ** 2 for p in free])
+
+    def joined(self, size: int) -> Linear:
+        """The same, with so many samples joined into one, in which what enters is constant.
+
+        Parameters
+        ----------
+        size : int
+            Samples to be joined; the residual is the mean of theirs.
+
+        Returns
+        -------
+        Linear
+            Exact for constant parameters and for what enters in steps; states and signals are means.
+        """
+        if size == 1:
+            return self
+        n_x, n_p = self.start_by_parameter.shape
+        pad = -self.residual.size % size
+        still = np.broadcast_to(np.eye(n_x), (pad, n_x, n_x))
+        step = _blocks(np.concatenate([self.transition, still]), size)
+        drive = _blocks(_padded(np.concatenate([self.by_parameter, self.entering], axis=2), pad), size)
+        rows = _blocks(_padded(self.rows, pad), size)
+        feed = _blocks(_padded(np.hstack([self.rows_by_parameter, self.rows_entering]), pad), size)
+        counts = _blocks(_padded(self.counts, pad), size)
+        errors = _blocks(_padded(np.nan_to_num(self.residual), pad), size)
+        # Derivatives of the states within a block, and of the mean of its readings, by what stood at its start.
+        inside = np.zeros((len(step), n_x, n_x + drive.shape[3]))
+        inside[:, :, :n_x] = np.eye(n_x)
+        total = np.zeros((len(step), inside.shape[2]))
+        for k in range(size):
+            seen = np.einsum("bi,bij->bj", rows[:, k], inside)
+            seen[:, n_x:] += feed[:, k]
+            total += counts[:, k, None] * seen
+            inside = step[:, k] @ inside
+            inside[:, :, n_x:] += drive[:, k]
+        number = counts.sum(axis=1)
+        share = np.maximum(number, 1)
+        total /= share[:, None]
+        last = np.minimum(size * np.arange(1, len(step) + 1), self.residual.size) - 1
+        middle = np.add.reduceat(np.ones(self.residual.size), size * np.arange(len(step)))
+        return replace(
+            self, timepts=self.timepts[last],
+            residual=np.where(number > 0, (counts * errors).sum(axis=1) / share, np.nan),
+            transition=inside[:, :, :n_x], by_parameter=inside[:, :, n_x : n_x + n_p],
+            entering=inside[:, :, n_x + n_p :], rows=total[:, :n_x], rows_by_parameter=total[:, n_x : n_x + n_p],
+            rows_entering=total[:, n_x + n_p :], counts=number, interval=size * self.interval,
+            states={
+                name: np.add.reduceat(values, size * np.arange(len(step))) / middle
+                for name, values in self.states.items()
+            },
+        )  # fmt: skip
+
+    def response(self, number: int, entering: Array) -> Array:
+        """The readings' answer to something that enters.
+
+        Parameters
+        ----------
+        number : int
+            Of the opening.
+        entering : ndarray, shape (n, m)
+            What enters in each sample; one or several courses, SI.
+
+        Returns
+        -------
+        ndarray, shape (n, m)
+            SI.
+        """
+        answers = self.rows_entering[:, number, None] * entering
+        drive = self.entering[:, :, number, None] * entering[:, None]
+        x = np.zeros(drive.shape[1:])
+        for k, (row, step) in enumerate(zip(self.rows, self.transition, strict=True)):
+            answers[k] += row @ x
+            x = step @ x + drive[k]
+        return answers
+
+
+def _padded(array: Array, count: int) -> Array:
+    return np.concatenate([array, np.zeros((count, *array.shape[1:]))])
+
+
+def _blocks(array: Array, size: int) -> Array:
+    return array.reshape(-1, size, *array.shape[1:])
+
+
+def linearise(plant: Plant, parts: Sequence[Part], openings: Sequence[Opening] | None = None) -> tuple[Linear, ...]:
+    """Linearise a plant along its free run.
+
+    Parameters
+    ----------
+    plant : Plant
+        Calibrated.
+    parts : sequence of Part
+        Samples that count.
+    openings : sequence of Opening, optional
+        What may be opened later; all `places` by default.
+
+    Returns
+    -------
+    tuple of Linear
+        One for each part.
+
+    Raises
+    ------
+    SimulationError
+        If the plant cannot be simulated on the parts.
+    """
+    chosen = tuple(places(plant) if openings is None else openings)
+    step = _step(_Key(plant, chosen))
+    return tuple(_linearised(plant, part, chosen, step) for part in parts)
+
+
+def _linearised(plant: Plant, part: Part, openings: tuple[Opening, ...], step: _Step) -> Linear:
+    timeline, rig = plant.timeline(part.experiment), plant.rig
+    at = np.concatenate([r[m] for r, m in zip(timeline.readings, part.masks, strict=True)])
+    n = int(at.max()) + 1
+    run = plant.simulator.run(
+        timeline.commands[:n], start=timeline.start, sample_time=timeline.sample_time,
+        rest_command=rig.start.rest_command, values=plant.free_values, channels=timeline.channels,
+    )  # fmt: skip
+    if not run.status.ok:
+        plant.simulate(part.experiment).require()  # which says why
+    equations = step.equations
+    values = equations.free_values
+    rest = rest_state(equations, rig.start.rest_command, values)
+    inputs = equations.inputs(timeline.commands[:n], rig.start.rest_command, timeline.channels)
+    x, z, slopes, reading_slopes = step.along(rest, inputs, timeline.start, timeline.sample_time, values)
+
+    residual = np.full(n, np.nan)
+    later = at >= 0  # a reading of the state of rest itself has no sample
+    residual[at[later]] = part.measured[later] - run.outputs[at[later] + 1]
+    columns = _Columns.of(plant, equations, openings)
+    slope = np.array([p.scale.slope(p.value) for p in (plant.parameters[name] for name in plant.parameters.free)])
+    by_parameter = slopes[:, :, columns.free] + slopes[:, :, columns.held] @ rest.d_p[:, columns.free]
+    rows_by_parameter = (
+        reading_slopes[:, columns.free] + reading_slopes[:, columns.held] @ rest.d_p[:, columns.free]
+    )
+    entering, rows_entering = columns.entering(slopes, reading_slopes)
+    signals = dict(zip(plant.equations.signals, run.watched if run.watched is not None else (), strict=True))
+    unknowns = dict(zip((*equations.states, *equations.coordinates), np.vstack([x.T, z.T]), strict=True))
+    return Linear(
+        plant=plant, openings=openings, timepts=timeline.start + timeline.sample_time * np.arange(1, n + 1),
+        residual=residual, transition=slopes[:, :, columns.start], by_parameter=by_parameter * slope,
+        rows=reading_slopes[:, columns.start], rows_by_parameter=rows_by_parameter * slope,
+        start_by_parameter=rest.x_p[:, columns.free] * slope, entering=entering, rows_entering=rows_entering,
+        states={rig.input_name: timeline.commands[:n], **signals, **unknowns},
+        counts=np.isfinite(residual).astype(float), interval=timeline.sample_time,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Columns:
+    """Which derivative stands in which column."""
+
+    free: list[int]
+    held: list[int]
+    start: list[int]
+    openings: list[int]
+
+    @classmethod
+    def of(cls, plant: Plant, equations: Equations, openings: Sequence[Opening]) -> _Columns:
+        number = {name: k for k, name in enumerate(equations.parameters.free)}
+        name_of = {Place.PARAMETER.value: lambda o: o.signal, STATE: lambda o: _start(o.signal)}
+        return cls(
+            free=[number[name] for name in plant.parameters.free],
+            held=[number[_held(name)] for name in equations.held],
+            start=[number[_start(name)] for name in equations.states],
+            openings=[number[name_of.get(o.place, lambda o: o.name)(o)] for o in openings],
+        )
+
+    def entering(self, slopes: Array, reading_slopes: Array) -> tuple[Array, Array]:
+        return slopes[:, :, self.openings], reading_slopes[:, self.openings]
+
+
+def _start(state: str) -> str:
+    return f"start.{state}"
+
+
+def _held(name: str) -> str:
+    return f"held.{name}"
+
+
+class _Key:
+    """Plant and openings as the key of the compiled step; what a fit can move does not count."""
+
+    def __init__(self, plant: Plant, openings: tuple[Opening, ...]) -> None:
+        self.plant, self.openings = plant, openings
+        # Plants of the same structure share their equations.
+        self._key = (plant.equations, openings)
+
+    def __hash__(self) -> int:
+        return hash(self._key)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Key) and self._key == other._key
+
+
+@lru_cache(maxsize=8)
+def _step(key: _Key) -> _Step:
+    return _Step(key)
+
+
+class _Step:
+    """One sample with its derivatives by the states at its start, the held quantities and all parameters.
+
+    States and held quantities stand among the parameters as ghosts that enter no equation: their columns of the
+    derivatives carried into the step are unit vectors, those of the parameters zero.
+    """
+
+    def __init__(self, key: _Key) -> None:
+        plain = key.plant.equations
+        ghosts = [*map(_start, plain.states), *map(_held, plain.held)]
+        self.equations = opened_equations(key.plant, key.openings, ghosts)
+        self._values = key.plant.parameters.free
+        step = step_functions(self.equations)
+        march = step.sensitive.mapaccum("linear_march", CHUNK, [0, 1], [0, 1])
+        self._march = compile_functions({"linear_march": march}, in_lanes=step.in_lanes)["linear_march"]
+
+    def along(
+        self, rest: RestState, inputs: Array, start: float, sample_time: float, values: Array
+    ) -> tuple[Array, Array, Array, Array]:
+        """States and coordinates at the end of each sample, derivatives of the states and of the readings."""
+        march = March(self._march)
+        x, z, dx, dd, d, u, t, h, p, c = march.arguments
+        x[:], z[:], d[:], p[:], c[:] = rest.x, rest.z, rest.d, values, self.equations.constants
+        free, n_x, n_d = self.equations.parameters.free, rest.x.size, rest.d.size
+        n_p, first = len(free), len(free) - n_x - n_d
+        dx.reshape(CHUNK, n_p, n_x)[:, first : first + n_x] = np.eye(n_x)
+        dd.reshape(CHUNK, n_p, n_d)[:, first + n_x :] = np.eye(n_d)
+        found: list[list[Array]] = []
+        begin, n = 0, inputs.shape[1]
+        while begin < n:
+            count = min(CHUNK, n - begin)
+            u[:count], u[count:] = inputs[:, begin : begin + count].T, inputs[:, begin + count - 1]
+            h[:], t[:, 0] = sample_time, start + sample_time * np.arange(begin, begin + CHUNK)
+            results = [r.reshape(CHUNK, *shape).copy() for r, shape in zip(march.advance(), _shapes(rest, n_p), strict=True)]
+            good = _solved(results, count)
+            if not good:
+                u[:], time = inputs[:, begin], start + sample_time * begin
+                results, good = [r[None] for r in self._in_shorter(march, rest, n_p, time, sample_time)], 1
+            found.append([r[:good] for r in results])
+            x[:], z[:] = found[-1][0][-1], found[-1][1][-1]
+            begin += good
+        x_all, z_all, slopes, _, reading_slopes, _ = (np.concatenate(r) for r in zip(*found, strict=True))
+        return x_all, z_all, slopes.swapaxes(1, 2), reading_slopes[:, :, 0]
+
+    def _in_shorter(self, march: March, rest: RestState, n_p: int, time: float, sample_time: float) -> list[Array]:
+        """A sample that is not solved in one step, in shorter ones, whose derivatives are chained."""
+        _, _, _, _, _, _, t, h, _, _ = march.arguments
+        n_x = rest.x.size
+        first = n_p - n_x - rest.d.size
+        for number in SHORTER_STEPS:
+            h[:], t[:, 0] = sample_time / number, time + sample_time / number * np.arange(CHUNK)
+            shapes = _shapes(rest, n_p)
+            results = [r.reshape(CHUNK, *shape).copy() for r, shape in zip(march.advance(), shapes, strict=True)]
+            if _solved(results, number) < number:
+                continue
+            steps, rows = results[2].swapaxes(1, 2), results[4][:, :, 0]
+            before = np.zeros((n_x, n_p))
+            before[:, first : first + n_x] = np.eye(n_x)
+            for k in range(number):
+                row, before = _chained(rows[k], before, first), _chained(steps[k], before, first)
+            last = [r[number - 1] for r in results]
+            return [last[0], last[1], before.T, last[3], row[:, None], last[5]]
+        raise SimulationError("the equations of a sample could not be solved where the plant was to be linearised")
+
+
+def _chained(slopes: Array, before: Array, first: int) -> Array:
+    """Derivatives of something after a short step, by what they were derivatives of before the sample."""
+    n_x = before.shape[0]
+    direct = slopes.copy()
+    direct[..., first : first + n_x] = 0.0
+    return np.asarray(direct + slopes[..., first : first + n_x] @ before)
+
+
+def _shapes(rest: RestState, n_p: int) -> list[tuple[int, ...]]:
+    """Of each result of the march for one sample, transposed."""
+    n_x, n_z = rest.x.size, rest.z.size
+    return [(n_x,), (n_z,), (n_p, n_x), (1,), (n_p, 1), (1,)]
+
+
+def _solved(results: list[Any], count: int) -> int:
+    """How many of the first samples were solved."""
+    bad = ~((results[-1][:count, 0] <= SETTLED) & np.isfinite(results[3][:count, 0]))
+    return int(np.argmax(bad)) if bad.any() else count

@@ -1,0 +1,168 @@
+"""Where something unknown may enter a plant: signals that its rig declares, its parameters, its states."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import casadi as ca
+
+from deatwin.plant.builder import Builder
+from deatwin.plant.effects.base import Effect, Place
+from deatwin.plant.equations import Equations
+from deatwin.plant.film import AnyFilm
+from deatwin.plant.model import Plant
+from deatwin.plant.parameters import Parameter, ParameterSet
+
+__all__ = ["STATE", "Opening", "opened_equations", "places"]
+
+STATE = "state"
+"""The place of a state's own equation, where the rig declares no better one."""
+COMMAND = (Place.DRIVE.value, "command")
+READING = (Place.SENSOR.value, "reading")
+STIFFNESS, PERMITTIVITY = "stiffness", "permittivity"
+"""What may wander in a film: factors on the energy of its network and on its permittivity."""
+ORDER = (*(place.value for place in (Place.DRIVE, Place.BALL, Place.FILM, Place.SENSOR, Place.PARAMETER)), STATE)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Opening:
+    """A place at which an unknown, wandering quantity d may enter a plant.
+
+    Parameters
+    ----------
+    place : str
+        ``"drive"``, ``"ball"``, ``"film"``, ``"sensor"``: d is added to a signal that the rig offers there (to 1,
+        as a factor, where the signal is a film); ``"parameter"``: to a free parameter; ``"state"``: to a state,
+        once a sample.
+    signal : str
+        Name of the signal, the parameter or the state.
+    """
+
+    place: str
+    signal: str
+
+    @property
+    def name(self) -> str:
+        """``place.signal``."""
+        return f"{self.place}.{self.signal}"
+
+
+def places(plant: Plant) -> tuple[Opening, ...]:
+    """What can be opened in a plant.
+
+    Parameters
+    ----------
+    plant : Plant
+        Any.
+
+    Returns
+    -------
+    tuple of Opening
+        Signals that the rig offers to effects, command and reading in any case; free parameters; states.
+    """
+    declared = dict.fromkeys([COMMAND, *_heard(plant), READING])
+    found = [
+        *(Opening(place=place, signal=signal) for place, signal in declared),
+        *(Opening(place=Place.PARAMETER.value, signal=name) for name in plant.parameters.free),
+        *(Opening(place=STATE, signal=name) for name in plant.equations.states),
+    ]
+    return tuple(sorted(found, key=lambda opening: ORDER.index(opening.place)))
+
+
+def opened_equations(plant: Plant, openings: Sequence[Opening], ghosts: Sequence[str]) -> Equations:
+    """The equations of a plant with a further parameter, zero, for what may enter at each signal.
+
+    Parameters
+    ----------
+    plant : Plant
+        Any.
+    openings : sequence of Opening
+        Those at signals are built in, the others passed over.
+    ghosts : sequence of str
+        Names of parameters to be added that enter nothing: room for derivatives by something else.
+
+    Returns
+    -------
+    Equations
+        Its free parameters are the plant's, then one for each opening at a signal, by its name, then the ghosts.
+    """
+    built_in = [o for o in openings if o.place not in (Place.PARAMETER.value, STATE)]
+    added = [
+        Parameter(name=name, value=0.0, unit="1", lower=-1e300, upper=1e300)
+        for name in (*(o.name for o in built_in), *ghosts)
+    ]
+    parameters = ParameterSet([*plant.parameters.values(), *added])
+    build = _Opened(parameters, plant.effects, built_in)
+    build.share("sample_time", plant.rig.sample_time)
+    return build.finish(plant.rig.write(build))
+
+
+class _Listener(Builder):
+    """Hears which signals a rig offers."""
+
+    def __init__(self, parameters: ParameterSet, effects: Sequence[Effect]) -> None:
+        super().__init__(parameters, effects)
+        self.heard: list[tuple[str, str]] = []
+
+    def place(self, place: Place, name: str, signal: Any) -> Any:
+        signal = super().place(place, name, signal)
+        if isinstance(signal, AnyFilm):
+            factors = (STIFFNESS, PERMITTIVITY) if signal.capacitances else (STIFFNESS,)
+            self.heard += [(place.value, factor) for factor in factors]
+        elif place is not Place.PARAMETER and ca.SX(signal).is_scalar():
+            self.heard.append((place.value, name))
+        return signal
+
+
+def _heard(plant: Plant) -> list[tuple[str, str]]:
+    build = _Listener(plant.parameters, plant.effects)
+    build.share("sample_time", plant.rig.sample_time)
+    plant.rig.write(build)
+    return build.heard
+
+
+class _Opened(Builder):
+    """Adds what may enter to each signal, after the effects there."""
+
+    def __init__(self, parameters: ParameterSet, effects: Sequence[Effect], openings: Sequence[Opening]) -> None:
+        super().__init__(parameters, effects)
+        self._left = {(o.place, o.signal): o.name for o in openings}
+
+    def place(self, place: Place, name: str, signal: Any) -> Any:
+        signal = super().place(place, name, signal)
+        if isinstance(signal, AnyFilm):
+            stiffness, permittivity = self._entering(place.value, STIFFNESS), self._entering(place.value, PERMITTIVITY)
+            signal = signal.with_elastic(1 + stiffness)
+            return signal.with_permittivity(lambda _: 1 + permittivity) if signal.capacitances else signal
+        return signal if place is Place.PARAMETER else signal + self._entering(place.value, name)
+
+    def _entering(self, place: str, signal: str) -> Any:
+        name = self._left.pop((place, signal), None)
+        return 0.0 if name is None else self.own(name)
+
+    def finish(self, output: Any) -> Equations:
+        """Close the system; command and reading are opened here where the rig itself does not offer them."""
+        reading, command = (self._entering(*place) for place in (READING, COMMAND))
+        equations = super().finish(output + reading)
+        if isinstance(command, float):
+            return equations
+        u = ca.vertcat(self.command, *(ca.SX.sym("u", 1) for _ in range(equations.held_inputs(0.0).size - 1)))
+        return _with_command(equations, u, command)
+
+
+def _with_command(equations: Equations, u: Any, entering: Any) -> Equations:
+    """The same equations, of which the present command is another by what enters."""
+    x, z = ca.SX.sym("x", len(equations.states)), ca.SX.sym("z", len(equations.coordinates))
+    d, t = ca.SX.sym("d", len(equations.held)), ca.SX.sym("t")
+    p, c = ca.SX.sym("p", len(equations.parameters.free)), ca.SX.sym("c", equations.constants.size)
+    column = equations.parameters.free.index(entering.name())
+    moved = ca.vertcat(u[0] + p[column], u[1:])
+    known = [x, z, d, u, t, p, c]
+    there = [x, z, d, moved, t, p, c]
+    return replace(
+        equations,
+        dynamics=ca.Function("dynamics", known, [equations.dynamics(*there)]),
+        output=ca.Function("output", known, [equations.output(*there)]),
+    )

@@ -1,0 +1,332 @@
+"""Is anything missing at all, beyond chance and beyond what would matter?"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from deatwin.ident.mismatch.detect.law import LEVEL, Law
+from deatwin.ident.mismatch.detect.leftover import Leftover, leftover_of
+from deatwin.ident.mismatch.detect.null import Refit
+from deatwin.ident.mismatch.detect.origin import Origin, OriginEvidence, origin_of
+from deatwin.ident.mismatch.detect.statistics import GROUPS, Scores
+from deatwin.ident.mismatch.noise import NoiseFloor, noise_level
+from deatwin.ident.mismatch.repeats import Repeatability, find_repeats, repeatability
+from deatwin.ident.mismatch.units import amplitude_unit
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from deatwin.ident.mismatch.bench import Bench
+    from deatwin.ident.mismatch.candidate import Candidate
+    from deatwin.ident.mismatch.screen import Footprint
+
+__all__ = ["Curves", "Detection", "Statistic", "detect", "detect_in"]
+
+DRAWS = 400
+PRACTICAL_SHARE = 0.1
+"""Of the noise's power, that an excess must have besides the model error's: no sensor's noise is known better."""
+POINTS = 400
+"""Of a curve that is drawn."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Statistic:
+    """One group of statistics of the residual.
+
+    Parameters
+    ----------
+    name : str
+        What is asked.
+    value : float
+        The largest of the group: mean square over the floor, distance between the cumulated periodogram and its mean,
+        correlation coefficient.
+    where : str
+        The part of the data, the frequency, or the regressor at which it is found.
+    score : float
+        Standardised by what chance gives.
+    p_value : float
+        Of this group alone.
+    """
+
+    name: str
+    value: float
+    where: str
+    score: float
+    p_value: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Curves:
+    """What is drawn of a detection.
+
+    Parameters
+    ----------
+    frequency, spectrum : ndarray, shape (f,)
+        Spectrum of the residual over frequencies in Hz, SI squared over Hz.
+    noise : float
+        Density of white noise of the floor's level, SI squared over Hz.
+    lines, cumulated, expected : ndarray, shape (l,)
+        Cumulated periodogram, and its mean where nothing is missing, over frequencies in Hz.
+    distance : float
+        Half width of its 99 % band.
+    regressors : tuple of str
+        What the residual is correlated with.
+    correlations : ndarray, shape (r,)
+        Each in standard deviations of chance.
+    bound : float
+        Half width of the 99 % band of all of them together.
+    """
+
+    frequency: np.ndarray
+    spectrum: np.ndarray
+    noise: float
+    lines: np.ndarray
+    cumulated: np.ndarray
+    expected: np.ndarray
+    distance: float
+    regressors: tuple[str, ...]
+    correlations: np.ndarray
+    bound: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Detection:
+    """Whether a calibrated plant lacks anything, and what could have been seen.
+
+    Parameters
+    ----------
+    p_value : float
+        Chance of statistics as large where nothing is missing, all of them together; never less than one over the
+        number of draws and one.
+    statistics : tuple of Statistic
+        One for each group.
+    size : float
+        Rms of what is not sensor noise, of the fitted or of the unseen part, whichever is larger, SI.
+    practical : float
+        Rms from which an excess counts, SI.
+    noise, model_error : float
+        Rms, SI.
+    sensor : NoiseFloor
+        What each source says of the noise.
+    repeatability : Repeatability or None
+        None where no command is repeated.
+    evidence : OriginEvidence
+        Whether the residual is the plant's.
+    moved : float
+        Rms of what the recorded commands have moved the readings by, SI.
+    visible : bool
+        Whether any effect could show at a physical strength; true where none was asked for.
+    smallest : mapping of str to float or None
+        For each effect the rms that it must add to the readings to be detected nine times in ten, SI; None where the
+        refit takes up all of it.
+    output_unit : str
+        SI unit of the readings.
+    curves : Curves
+        To be drawn.
+    """
+
+    p_value: float
+    statistics: tuple[Statistic, ...]
+    size: float
+    practical: float
+    noise: float
+    model_error: float
+    sensor: NoiseFloor
+    repeatability: Repeatability | None
+    evidence: OriginEvidence
+    moved: float
+    visible: bool
+    smallest: Mapping[str, float | None] = field(default_factory=dict)
+    output_unit: str = "m"
+    curves: Curves
+
+    @property
+    def mismatch(self) -> bool:
+        """Whether something is missing: beyond chance and large enough to count."""
+        return self.p_value < LEVEL and self.size >= self.practical
+
+    @property
+    def testable(self) -> bool:
+        """Whether these recordings can show a mismatch at all.
+
+        The recorded commands must move the readings by more than noise and model error hide, and there must be an
+        effect that could show.
+        """
+        return self.moved > float(np.hypot(self.noise, self.model_error)) and self.visible
+
+    @property
+    def origin(self) -> Origin:
+        """Whether the residual comes back with the command."""
+        return self.evidence.origin
+
+    @property
+    def disturbance(self) -> bool:
+        """Whether there is a mismatch, and it is certainly not the plant's."""
+        return self.mismatch and self.origin is Origin.DISTURBANCE
+
+    def to_dict(self) -> dict[str, Any]:
+        """The field ``detect`` of ``diagnosis.json``; amplitudes in the unit that is reported."""
+        size = amplitude_unit(self.output_unit)[1]
+        found = self.repeatability
+        return {
+            "p_value": self.p_value,
+            "excess": self.size / size,
+            "practical": self.practical / size,
+            "moved": self.moved / size,
+            "smallest_detectable": {k: None if v is None else v / size for k, v in self.smallest.items()},
+            "statistics": [
+                {"name": s.name, "value": s.value, "where": s.where, "score": s.score, "p_value": s.p_value}
+                for s in self.statistics
+            ],
+            "noise_source": self.sensor.source.name.lower(),
+            "repeatability": None if found is None else {
+                "correlation": found.correlation, "share": found.share, "low": found.low, "high": found.high,
+                "explainable": found.explainable,
+            },
+            "origin": self.evidence.to_dict(size),
+        }  # fmt: skip
+
+    def plot(self, ax: Sequence[Axes] | None = None) -> Sequence[Axes]:
+        """Draw spectrum, cumulated periodogram and correlations of the residual with what chance allows.
+
+        Parameters
+        ----------
+        ax : sequence of three matplotlib Axes, optional
+            Where to draw; a new figure otherwise.
+
+        Returns
+        -------
+        sequence of three matplotlib Axes
+        """
+        from deatwin.ident.mismatch.detect.drawing import draw
+
+        return draw(self, ax)
+
+
+def detect(
+    base: Candidate, bench: Bench, rng: np.random.Generator, *, known: Sequence[Footprint] = ()
+) -> Detection:
+    """Test whether a calibrated plant lacks anything.
+
+    Parameters
+    ----------
+    base : Candidate
+        The calibrated plant.
+    bench : Bench
+        Recordings.
+    rng : numpy.random.Generator
+        Source of the bootstrap's draws.
+    known : sequence of Footprint
+        What each effect does to the readings of the fitted part, for the smallest size that would be seen.
+
+    Returns
+    -------
+    Detection
+    """
+    return detect_in(leftover_of(base, bench), rng, known=known)
+
+
+def detect_in(
+    left: Leftover, rng: np.random.Generator, *, known: Sequence[Footprint] = (), draws: int = DRAWS
+) -> Detection:
+    """Test a residual.
+
+    Parameters
+    ----------
+    left : Leftover
+        The residual, its signals and its Jacobian.
+    rng : numpy.random.Generator
+        Source of the bootstrap's draws.
+    known : sequence of Footprint
+        What each effect does to the readings of the fitted part.
+    draws : int
+        Of the bootstrap.
+
+    Returns
+    -------
+    Detection
+    """
+    law = Law(left, rng, draws)
+    scores = law.battery(left.residual[None])
+    groups = law.groups(scores)[0]
+    practical = max(left.model_error, np.sqrt(PRACTICAL_SHARE) * left.noise)
+    pieces = [left.residual[r] for r in left.records]
+    repeats = find_repeats([left.commands[r] for r in left.records], left.sample_time)
+    smallest, visible = _seen(law, left, known, practical)
+    return Detection(
+        p_value=law.p_value(float(groups.max())), statistics=_statistics(law, left, scores, groups),
+        size=_size(left), practical=practical, noise=left.noise, model_error=left.model_error,
+        sensor=noise_level(pieces, left.sample_time, left.noise, [left.commands[r] for r in left.records], repeats),
+        repeatability=None if repeats is None else repeatability(left.residual, repeats, left.noise),
+        evidence=origin_of(left, repeats, practical), moved=float(np.sqrt(np.mean(left.moved**2))), visible=visible,
+        smallest=smallest, output_unit=left.output_unit, curves=_curves(law, left, scores),
+    )  # fmt: skip
+
+
+def _size(left: Leftover) -> float:
+    """Rms beyond the noise of the fitted or the unseen part, whichever is larger."""
+    powers = [np.mean(left.residual[p] ** 2) for p in (left.fitted, ~left.fitted) if p.any()]
+    return float(np.sqrt(max(max(powers) - left.noise**2, 0.0)))
+
+
+def _statistics(law: Law, left: Leftover, scores: Scores, groups: np.ndarray) -> tuple[Statistic, ...]:
+    names = law.battery.names
+    rms = float(np.sqrt(np.mean(left.residual**2) / left.floor))
+    ratio, linear = int(np.argmax(scores.ratios[0])), int(np.argmax(np.abs(law.correlations(scores)[0])))
+    apart = np.abs(scores.spectra[0] - law.spectrum)
+    squared = int(np.argmax(np.abs(scores.squared[0])))
+    root, square = np.sqrt(left.residual.size), float(np.std(left.residual**2) / left.floor)
+    rows = (
+        (float(np.exp(scores.ratios[0, ratio])), "unseen part" if ratio else "fitted part"),
+        (float(apart.max()), f"{law.battery.frequencies[np.argmax(apart)]:.3g} Hz"),
+        (float(scores.linear[0, linear]) / (root * rms), names[linear]),
+        (float(scores.squared[0, squared]) / (root * square), names[squared]),
+    )
+    return tuple(
+        Statistic(name=name, value=value, where=where, score=float(score),
+                  p_value=float((1 + np.sum(law.drawn[:, k] >= score)) / (1 + law.drawn.shape[0])))
+        for k, (name, (value, where), score) in enumerate(zip(GROUPS, rows, groups, strict=True))
+    )  # fmt: skip
+
+
+def _seen(
+    law: Law, left: Leftover, known: Sequence[Footprint], practical: float
+) -> tuple[dict[str, float | None], bool]:
+    """The smallest size of each effect, at the shape that is seen best, and whether any is physical."""
+    refit, smallest, visible = Refit(left), {}, not known
+    for footprint in known:
+        effect = footprint.effect
+        smallest.setdefault(effect.name, None)
+        whole = np.zeros(left.residual.size)
+        whole[left.fitted] = footprint.change
+        rest = refit(whole[None])[0][left.fitted]
+        if np.linalg.norm(rest) <= 1e-6 * np.linalg.norm(whole):
+            continue
+        strength = law.smallest(rest, practical)
+        if strength is None:
+            continue
+        rms, before = strength * float(np.sqrt(np.mean(footprint.change**2))), smallest[effect.name]
+        smallest[effect.name] = rms if before is None else min(before, rms)
+        own = next(p for p in effect.describe() if p.name == effect.strength)
+        visible = visible or own.lower <= strength <= own.upper or own.lower <= -strength <= own.upper
+    return smallest, visible
+
+
+def _curves(law: Law, left: Leftover, scores: Scores) -> Curves:
+    from scipy.signal import welch
+
+    segment = min(1024, *(r.stop - r.start for r in left.records))
+    densities = [welch(left.residual[r], 1 / left.sample_time, nperseg=segment) for r in left.records]
+    weights = [r.stop - r.start for r in left.records]
+    some = np.unique(np.linspace(0, law.spectrum.size - 1, POINTS).astype(int))
+    return Curves(
+        frequency=densities[0][0][1:], spectrum=np.average([d[1:] for _, d in densities], axis=0, weights=weights),
+        noise=2 * left.sample_time * left.noise**2,
+        lines=law.battery.frequencies[some], cumulated=scores.spectra[0][some], expected=law.spectrum[some],
+        distance=law.distance, regressors=law.battery.names, correlations=law.correlations(scores)[0],
+        bound=law.correlation,
+    )  # fmt: skip

@@ -1,0 +1,165 @@
+"""What a calibrated plant leaves of its recordings, with all that the tests of it need."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from deatwin.ident.greybox.fit import Part, Problem
+from deatwin.plant.model import Plant
+from deatwin.plant.recording import Experiment
+
+if TYPE_CHECKING:
+    from deatwin.ident.mismatch.bench import Bench
+    from deatwin.ident.mismatch.candidate import Candidate
+
+__all__ = ["Leftover", "leftover_of"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Leftover:
+    """A free-run residual over all sound samples, recordings one after another, and how the refit bears on it.
+
+    Parameters
+    ----------
+    residual : ndarray, shape (n,)
+        Measured minus simulated, SI.
+    fitted : ndarray of bool, shape (n,)
+        Samples that the fit saw.
+    jacobian : ndarray, shape (n, p)
+        Derivative of the readings by the fitted coordinates, SI.
+    commands : ndarray, shape (n,)
+        In the command's unit.
+    readings : ndarray, shape (n,)
+        Simulated, SI.
+    moved : ndarray, shape (n,)
+        Simulated readings less those under each experiment's first command held throughout, SI: what the recorded
+        commands have moved.
+    timepts : ndarray, shape (n,)
+        Clock times, s.
+    record : ndarray of int, shape (n,)
+        Number of the recording.
+    experiment : ndarray of int, shape (n,)
+        Number of the experiment.
+    sample_time : float
+        s.
+    noise, model_error : float
+        Rms of sensor noise and of the plant's own error after a calibration, SI.
+    output_unit : str
+        SI unit of the readings.
+    """
+
+    residual: np.ndarray
+    fitted: np.ndarray
+    jacobian: np.ndarray
+    commands: np.ndarray
+    readings: np.ndarray
+    moved: np.ndarray
+    timepts: np.ndarray
+    record: np.ndarray
+    experiment: np.ndarray
+    sample_time: float
+    noise: float
+    model_error: float
+    output_unit: str = "m"
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if isinstance(value, np.ndarray):
+                own = value.view()
+                own.flags.writeable = False
+                object.__setattr__(self, field.name, own)
+
+    @property
+    def floor(self) -> float:
+        """Mean square that noise and model error account for, SI."""
+        return self.noise**2 + self.model_error**2
+
+    @property
+    def records(self) -> tuple[slice, ...]:
+        """Where each recording's samples lie."""
+        edges = [0, *(np.flatnonzero(np.diff(self.record)) + 1).tolist(), self.record.size]
+        return tuple(slice(a, b) for a, b in pairwise(edges))
+
+    def with_residual(self, residual: np.ndarray) -> Leftover:
+        """The same recordings with another residual.
+
+        Parameters
+        ----------
+        residual : ndarray, shape (n,)
+            SI.
+
+        Returns
+        -------
+        Leftover
+        """
+        return replace(self, residual=residual)
+
+
+def leftover_of(base: Candidate, bench: Bench) -> Leftover:
+    """Residual, Jacobian and signals of a calibrated plant on all that is on the bench.
+
+    Parameters
+    ----------
+    base : Candidate
+        Calibrated on the fitted part.
+    bench : Bench
+        Recordings.
+
+    Returns
+    -------
+    Leftover
+        A parameter on a bound of its range cannot be moved by a refit, so its column is left out.
+    """
+    fit = base.calibration
+    problem = Problem(plant=fit.plant, parts=bench.everything, names=fit.names)
+    found = problem.evaluate(problem.start())
+    if found is None:  # cannot be, as the candidate was simulated on all of it; the fitted part is known in any case
+        residual, jacobian, parts = fit.residuals, fit.jacobian, bench.fitted
+    else:
+        (residual, jacobian), parts = found, bench.everything
+    free = [k for k, name in enumerate(fit.names) if name not in fit.at_bound]
+    readings = np.concatenate([part.measured for part in parts]) - residual
+    held = _held(fit.plant, parts)
+    of_record = [mask.sum() for part in parts for mask in part.masks]
+    of_experiment = [sum(mask.sum() for mask in part.masks) for part in parts]
+    return Leftover(
+        residual=residual, fitted=_fitted(bench, parts), jacobian=jacobian[:, free],
+        commands=np.concatenate([r.inputs[0, m] for p in parts for r, m in _records(p)]),
+        readings=readings, moved=readings - (np.mean(readings) if held is None else held),
+        timepts=np.concatenate([part.timepts for part in parts]),
+        record=np.repeat(np.arange(len(of_record)), of_record),
+        experiment=np.repeat(np.arange(len(of_experiment)), of_experiment),
+        sample_time=parts[0].experiment.sample_time, noise=base.noise, model_error=fit.plant.rig.model_error,
+        output_unit=fit.plant.rig.output_unit,
+    )  # fmt: skip
+
+
+def _records(part: Part) -> list[tuple]:
+    return list(zip(part.experiment.recordings, part.masks, strict=True))
+
+
+def _fitted(bench: Bench, parts: Sequence[Part]) -> np.ndarray:
+    pieces = []
+    for whole, early in zip(parts, bench.fitted, strict=True):
+        pieces += [seen[mask] for seen, mask in zip(early.masks, whole.masks, strict=True)]
+    return np.concatenate(pieces)
+
+
+def _held(plant: Plant, parts: Sequence[Part]) -> np.ndarray | None:
+    """Readings under the first command of each experiment, held throughout; None if the plant fails."""
+    pieces = []
+    for part in parts:
+        records = part.experiment.recordings
+        first = records[0].inputs[:, :1]
+        still = tuple(replace(r, inputs=np.repeat(first, r.n_samples, axis=1)) for r in records)
+        run = plant.simulate(Experiment(recordings=still))
+        if not run.status.ok:
+            return None
+        pieces += [y[0, m] for y, m in zip(run.outputs, part.masks, strict=True)]
+    return np.concatenate(pieces)

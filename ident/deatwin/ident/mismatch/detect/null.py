@@ -1,0 +1,229 @@
+"""Residuals as they would be if nothing were missing: a parametric bootstrap whose refit is linearised.
+
+A drawn residual is sensor noise and an error of the plant's own equations, less what a refit to its fitted part takes
+up to first order: e* - J J+ e*.
+
+The noise has the level of the floor and the colour of the residual above the band in which the plant moves: white, or
+autoregressive of the order that Schwarz' criterion chooses, by Whittle's likelihood [1]_.
+
+The model error is a smooth random function of the simulated reading and of its past: polynomials of low degree in the
+reading and in the reading passed through a lag, with lags from a few samples to a tenth of the record, the variance of
+a term falling by half with each degree. That is what a refitted reduced plant leaves of a finer one: the static part
+of the error is taken up by the parameters, and what remains is slow, smooth in the motion and remembers it. After the
+refit it has the stated mean square on average over draws; a single draw may have twice as much, as a smooth function
+of few freedoms has.
+
+References
+----------
+.. [1] Whittle, "Estimation and information in stationary time series", Ark. Mat. 2 (1953) 423-434,
+   doi:10.1007/BF02590998.
+.. [2] Davison, Hinkley, "Bootstrap Methods and their Application" (1997), chapter 4.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from scipy.optimize import minimize
+from scipy.signal import lfilter, welch
+
+from deatwin.ident.mismatch.detect.leftover import Leftover
+
+__all__ = ["Refit", "colour", "error_terms", "null_residuals"]
+
+ORDERS = (0, 1, 2, 3)
+MOVING = 0.995
+"""Share of the simulated readings' power below the frequency from which the residual tells the noise's colour,"""
+QUIET_BAND = 0.6
+"""which is at most this share of the Nyquist frequency."""
+SEGMENT_SAMPLES = 256
+DEGREE = 4
+MEMORIES = 4
+"""Number of lags of the model error's memory."""
+CHUNK = 2_000_000
+"""Numbers that are drawn at once."""
+BURN_IN = 200
+
+
+class Refit:
+    """What a linearised refit to the fitted part leaves.
+
+    Parameters
+    ----------
+    left : Leftover
+        Its Jacobian and fitted part count.
+    """
+
+    def __init__(self, left: Leftover) -> None:
+        scale = np.linalg.norm(left.jacobian, axis=0)
+        self._jacobian = left.jacobian / np.where(scale > 0, scale, 1.0)
+        self._fitted = left.fitted
+        self._inverse = np.linalg.pinv(self._jacobian[left.fitted], rcond=1e-10)
+
+    def __call__(self, residuals: np.ndarray) -> np.ndarray:
+        """Residuals after the refit.
+
+        Parameters
+        ----------
+        residuals : ndarray, shape (b, n)
+            Before it, SI.
+
+        Returns
+        -------
+        ndarray, shape (b, n)
+        """
+        return residuals - (residuals[:, self._fitted] @ self._inverse.T) @ self._jacobian.T
+
+
+def null_residuals(left: Leftover, rng: np.random.Generator, draws: int) -> Iterator[np.ndarray]:
+    """Draw residuals under which nothing is missing.
+
+    Parameters
+    ----------
+    left : Leftover
+        Recordings, noise and model error.
+    rng : numpy.random.Generator
+        Source of the draws.
+    draws : int
+        How many.
+
+    Yields
+    ------
+    ndarray, shape (b, n)
+        Some at a time, SI.
+    """
+    refit, n = Refit(left), left.residual.size
+    filtering, deviation = colour(left)
+    terms = _error_after(left, refit)
+    size = max(1, CHUNK // n)
+    for begin in range(0, draws, size):
+        count = min(size, draws - begin)
+        white = rng.standard_normal((count, n + BURN_IN))
+        noise = left.noise * deviation * lfilter([1.0], filtering, white, axis=1)[:, BURN_IN:]
+        drawn = refit(noise)
+        if terms is not None:
+            drawn += rng.standard_normal((count, terms.shape[1])) @ terms.T
+        yield drawn
+
+
+def _error_after(left: Leftover, refit: Refit) -> np.ndarray | None:
+    """Terms of the model error after the refit, scaled to its mean square on the fitted part; None if there is none."""
+    if left.model_error == 0.0:
+        return None
+    terms = refit(error_terms(left).T).T
+    power = float(np.mean(np.sum(terms[left.fitted] ** 2, axis=1)))
+    return terms * (left.model_error / np.sqrt(power)) if power > 0 else None
+
+
+def error_terms(left: Leftover) -> np.ndarray:
+    """Terms whose sum with standard normal weights is a model error before the refit.
+
+    Parameters
+    ----------
+    left : Leftover
+        Simulated readings.
+
+    Returns
+    -------
+    ndarray, shape (n, k)
+        Without scale.
+    """
+    reading = _standardised(left.readings)
+    longest = max(r.stop - r.start for r in left.records)
+    columns = [2.0 ** (-degree / 2) * _legendre(reading, degree) for degree in range(1, DEGREE + 1)]
+    for lag in np.geomspace(4, max(8, longest / 10), MEMORIES):
+        past = np.concatenate([_lagged(reading[r], lag) for r in left.records])
+        columns += [
+            2.0 ** (-(one + other) / 2) * _legendre(reading, one) * _legendre(past, other)
+            for one in range(DEGREE)
+            for other in range(1, DEGREE + 1 - one)
+        ]
+    return np.stack(columns, axis=1)
+
+
+def colour(left: Leftover) -> tuple[np.ndarray, float]:
+    """The colour of the noise, as the residual shows it above the band of the motion.
+
+    Parameters
+    ----------
+    left : Leftover
+        Residual and simulated readings.
+
+    Returns
+    -------
+    filtering : ndarray, shape (p + 1,)
+        Coefficients 1, a_1, ... of the autoregression.
+    deviation : float
+        Of the driving white noise, for a noise of unit variance.
+    """
+    frequency, density, averages = _welch(left)
+    above = frequency >= _quiet_from(left, frequency)
+    best, chosen = np.inf, np.ones(1)
+    seen = (frequency[above], density[above], averages)
+    for order in ORDERS:
+        found = minimize(_whittle, np.zeros(order), args=seen).x if order else np.zeros(0)
+        cost = _whittle(found, *seen) + (order + 1) * np.log(averages * above.sum())
+        if cost < best:
+            best, chosen = cost, _autoregression(found)
+    response = np.mean(1 / _gain(chosen, np.linspace(0.0, 0.5, 2049)))
+    return chosen, float(1 / np.sqrt(response))
+
+
+def _whittle(reflections: np.ndarray, frequency: np.ndarray, density: np.ndarray, averages: float) -> float:
+    """Twice the negative log-likelihood of a spectrum, with the best level."""
+    shape = 1 / _gain(_autoregression(reflections), frequency)
+    level = np.mean(density / shape)
+    return float(2 * averages * np.sum(np.log(shape * level) + density / (shape * level)))
+
+
+def _autoregression(reflections: np.ndarray) -> np.ndarray:
+    """Coefficients from partial correlations, which any numbers give by their hyperbolic tangents (Levinson)."""
+    found = np.ones(1)
+    for k in np.tanh(reflections):
+        padded = np.append(found, 0.0)
+        found = padded + k * padded[::-1]
+    return found
+
+
+def _gain(filtering: np.ndarray, frequency: np.ndarray) -> np.ndarray:
+    """Squared modulus of the filter at frequencies in cycles a sample."""
+    delays = np.exp(-2j * np.pi * frequency[:, None] * np.arange(filtering.size))
+    return np.asarray(np.abs(delays @ filtering) ** 2)
+
+
+def _welch(left: Leftover) -> tuple[np.ndarray, np.ndarray, float]:
+    """Spectrum of the residual at frequencies in cycles a sample, and of how many periodograms it is the mean."""
+    segment = min(SEGMENT_SAMPLES, *(r.stop - r.start for r in left.records))
+    total, weight = np.zeros(segment // 2 + 1), 0.0
+    frequency = np.zeros(segment // 2 + 1)
+    for r in left.records:
+        frequency, density = welch(left.residual[r], 1.0, nperseg=segment)
+        total, weight = total + density * (r.stop - r.start), weight + (r.stop - r.start)
+    # Half-overlapping Hann segments: as many independent ones as the record holds, and neighbouring lines share.
+    return frequency[1:-1], total[1:-1] / weight, max(1.0, weight / segment)
+
+
+def _quiet_from(left: Leftover, frequency: np.ndarray) -> float:
+    """Frequency above which the simulated readings hardly move."""
+    power = np.zeros(frequency.size)
+    for r in left.records:
+        power += np.interp(frequency, *welch(left.readings[r], 1.0, nperseg=min(4 * SEGMENT_SAMPLES, r.stop - r.start)))
+    share = np.cumsum(power) / max(power.sum(), 1e-300)
+    return min(float(frequency[np.searchsorted(share, MOVING)]), QUIET_BAND / 2)
+
+
+def _lagged(signal: np.ndarray, lag: float) -> np.ndarray:
+    """A signal passed through a first-order lag of some samples, at rest at its first value."""
+    share = 1 - np.exp(-1 / lag)
+    return np.asarray(lfilter([share], [1.0, share - 1.0], signal - signal[0]) + signal[0])
+
+
+def _standardised(signal: np.ndarray) -> np.ndarray:
+    """A signal over the range from -1 to 1."""
+    low, high = float(signal.min()), float(signal.max())
+    return 2 * (signal - low) / (high - low) - 1 if high > low else np.zeros(signal.size)
+
+
+def _legendre(signal: np.ndarray, degree: int) -> np.ndarray:
+    return np.polynomial.legendre.legval(signal, np.eye(degree + 1)[degree])

@@ -1,0 +1,250 @@
+"""Does the residual belong to the plant, or did something act on it that no model of the plant can know?
+
+First the forms are taken out that physics of the catalogue may have though they do not come back with the command: slow
+drifts of level and gain, steps of either, tones. What then is left must be as large as a mismatch, else nothing is
+said. Where commands were repeated, it comes back with them if it is the plant's and does not if it is a disturbance's.
+Without repeats only the weaker question is left whether it can be predicted, in parts of the recordings that the
+predictor has not seen, from the command, from the motion and from what they were: neither its value nor its size may
+be. Between the bounds nothing is decided.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any
+
+import numpy as np
+
+from deatwin.ident.mismatch.detect.leftover import Leftover
+from deatwin.ident.mismatch.detect.null import error_terms
+from deatwin.ident.mismatch.repeats import Repeats, repeatability
+
+__all__ = ["Origin", "OriginEvidence", "origin_of", "without_forms"]
+
+FOREIGN, OWN = 0.3, 0.5
+"""A residual of which the 95 % bound says that less comes back is a disturbance's; of which more, the plant's."""
+UNPREDICTED = 0.1
+"""Without repeats the share that can be predicted must be less than this for a disturbance."""
+COSINES = 8
+"""Half periods of the slowest wave over an experiment, up to which a change of level or gain is a drift."""
+STEPS, TONES = 2, 3
+STEP_TIMES = 60
+FOLDS = 6
+RIDGES = 10.0 ** np.arange(-3, 4)
+"""Penalties of the predictor, as shares of the variance; the best one counts."""
+PLAYS = (0.05, 0.2)
+"""Widths of two play operators, as shares of the range of the motion."""
+BOUND = 1.645
+FEWEST_SECONDS = 20.0
+"""Of recordings without repeats, from which anything is concluded."""
+
+
+class Origin(Enum):
+    """Where a residual comes from; the text is the reason."""
+
+    PLANT = "what is missing comes back with the command: it is the plant's"
+    DISTURBANCE = "what is missing does not come back with the command: it is not the plant's"
+    UNDECIDED = "whether what is missing belongs to the plant cannot be told from these recordings"
+
+
+@dataclass(frozen=True, kw_only=True)
+class OriginEvidence:
+    """What speaks for the plant or for a disturbance.
+
+    Parameters
+    ----------
+    origin : Origin
+        The conclusion.
+    by : str
+        "repeats", "prediction", or "nothing" where neither was possible.
+    share : float
+        Of what is neither noise nor one of the forms: how much comes back, or can be predicted.
+    low, high : float
+        One-sided 95 % bounds of the share.
+    left : float
+        Rms of what is neither noise nor one of the forms, SI.
+    """
+
+    origin: Origin
+    by: str
+    share: float
+    low: float
+    high: float
+    left: float
+
+    def to_dict(self, size: float) -> dict[str, Any]:
+        """Plain data for ``diagnosis.json``.
+
+        Parameters
+        ----------
+        size : float
+            SI size of the unit in which amplitudes are reported.
+
+        Returns
+        -------
+        dict
+        """
+        return {"by": self.by, "share": self.share, "low": self.low, "high": self.high, "left": self.left / size,
+                "conclusion": self.origin.name.lower()}  # fmt: skip
+
+
+def origin_of(left: Leftover, repeats: Repeats | None, practical: float) -> OriginEvidence:
+    """Tell a residual of the plant from a disturbance.
+
+    Parameters
+    ----------
+    left : Leftover
+        With the residual in question.
+    repeats : Repeats or None
+        Of its commands.
+    practical : float
+        Rms that counts as a mismatch, SI.
+
+    Returns
+    -------
+    OriginEvidence
+    """
+    rest = without_forms(left)
+    size = float(np.sqrt(max(np.mean(rest**2) - left.noise**2, 0.0)))
+    enough = size >= practical and left.residual.size * left.sample_time >= FEWEST_SECONDS
+    if not enough:
+        return OriginEvidence(origin=Origin.UNDECIDED, by="nothing", share=0.0, low=0.0, high=1.0, left=size)
+    if repeats is not None:
+        found = repeatability(rest, repeats, left.noise)
+        low, share, high = found.low, found.share, found.high
+        # A residual that comes back upside down does come back.
+        foreign, own, by = max(high, -low) < FOREIGN, low > OWN, "repeats"
+    else:
+        terms = _predictors(left)
+        low, share, high = _predictable(rest, terms, left.noise**2)
+        tied = _predictable(rest**2 - np.mean(rest**2), terms, 0.0)[2] >= UNPREDICTED
+        foreign, own, by = high < UNPREDICTED and not tied, low > OWN, "prediction"
+    origin = Origin.DISTURBANCE if foreign else Origin.PLANT if own else Origin.UNDECIDED
+    return OriginEvidence(origin=origin, by=by, share=share, low=low, high=high, left=size)
+
+
+def without_forms(left: Leftover) -> np.ndarray:
+    """The residual less drifts of level and gain, steps of either and tones.
+
+    Parameters
+    ----------
+    left : Leftover
+        With the residual.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        SI.
+    """
+    moves = left.readings - left.readings.mean()
+    moves = moves / max(float(moves.std()), 1e-300)
+    basis = _orthonormal(np.concatenate([_slow(left), _slow(left) * moves[:, None]], axis=1))
+    rest = left.residual - basis @ (basis.T @ left.residual)
+    for _ in range(STEPS):
+        basis, rest = _less(rest, basis, _best_step(left, rest, basis, moves))
+    for _ in range(TONES):
+        basis, rest = _less(rest, basis, _best_tone(left, rest))
+    return rest
+
+
+def _slow(left: Leftover) -> np.ndarray:
+    """Slow waves over each experiment, shape (n, k)."""
+    columns = []
+    for number in np.unique(left.experiment):
+        inside = left.experiment == number
+        t = left.timepts[inside]
+        phase = np.pi * (t - t[0]) / max(t[-1] - t[0], 1e-300)
+        waves = np.zeros((left.residual.size, COSINES + 1))
+        waves[inside] = np.cos(phase[:, None] * np.arange(COSINES + 1))
+        columns.append(waves)
+    return np.concatenate(columns, axis=1)
+
+
+def _best_step(left: Leftover, rest: np.ndarray, basis: np.ndarray, moves: np.ndarray) -> np.ndarray:
+    """A step of level and one of gain at the time at which they explain most."""
+    best, gain = np.zeros((rest.size, 2)), 0.0
+    for position in np.linspace(0, rest.size, STEP_TIMES + 2)[1:-1].astype(int):
+        after = np.zeros(rest.size)
+        after[position:] = left.experiment[position:] == left.experiment[position]
+        step = np.stack([after, after * moves], axis=1)
+        explained = float(np.sum((_orthonormal(step - basis @ (basis.T @ step)).T @ rest) ** 2))
+        if explained > gain:
+            best, gain = step, explained
+    return best
+
+
+def _best_tone(left: Leftover, rest: np.ndarray) -> np.ndarray:
+    """Sine and cosine at the strongest line, found between the lines of the transform."""
+    lines = 4 * rest.size
+    power = np.abs(np.fft.rfft(rest, n=lines)) ** 2
+    frequency = np.argmax(power) / lines / left.sample_time
+    phase = 2 * np.pi * frequency * left.timepts
+    return np.stack([np.cos(phase), np.sin(phase)], axis=1)
+
+
+def _less(rest: np.ndarray, basis: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A wider basis, and what is left of a residual by its new columns."""
+    added = _orthonormal(columns - basis @ (basis.T @ columns))
+    return np.concatenate([basis, added], axis=1), rest - added @ (added.T @ rest)
+
+
+def _orthonormal(columns: np.ndarray) -> np.ndarray:
+    """An orthonormal basis of what columns span."""
+    scale = np.linalg.norm(columns, axis=0)
+    left, singular, _ = np.linalg.svd(columns / np.where(scale > 0, scale, 1.0), full_matrices=False)
+    return left[:, singular > 1e-8 * max(float(singular.max(initial=0.0)), 1e-300)]
+
+
+def _predictors(left: Leftover) -> np.ndarray:
+    """What a plant could make of the command: motion and its past, rates and their signs, play, the command itself."""
+    reading, command = left.readings, left.commands
+    rate = np.concatenate([np.gradient(reading[r]) if reading[r].size > 1 else 0 * reading[r] for r in left.records])
+    drive = np.concatenate([np.gradient(command[r]) if command[r].size > 1 else 0 * command[r] for r in left.records])
+    usual = max(float(np.std(rate)), 1e-300)
+    plays = [_play(reading, width * float(np.ptp(reading))) for width in PLAYS]
+    columns = [error_terms(left), *(x[:, None] for x in (
+        rate, np.abs(rate), rate * np.abs(rate), np.tanh(10 * rate / usual), drive, np.abs(drive), command, command**2,
+        *plays, *(reading - play for play in plays),
+    ))]  # fmt: skip
+    together = np.concatenate(columns, axis=1)
+    together = together - together.mean(axis=0)
+    deviation = together.std(axis=0)
+    return together[:, deviation > 0] / deviation[deviation > 0]
+
+
+def _play(signal: np.ndarray, width: float) -> np.ndarray:
+    """A backlash of some width."""
+    found, last = np.empty(signal.size), signal[0]
+    for k, value in enumerate(signal.tolist()):
+        last = min(max(last, value - width), value + width)
+        found[k] = last
+    return found
+
+
+def _predictable(values: np.ndarray, terms: np.ndarray, noise: float) -> tuple[float, float, float]:
+    """Share of the variance beyond the noise that ridge regression predicts in folds that it has not seen, and bounds.
+
+    The bounds are from a jackknife over the folds.
+    """
+    folds = np.minimum(np.arange(values.size) * FOLDS // values.size, FOLDS - 1)
+    grams = [terms[folds == k].T @ terms[folds == k] for k in range(FOLDS)]
+    crosses = [terms[folds == k].T @ values[folds == k] for k in range(FOLDS)]
+    lost = np.zeros((FOLDS, RIDGES.size))
+    for k in range(FOLDS):
+        weights, vectors = np.linalg.eigh(sum(grams) - grams[k])
+        seen = vectors.T @ (sum(crosses) - crosses[k])
+        penalties = values.size * RIDGES
+        estimates = vectors @ (seen[:, None] / (np.maximum(weights, 0.0)[:, None] + penalties))
+        lost[k] = np.mean((values[folds == k, None] - terms[folds == k] @ estimates) ** 2, axis=0)
+    before = np.array([np.mean(values[folds == k] ** 2) for k in range(FOLDS)])
+    best = int(np.argmin(lost.mean(axis=0)))
+    gained = before - lost[:, best]
+
+    def share(kept: np.ndarray) -> float:
+        return float(np.mean(gained[kept]) / max(np.mean(before[kept]) - noise, 0.1 * np.mean(before[kept])))
+
+    out = np.array([share(np.arange(FOLDS) != k) for k in range(FOLDS)])
+    deviation = float(np.sqrt((FOLDS - 1) * np.mean((out - out.mean()) ** 2)))
+    middle = share(np.arange(FOLDS) >= 0)
+    return middle - BOUND * deviation, middle, middle + BOUND * deviation

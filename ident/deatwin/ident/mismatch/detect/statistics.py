@@ -1,0 +1,148 @@
+"""What is asked of a residual: its size, its spectrum, and what it has in common with the command.
+
+References
+----------
+.. [1] Bartlett, "An Introduction to Stochastic Processes" (1955), the cumulated periodogram.
+.. [2] Billings, Voon, "Correlation based model validity tests for non-linear models", Int. J. Control 44 (1986)
+   235-244, doi:10.1080/00207178608933593.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.fft import next_fast_len, rfft
+
+from deatwin.ident.mismatch.detect.leftover import Leftover
+
+__all__ = ["GROUPS", "Battery", "Scores"]
+
+SHORTEST_LAG = 1
+LAGS = 9
+"""Lags of 0, 1, 4, 16, ... samples, as far as a tenth of the longest recording."""
+GROUPS = ("variance ratio", "cumulated periodogram", "correlation with the command", "correlation of the square")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Scores:
+    """All statistics of some residuals, before they are standardised.
+
+    Parameters
+    ----------
+    linear : ndarray, shape (b, r)
+        Amplitude of each residual along each regressor, in units of the floor.
+    squared : ndarray, shape (b, s)
+        The same of its square.
+    ratios : ndarray, shape (b, 1 or 2)
+        Logarithm of the mean square over the floor, of the fitted and of the unseen part.
+    spectra : ndarray, shape (b, f)
+        Cumulated periodograms, from 0 to 1.
+    """
+
+    linear: np.ndarray
+    squared: np.ndarray
+    ratios: np.ndarray
+    spectra: np.ndarray
+
+    @classmethod
+    def stacked(cls, pieces: Sequence[Scores]) -> Scores:
+        """Scores of several sets of residuals as one.
+
+        Parameters
+        ----------
+        pieces : sequence of Scores
+            By the same battery.
+
+        Returns
+        -------
+        Scores
+        """
+        names = ("linear", "squared", "ratios", "spectra")
+        return cls(**{name: np.concatenate([getattr(p, name) for p in pieces]) for name in names})
+
+
+class Battery:
+    """The statistics of residuals on given recordings.
+
+    Parameters
+    ----------
+    left : Leftover
+        Its signals count, not its residual.
+    """
+
+    def __init__(self, left: Leftover) -> None:
+        self.left = left
+        self.names, columns = _regressors(left)
+        self.regressors = columns / np.sqrt(columns.shape[0] * left.floor)
+        self.lines = next_fast_len(left.residual.size, real=True)
+
+    def __call__(self, residuals: np.ndarray) -> Scores:
+        """All statistics.
+
+        Parameters
+        ----------
+        residuals : ndarray, shape (b, n)
+            SI.
+
+        Returns
+        -------
+        Scores
+        """
+        squares = residuals**2
+        excess = squares / self.left.floor - squares.mean(axis=1, keepdims=True) / self.left.floor
+        return Scores(
+            linear=residuals @ self.regressors,
+            squared=excess @ (self.regressors * np.sqrt(self.left.floor)),
+            ratios=np.log(self._means(squares) / self.left.floor),
+            spectra=self._cumulated(residuals),
+        )
+
+    @cached_property
+    def frequencies(self) -> np.ndarray:
+        """Frequencies of the cumulated periodogram, shape (f,), Hz."""
+        return np.fft.rfftfreq(self.lines, self.left.sample_time)[1:]
+
+    def _means(self, squares: np.ndarray) -> np.ndarray:
+        parts = (self.left.fitted, ~self.left.fitted)
+        return np.stack([squares[:, part].mean(axis=1) for part in parts if part.any()], axis=1)
+
+    def _cumulated(self, residuals: np.ndarray) -> np.ndarray:
+        power = np.abs(rfft(residuals, n=self.lines, axis=1)[:, 1:]) ** 2
+        total = np.cumsum(power, axis=1)
+        return total / total[:, -1:]
+
+
+def _regressors(left: Leftover) -> tuple[tuple[str, ...], np.ndarray]:
+    """Command, its rate and their powers at several lags, and time; each with mean 0 and variance 1."""
+    level = _standard(left.commands)
+    rate = _standard(np.concatenate([np.gradient(level[r]) if level[r].size > 1 else level[r] for r in left.records]))
+    signals = {"u": level, "u^2": level**2, "u^3": level**3, "u'": rate, "u'^2": rate**2, "u'^3": rate**3,
+               "u u'": level * rate}  # fmt: skip
+    names, columns = ["time"], [_standard(left.timepts)]
+    for name, signal in signals.items():
+        for lag in _lags(left):
+            names.append(f"{name} {lag * left.sample_time:.3g} s ago" if lag else name)
+            columns.append(_standard(_delayed(_standard(signal), left.records, lag)))
+    return tuple(names), np.stack(columns, axis=1)
+
+
+def _lags(left: Leftover) -> list[int]:
+    longest = max(r.stop - r.start for r in left.records) // 10
+    return [0, *(lag for lag in 4 ** np.arange(LAGS - 1) * SHORTEST_LAG if lag <= longest)]
+
+
+def _delayed(signal: np.ndarray, records: Sequence[slice], lag: int) -> np.ndarray:
+    """A signal a while ago, 0 before its recording began."""
+    found = np.zeros(signal.size)
+    for r in records:
+        found[r.start + lag : r.stop] = signal[r.start : max(r.start, r.stop - lag)]
+    return found
+
+
+def _standard(signal: np.ndarray) -> np.ndarray:
+    centred = signal - signal.mean()
+    deviation = float(centred.std())
+    return centred / deviation if deviation > 1e-12 * float(np.abs(signal).max() + 1e-300) else np.zeros(signal.size)

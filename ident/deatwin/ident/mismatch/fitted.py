@@ -1,0 +1,35 @@
+"""The parameters of a calibrated plant as a diagnosis reports them."""
+
+from __future__ import annotations
+
+from deatwin.ident.greybox.fit import Calibration
+from deatwin.ident.mismatch.diagnosis import FittedParameter
+from deatwin.plant.model import Plant
+
+__all__ = ["fitted_parameters"]
+
+
+def fitted_parameters(nominal: Plant, fit: Calibration) -> dict[str, FittedParameter]:
+    """Each fitted parameter with its interval, and where it came from.
+
+    Parameters
+    ----------
+    nominal : Plant
+        Before the calibration.
+    fit : Calibration
+        Of the same plant, perhaps in another form.
+
+    Returns
+    -------
+    dict of str to FittedParameter
+        By name, in the order of the fit.
+    """
+    found = {}
+    for name in fit.names:
+        parameter, (low, high) = fit.plant.parameters[name], fit.interval(name)
+        before = nominal.parameters[name].value if name in nominal.parameters else None
+        found[name] = FittedParameter(
+            value=parameter.value, low=low, high=high, unit=parameter.unit, nominal=before,
+            at_bound=name in fit.at_bound,
+        )  # fmt: skip
+    return found

@@ -1,0 +1,142 @@
+"""The evidence of a diagnosis laid out along one axis of time, ready to be drawn and written."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from deatwin.plant.files.units import UNITS
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from deatwin.ident.mismatch.evidence import Evidence
+
+__all__ = ["Stretch", "draw_residuals", "laid_out", "stretches_of_true"]
+
+SPACE = 0.02
+"""Space between experiments that are drawn one after another, as a share of all."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Stretch:
+    """One record with what was measured and simulated, in the unit that is reported.
+
+    Parameters
+    ----------
+    experiment : int
+        Counted from 1.
+    clock : ndarray, shape (n,)
+        Times on the experiment's own clock, s.
+    axis : ndarray, shape (n,)
+        Times at which it is drawn, s.
+    command, measured, base : ndarray, shape (n,)
+        Command in its own unit; readings.
+    amended : ndarray, shape (n,), or None
+        Readings of the amended plant, where there is one.
+    unseen : ndarray of bool, shape (n,)
+        Samples that no fit saw.
+    sample_time : float
+        s.
+    """
+
+    experiment: int
+    clock: np.ndarray
+    axis: np.ndarray
+    command: np.ndarray
+    measured: np.ndarray
+    base: np.ndarray
+    amended: np.ndarray | None
+    unseen: np.ndarray
+    sample_time: float
+
+
+def laid_out(evidence: Evidence, unit: str) -> tuple[Stretch, ...]:
+    """Lay out the evidence.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        Of a diagnosis.
+    unit : str
+        In which readings are reported.
+
+    Returns
+    -------
+    tuple of Stretch
+        One for each record. One experiment keeps its clock; several are drawn one after another.
+    """
+    known = UNITS.get(unit, UNITS[""])
+    many = len(evidence.experiments) > 1
+    space = SPACE * sum(e.end - e.start for e in evidence.experiments)
+    found: list[Stretch] = []
+    shift = 0.0
+    for number, experiment in enumerate(evidence.experiments):
+        offset = shift - experiment.start if many else 0.0
+        for place, record in enumerate(experiment.recordings):
+            amended = None if evidence.amended is None else known.from_si(evidence.amended[number][place])
+            found.append(
+                Stretch(
+                    experiment=number + 1,
+                    clock=record.timepts,
+                    axis=record.timepts + offset,
+                    command=record.inputs[0],
+                    measured=known.from_si(record.outputs[0]),
+                    base=known.from_si(evidence.base[number][place]),
+                    amended=amended,
+                    unseen=evidence.unseen[number][place],
+                    sample_time=record.sample_time,
+                )
+            )
+        shift += experiment.end - experiment.start + space
+    return tuple(found)
+
+
+def stretches_of_true(flags: np.ndarray) -> list[tuple[int, int]]:
+    """Runs of true samples.
+
+    Parameters
+    ----------
+    flags : ndarray of bool, shape (n,)
+        Any.
+
+    Returns
+    -------
+    list of tuple of int
+        First and last-plus-one sample of each run.
+    """
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+
+
+def draw_residuals(evidence: Evidence, unit: str, axes: Axes) -> None:
+    """Draw what the calibrated and the amended plant leave of the readings; the unseen part is shaded.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        Of a diagnosis.
+    unit : str
+        In which readings are reported.
+    axes : matplotlib Axes
+        Where to draw.
+    """
+    first = True
+    for each in laid_out(evidence, unit):
+        hide = "" if first else "_"
+        axes.plot(each.axis, each.measured - each.base, color="C1", linewidth=0.8, label=f"{hide}calibrated plant")
+        if each.amended is not None:
+            axes.plot(each.axis, each.measured - each.amended, color="C0", linewidth=0.8, label=f"{hide}amended plant")
+        for begin, end in stretches_of_true(each.unseen):
+            span = each.axis[begin], each.axis[end - 1] + each.sample_time
+            axes.axvspan(*span, color="0.5", alpha=0.18, linewidth=0, label=f"{hide}unseen")
+            hide = "_"
+        first = False
+    axes.axhline(0.0, color="0.4", linewidth=0.6)
+    shown = "µm" if unit == "um" else unit
+    axes.set_ylabel(f"measured − simulated ({shown})" if shown else "measured − simulated")
+    several = len(evidence.experiments) > 1
+    axes.set_xlabel("time, experiments one after another (s)" if several else "time (s)")
+    axes.legend(loc="upper left", ncols=3)

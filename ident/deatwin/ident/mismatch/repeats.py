@@ -1,0 +1,193 @@
+"""Stretches of command that were given more than once: what the readings do differently in them, no plant explains."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+__all__ = ["Repeatability", "Repeats", "find_repeats", "repeatability"]
+
+WINDOW_SECONDS = 2.0
+"""Length of command that must be the same before it counts as a repeat,"""
+SETTLING_SECONDS = 1.0
+"""of which the first part still shows what came before."""
+SAME = 1e-6
+"""Share of the command's range by which two commands may differ: they are meant to be equal."""
+MOVES = 0.02
+"""Share of the command's range that a window must use: a hold repeats at every shift of itself."""
+SHORTEST_SECONDS = 4.0
+"""Total length of repeats below which nothing is concluded from them."""
+BLOCKS = 20
+"""Into which the pairs are cut for the jackknife."""
+BOUND = 1.645
+"""One-sided 95 % bound of a normal law."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Repeats:
+    """Pairs of samples at the same place of the same command.
+
+    Parameters
+    ----------
+    first, second : ndarray of int, shape (m,)
+        Positions among all samples, recordings one after another.
+    run : ndarray of int, shape (m,)
+        Number of the stretch that a pair belongs to.
+    """
+
+    first: np.ndarray
+    second: np.ndarray
+    run: np.ndarray
+
+
+@dataclass(frozen=True, kw_only=True)
+class Repeatability:
+    """How alike a residual is where the command is repeated.
+
+    Parameters
+    ----------
+    pairs : int
+        Samples that were compared.
+    correlation : float
+        Between the residual and its repeat, each less its mean over the stretch.
+    share : float
+        Covariance of the residual with its repeat over the variance that is not sensor noise: 1 if all that the plant
+        lacks comes back, 0 if none does.
+    low, high : float
+        One-sided 95 % bounds of the share.
+    within : float
+        Variance of a single residual about what is repeatable, squares of the residual's unit.
+    explainable : float
+        One less `within` over the residual's variance: the largest share that any deterministic model can explain.
+    """
+
+    pairs: int
+    correlation: float
+    share: float
+    low: float
+    high: float
+    within: float
+    explainable: float
+
+
+def find_repeats(commands: Sequence[np.ndarray], sample_time: float) -> Repeats | None:
+    """Find where the same command was given again, within a recording or in another one.
+
+    Two seconds of command must be the same; each stretch is paired with its next return, and its first second is
+    left out, since the plant still shows what came before.
+
+    Parameters
+    ----------
+    commands : sequence of ndarray, shape (n_r,) each
+        Of each recording.
+    sample_time : float
+        s.
+
+    Returns
+    -------
+    Repeats or None
+        None if less than four seconds come back.
+    """
+    width = max(8, round(WINDOW_SECONDS / sample_time))
+    values = np.concatenate(commands)
+    offsets = np.cumsum([0, *(c.size for c in commands)])
+    inside = [np.arange(a, b - width + 1) for a, b in pairwise(offsets)]
+    starts = np.concatenate(inside)
+    span = float(np.ptp(values))
+    if starts.size < 2 or span == 0.0:
+        return None
+    windows = np.lib.stride_tricks.sliding_window_view(values, width)[starts]
+    moving = np.ptp(windows, axis=1) > MOVES * span
+    starts, windows = starts[moving], windows[moving]
+    if starts.size < 2:
+        return None
+    again = _next_returns(windows / span, starts)
+    return _pairs(starts[again >= 0], starts[again[again >= 0]], width, sample_time)
+
+
+def _next_returns(windows: np.ndarray, starts: np.ndarray) -> np.ndarray:
+    """For each window the number of the next one with the same values, -1 if there is none."""
+    # Equal windows have equal sums with any weights, and others hardly ever have.
+    weights = np.random.default_rng(0).standard_normal((windows.shape[1], 2))
+    marks = windows @ weights
+    tolerance = SAME * windows.shape[1]
+    order = np.argsort(marks[:, 0], kind="stable")
+    near = np.diff(marks[order, 0]) < tolerance
+    group = np.empty(order.size, dtype=int)
+    group[order] = np.concatenate([[0], np.cumsum(~near)])
+    order = np.lexsort((starts, group))
+    here, there = order[:-1], order[1:]
+    same = (group[here] == group[there]) & (np.abs(marks[here, 1] - marks[there, 1]) < tolerance)
+    again = np.full(starts.size, -1)
+    again[here[same]] = there[same]
+    return again
+
+
+def _pairs(first: np.ndarray, second: np.ndarray, width: int, sample_time: float) -> Repeats | None:
+    """Join windows with one lag to stretches, and pair their samples."""
+    if first.size == 0:
+        return None
+    cuts = np.flatnonzero((np.diff(first) != 1) | (np.diff(second) != 1)) + 1
+    settling = round(SETTLING_SECONDS / sample_time)
+    here, there, run = [], [], []
+    for number, (a, b) in enumerate(zip(np.split(first, cuts), np.split(second, cuts), strict=True)):
+        steps = np.arange(settling, a.size + width - 1)
+        here.append(a[0] + steps)
+        there.append(b[0] + steps)
+        run.append(np.full(steps.size, number))
+    found = Repeats(first=np.concatenate(here), second=np.concatenate(there), run=np.concatenate(run))
+    # Stretches with different returns overlap by a window at most.
+    kept = np.unique(found.first, return_index=True)[1]
+    if kept.size * sample_time < SHORTEST_SECONDS:
+        return None
+    return Repeats(first=found.first[kept], second=found.second[kept], run=found.run[kept])
+
+
+def repeatability(residual: np.ndarray, repeats: Repeats, noise: float) -> Repeatability:
+    """Compare a residual with itself where the command comes back.
+
+    Parameters
+    ----------
+    residual : ndarray, shape (n,)
+        Over all samples in which `repeats` counts.
+    repeats : Repeats
+        What `find_repeats` found.
+    noise : float
+        Standard deviation of the sensor's noise, in the residual's unit.
+
+    Returns
+    -------
+    Repeatability
+        The bounds are from a jackknife over twenty blocks of pairs.
+    """
+    one, other = (_less_means(residual[k], repeats.run) for k in (repeats.first, repeats.second))
+    blocks = np.minimum(np.arange(one.size) * BLOCKS // one.size, BLOCKS - 1)
+    products = np.bincount(blocks, weights=one * other)
+    squares = np.bincount(blocks, weights=(one**2 + other**2) / 2)
+    counts = np.bincount(blocks)
+    cross, square = products.sum() / one.size, squares.sum() / one.size
+    out = one.size - counts
+    left = _share((products.sum() - products) / out, (squares.sum() - squares) / out, noise)
+    share = float(_share(cross, square, noise))
+    deviation = float(np.sqrt((counts.size - 1) * np.mean((left - left.mean()) ** 2)))
+    within = float(np.mean((residual[repeats.first] - residual[repeats.second]) ** 2) / 2)
+    total = float(np.var(np.concatenate([residual[repeats.first], residual[repeats.second]])))
+    return Repeatability(
+        pairs=one.size, correlation=float(cross / square) if square > 0 else 0.0, share=share,
+        low=share - BOUND * deviation, high=share + BOUND * deviation, within=within,
+        explainable=max(0.0, 1 - within / total) if total > 0 else 0.0,
+    )  # fmt: skip
+
+
+def _share(cross: np.ndarray | float, square: np.ndarray | float, noise: float) -> np.ndarray:
+    """Covariance over the variance beyond the noise, which is never less than a tenth of the noise's."""
+    return np.asarray(cross / np.maximum(np.asarray(square) - noise**2, 0.1 * noise**2))
+
+
+def _less_means(values: np.ndarray, run: np.ndarray) -> np.ndarray:
+    """Values less the mean over each run."""
+    _, index = np.unique(run, return_inverse=True)
+    return values - (np.bincount(index, weights=values) / np.bincount(index))[index]

@@ -1,0 +1,249 @@
+"""Sham effects: changes of the readings as large and as smooth as a named effect's, with its physics spoilt.
+
+Whatever explains a mismatch because it is flexible, or slow, or comes with the input, explains it as well when its
+memory runs backwards in time, its strength has the wrong sign, or its phases are drawn anew. What explains it because
+it happened does not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from enum import Enum
+
+import numpy as np
+
+from deatwin.ident.greybox.fit import Calibration, Part, Problem
+from deatwin.plant.effects.base import Effect
+from deatwin.plant.model import Plant
+from deatwin.plant.recording import Experiment
+
+__all__ = ["Sham", "ShamKind", "backwards", "phase_randomised", "sham_effects"]
+
+DISTINCT = 0.5
+"""A sham that would take up more than this share of the true effect is no sham of it: nothing can be learned."""
+AS_GOOD = 0.8
+"""A sham that gains this share of what the named effect gains is as good as it."""
+NEARLY_LINEAR = 0.5
+"""Where first order shows less than this share of what the refit gained, changes of the readings do not add up."""
+DRAWS = 19
+"""Sets of random phases; the best of 19 is the upper 5 % of what phases alone can do."""
+RESOLVED = 1e-6
+"""Directions of the parameters that the readings hardly know are no way out."""
+
+
+class ShamKind(Enum):
+    """How an effect is spoilt; the text says it."""
+
+    BACKWARDS = "backwards in time"
+    OPPOSITE = "with the opposite sign"
+    RANDOM_PHASES = "with random phases"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sham:
+    """What a spoilt effect gains beside the effect itself, on the unseen part.
+
+    Parameters
+    ----------
+    effect : str
+        Canonical name.
+    kind : ShamKind
+        How it was spoilt.
+    share : float or None
+        Gain of the sham in squared residual, relative to that of the effect itself; both to first order. None if it
+        was skipped.
+    expected : float or None
+        The same if the effect is the truth: what the sham has in common with it.
+    skipped : str
+        Why nothing can be learned of it; empty if it was judged.
+    """
+
+    effect: str
+    kind: ShamKind
+    share: float | None = None
+    expected: float | None = None
+    skipped: str = ""
+
+    @property
+    def rejected(self) -> bool:
+        """Whether it explains less than the effect, as it should; also true if it was skipped."""
+        return self.share is None or self.share < AS_GOOD
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Court:
+    """Changes of the readings compete here, after the plant's parameters took up what they can.
+
+    Parameters
+    ----------
+    jacobian : ndarray, shape (n, p)
+        Of the plant without the effect, columns of length one.
+    fitted : ndarray of bool, shape (n,)
+        Samples that were fitted; the others judge.
+    """
+
+    jacobian: np.ndarray
+    fitted: np.ndarray
+
+    def left(self, change: np.ndarray) -> np.ndarray:
+        """What a refit on the fitted part leaves of a change, everywhere, to first order."""
+        solution = np.linalg.lstsq(self.jacobian[self.fitted], change[self.fitted], rcond=RESOLVED)[0]
+        return change - self.jacobian @ solution
+
+    def gain(self, by: np.ndarray, of: np.ndarray) -> float:
+        """Fall of the unseen mean square of `of` when `by`, both as `left` leaves them, is fitted to it.
+
+        Its amplitude is not negative: an effect keeps its sign.
+        """
+        energy = float(by[self.fitted] @ by[self.fitted])
+        amplitude = max(float(by[self.fitted] @ of[self.fitted]) / energy, 0.0) if energy > 0 else 0.0
+        unseen = of[~self.fitted]
+        return float(np.mean(unseen**2) - np.mean((unseen - amplitude * by[~self.fitted]) ** 2))
+
+
+def sham_effects(
+    without: Calibration,
+    effect: Effect,
+    gain: float,
+    fitted: Sequence[Part],
+    everything: Sequence[Part],
+    rng: np.random.Generator,
+) -> tuple[Sham, ...]:
+    """Let the shams of a named effect compete with it.
+
+    The plant without the effect is simulated with and without it, on the commands and on the commands backwards. The
+    changes of the readings compete as regressors, each fitted to the fitted part together with the plant's parameters
+    to first order, and are judged on the unseen part. A sham is skipped where it would explain most of the mismatch
+    even if the named effect were the truth: an effect without memory is the same backwards, and a tone of random phase
+    is a tone.
+
+    Parameters
+    ----------
+    without : Calibration
+        Of the plant without the effect, on the fitted part.
+    effect : Effect
+        The named effect with its fitted parameters.
+    gain : float
+        By which the mean square on the unseen part falls with it, SI.
+    fitted, everything : sequence of Part
+        What was fitted, and that together with what judges.
+    rng : numpy.random.Generator
+        Of the random phases.
+
+    Returns
+    -------
+    tuple of Sham
+        One of each kind.
+    """
+    plant, experiments = without.plant, [part.experiment for part in everything]
+    found = Problem(plant=plant, parts=tuple(everything), names=without.names)
+    evaluated = found.evaluate(found.start())
+    forwards = _change(plant, effect, experiments)
+    if evaluated is None or forwards is None:
+        return tuple(_skipped(effect, kind, "the plant with the effect cannot be simulated") for kind in ShamKind)
+    residual, jacobian = evaluated
+    scale = np.linalg.norm(jacobian, axis=0)
+    court = _Court(jacobian=jacobian / np.where(scale > 0, scale, 1.0), fitted=_fitted(fitted, everything))
+    mismatch, named = court.left(residual), court.left(_counted(forwards, everything))
+    best = court.gain(named, mismatch), court.gain(named, named)
+    if best[0] <= 0 or best[0] < NEARLY_LINEAR * gain:
+        reason = "the readings are too far from linear in the effect"
+        return tuple(_skipped(effect, kind, reason) for kind in ShamKind)
+
+    def judged(kind: ShamKind, changes: Sequence[np.ndarray]) -> Sham:
+        shams = [court.left(change) for change in changes]
+        pairs = [(court.gain(s, mismatch) / best[0], court.gain(s, named) / best[1]) for s in shams]
+        distinct = [pair for pair in pairs if pair[1] <= DISTINCT]
+        if 2 * len(distinct) <= len(pairs):
+            return _skipped(effect, kind, "with these inputs it hardly differs from the effect itself")
+        share, expected = max(distinct)
+        return Sham(effect=effect.name, kind=kind, share=share, expected=expected)
+
+    drawn = [[[phase_randomised(y, rng) for y in each] for each in forwards] for _ in range(DRAWS)]
+    turned = _change(plant, effect, [backwards(e) for e in experiments])
+    back = None if turned is None else [[y[::-1] for y in reversed(each)] for each in turned]
+    return (
+        _skipped(effect, ShamKind.BACKWARDS, "the plant cannot be simulated backwards")
+        if back is None
+        else judged(ShamKind.BACKWARDS, [_counted(back, everything)]),
+        judged(ShamKind.OPPOSITE, [-_counted(forwards, everything)]),
+        judged(ShamKind.RANDOM_PHASES, [_counted(change, everything) for change in drawn]),
+    )
+
+
+def backwards(experiment: Experiment) -> Experiment:
+    """The commands of an experiment, the last first.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        Recordings on one clock.
+
+    Returns
+    -------
+    Experiment
+        It begins at the same time; its first record is the last one, backwards.
+    """
+    return Experiment(
+        recordings=tuple(
+            replace(
+                record, inputs=record.inputs[:, ::-1], outputs=record.outputs[:, ::-1],
+                extras={name: values[::-1] for name, values in record.extras.items()},
+                start=experiment.start + (experiment.end - record.end),
+            )
+            for record in reversed(experiment.recordings)
+        )
+    )  # fmt: skip
+
+
+def phase_randomised(signal: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """A signal of the same mean and spectrum with phases drawn anew.
+
+    Parameters
+    ----------
+    signal : ndarray, shape (n,)
+        Any.
+    rng : numpy.random.Generator
+        Of the phases.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+
+    References
+    ----------
+    Theiler et al., Physica D 58 (1992) 77, doi:10.1016/0167-2789(92)90102-S.
+    """
+    spectrum = np.fft.rfft(signal)
+    phases = rng.uniform(0, 2 * np.pi, spectrum.size)
+    phases[0] = 0.0
+    return np.fft.irfft(np.abs(spectrum) * np.exp(1j * phases) * np.sign(spectrum[0].real or 1.0), signal.size)
+
+
+def _change(plant: Plant, effect: Effect, experiments: Sequence[Experiment]) -> list[list[np.ndarray]] | None:
+    """What the effect does to the readings of each record of each experiment, SI."""
+    changes = []
+    amended = plant.with_effects(effect)
+    for experiment in experiments:
+        with_it, without = amended.simulate(experiment), plant.simulate(experiment)
+        if not (with_it.status.ok and without.status.ok):
+            return None
+        changes.append([y[0] - x[0] for y, x in zip(with_it.outputs, without.outputs, strict=True)])
+    return changes
+
+
+def _counted(changes: Sequence[Sequence[np.ndarray]], parts: Sequence[Part]) -> np.ndarray:
+    """The samples that count, one after another."""
+    pairs = zip(changes, parts, strict=True)
+    return np.concatenate([y[m] for each, part in pairs for y, m in zip(each, part.masks, strict=True)])
+
+
+def _fitted(fitted: Sequence[Part], everything: Sequence[Part]) -> np.ndarray:
+    """Which of all samples that count were fitted."""
+    pairs = zip(fitted, everything, strict=True)
+    return np.concatenate([f[m] for some, whole in pairs for f, m in zip(some.masks, whole.masks, strict=True)])
+
+
+def _skipped(effect: Effect, kind: ShamKind, reason: str) -> Sham:
+    return Sham(effect=effect.name, kind=kind, skipped=reason)

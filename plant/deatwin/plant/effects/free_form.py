@@ -1,0 +1,164 @@
+"""What is missing, as a sum of functions that stand for no physics."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, ClassVar, Self
+
+from deatwin.plant.effects.base import Effect, Family, Place
+from deatwin.plant.effects.primitives import Power, Primitive, primitive_from
+from deatwin.plant.errors import RigError
+from deatwin.plant.parameters import Parameter
+
+if TYPE_CHECKING:
+    from deatwin.plant.builder import Builder
+
+__all__ = ["FreeForm"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class FreeForm(Effect):
+    r"""A sum of functions, with and without memory, added to one signal of a plant.
+
+    .. math:: \text{signal} \to \text{signal} + S\sum_k c_k\,\varphi_k
+
+    Not in the catalogue: it stands for no physics, names no cause, and neither conserves nor dissipates energy by
+    construction. A discovery makes it where the catalogue explains nothing; a model file keeps its terms as data.
+    One state for each term with a memory. A calibration moves the coefficients :math:`c_k` and the shapes of the
+    terms; the size S is held, since it only gives them their unit. Off at S = 0.
+
+    Parameters
+    ----------
+    size : float
+        S, in the unit of the signal.
+    terms : tuple of Primitive
+        :math:`\varphi_k`, pure numbers.
+    coefficients : tuple of float
+        :math:`c_k`, one for each term.
+    enters : Place
+        Where in the plant the signal lives.
+    node : str
+        Name of the signal there.
+    unit : str
+        Of the signal.
+
+    Raises
+    ------
+    RigError
+        If there are no terms, or not as many coefficients.
+
+    Examples
+    --------
+    >>> from deatwin.plant import Diaphragm, Plant
+    >>> Plant(rig=Diaphragm(), effects=(FreeForm(),)).to_dict()["effects"][0]["terms"][0]["order"]
+    3
+    """
+
+    size: float = 1e-3
+    terms: tuple[Primitive, ...] = (Power(variable="displacement", scale=1e-4, order=3),)
+    coefficients: tuple[float, ...] = (-1.0,)
+    enters: Place = Place.BALL
+    node: str = "force"
+    unit: str = "N"
+
+    name: ClassVar[str] = "free_form"
+    family: ClassVar[Family] = Family.MECHANICAL
+    """Of the default; nothing asks a free form for its family."""
+    strength: ClassVar[str] = "size"
+    order: ClassVar[int] = 100
+    """Last: it is added to what physics makes of the signal."""
+    wording: ClassVar[str] = "A sum of functions of a size of {size} is added, which stands for no physics"
+
+    def __post_init__(self) -> None:
+        if not self.terms or len(self.terms) != len(self.coefficients):
+            raise RigError(f"a free form of {len(self.terms)} terms has {len(self.coefficients)} coefficients")
+
+    @property
+    def place(self) -> Place:  # type: ignore[override]
+        """Where it enters."""
+        return self.enters
+
+    @property
+    def signal(self) -> str:  # type: ignore[override]
+        """What it is added to."""
+        return self.node
+
+    def describe(self) -> tuple[Parameter, ...]:
+        """The size, which is held; then of each term the coefficient and, where it has one, the shape."""
+        own = [Parameter(name="size", value=self.size, unit=self.unit, lower=0.0, upper=1e12, known=True)]
+        for number, (term, value) in enumerate(zip(self.terms, self.coefficients, strict=True), start=1):
+            own.append(Parameter(name=f"coefficient_{number}", value=value, unit="1", lower=-1e3, upper=1e3))
+            if (shape := term.shape_parameter) is not None:
+                own.append(replace(shape, name=f"{shape.name}_{number}"))
+        return tuple(own)
+
+    @property
+    def shapes(self) -> tuple[str, ...]:
+        """Names of the parameters other than the size."""
+        return tuple(p.name for p in self.describe() if p.name != self.strength)
+
+    def rewrite(self, signal: Any, build: Builder) -> Any:
+        total = 0.0
+        for number, term in enumerate(self.terms, start=1):
+            coefficient = self.own(f"coefficient_{number}", build)
+            total += coefficient * self._value(term, number, self._variable(term.variable, signal, build), build)
+        return signal + self.own("size", build) * total
+
+    def _variable(self, name: str, signal: Any, build: Builder) -> Any:
+        if name == self.node:
+            return signal
+        if name in ("command", "time"):
+            return getattr(build, name)
+        if name == "command_rate":
+            now, before = build.past_commands(1)
+            return (now - before) / build.signal("sample_time")
+        return build.signal(name)
+
+    def _value(self, term: Primitive, number: int, variable: Any, build: Builder) -> Any:
+        value = variable / build.constant(f"free_form_scale_{number}", term.scale)
+        shape = self.own(f"{term.shape}_{number}", build) if term.shape else None
+        if not term.remembers:
+            return term.value(value, None, shape)
+        memory = build.state(f"free_form_memory_{number}", scale=1.0, start=term.at_rest(value))
+        build.rate(memory, term.rate(value, memory, shape, build.signal("sample_time")))
+        return term.value(value, memory, shape)
+
+    @property
+    def entry(self) -> dict[str, Any]:
+        """How a model file writes it: what makes its equations, without the values of its parameters."""
+        return {
+            "name": self.name,
+            "place": self.enters.value,
+            "signal": self.node,
+            "unit": self.unit,
+            "terms": [term.to_dict() for term in self.terms],
+        }
+
+    @classmethod
+    def from_entry(cls, data: Mapping[str, Any]) -> Self:
+        """The free form that a model file has.
+
+        Parameters
+        ----------
+        data : mapping
+            As `entry` gives it.
+
+        Returns
+        -------
+        FreeForm
+            Of size 0, with coefficients of 0.
+
+        Raises
+        ------
+        RigError
+            If a term is of no known kind, or the data are malformed.
+        """
+        try:
+            described, enters = tuple(data["terms"]), Place(data["place"])
+            node, unit = str(data["signal"]), str(data["unit"])
+        except (KeyError, TypeError, ValueError) as error:
+            raise RigError(f"malformed free form: {error!r}; it needs place, signal, unit and terms") from None
+        terms = tuple(primitive_from(term) for term in described)
+        off = (0.0,) * len(terms)
+        return cls(size=0.0, terms=terms, coefficients=off, enters=enters, node=node, unit=unit)

@@ -1,0 +1,374 @@
+r"""Functions with and without memory of which a free form is made.
+
+Each takes one signal, in units of its own scale so that it is of order 1, and gives a pure number. A memory m follows
+
+.. math:: \dot m = r(s, m)
+
+from its value at rest on. Corners are rounded: :math:`p(x) = x^2/(x + 0.01)` above 0, else 0.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any, ClassVar
+
+import casadi as ca
+
+from deatwin.plant.errors import RigError, nearest
+from deatwin.plant.parameters import Parameter, Scale
+
+__all__ = [
+    "PRIMITIVES",
+    "DeadBand",
+    "Largest",
+    "LowPass",
+    "Magnitude",
+    "Play",
+    "Power",
+    "Primitive",
+    "SignedSquare",
+    "Smallest",
+    "primitive_from",
+]
+
+Symbol = Any
+
+CORNER = 0.01
+"""Rounding of corners, in units of the signal's scale."""
+PURSUIT = 0.1
+"""Time in which a play or a running extreme follows what pushes it, in samples."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Primitive(ABC):
+    """A function of one signal.
+
+    Parameters
+    ----------
+    variable : str
+        ``"command"``, ``"command_rate"``, ``"time"``, or a signal of the plant.
+    scale : float
+        Size of the signal, SI; above 0.
+    """
+
+    variable: str
+    scale: float
+
+    kind: ClassVar[str]
+    shape: ClassVar[str] = ""
+    """Name of the parameter that gives it its shape, if it has one."""
+    remembers: ClassVar[bool] = False
+
+    @property
+    def shape_parameter(self) -> Parameter | None:
+        """The parameter that gives it its shape; None if it has none."""
+        return None
+
+    @abstractmethod
+    def value(self, signal: Symbol, memory: Symbol, shape: Symbol) -> Symbol:
+        """The function.
+
+        Parameters
+        ----------
+        signal : symbol
+            s, in units of the scale.
+        memory : symbol
+            m; anything where it has none.
+        shape : symbol
+            Value of the shape parameter; anything where it has none.
+
+        Returns
+        -------
+        symbol
+            A pure number.
+        """
+
+    def at_rest(self, signal: Symbol) -> Symbol:
+        """The memory at rest.
+
+        Parameters
+        ----------
+        signal : symbol
+            s at rest.
+
+        Returns
+        -------
+        symbol
+        """
+        return signal
+
+    def rate(self, signal: Symbol, memory: Symbol, shape: Symbol, sample_time: float) -> Symbol:
+        """How fast the memory changes.
+
+        Parameters
+        ----------
+        signal, memory, shape : symbol
+            As in `value`.
+        sample_time : float
+            s.
+
+        Returns
+        -------
+        symbol
+            1/s.
+
+        Raises
+        ------
+        NotImplementedError
+            If it has no memory.
+        """
+        raise NotImplementedError(f"{self.kind} has no memory")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data, without the value of the shape parameter."""
+        return {"kind": self.kind, **{k: v for k, v in asdict(self).items() if k != self.shape}}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Power(Primitive):
+    r"""A power, :math:`s^n`.
+
+    Parameters
+    ----------
+    order : int
+        n.
+    variable, scale
+        As for every `Primitive`.
+    """
+
+    order: int = 1
+
+    kind: ClassVar[str] = "power"
+
+    def value(self, signal: Symbol, memory: Symbol, shape: Symbol) -> Symbol:
+        return signal**self.order
+
+
+@dataclass(frozen=True, kw_only=True)
+class Magnitude(Primitive):
+    r"""The magnitude, :math:`\sqrt{s^2 + 0.01^2} - 0.01`.
+
+    Parameters
+    ----------
+    variable, scale
+        As for every `Primitive`.
+    """
+
+    kind: ClassVar[str] = "magnitude"
+
+    def value(self, signal: Symbol, memory: Symbol, shape: Symbol) -> Symbol:
+        return ca.sqrt(signal**2 + CORNER**2) - CORNER
+
+
+@dataclass(frozen=True, kw_only=True)
+class SignedSquare(Primitive):
+    r"""The square with its sign, :math:`s|s|`.
+
+    Parameters
+    ----------
+    variable, scale
+        As for every `Primitive`.
+    """
+
+    kind: ClassVar[str] = "signed_square"
+
+    def value(self, signal: Symbol, memory: Symbol, shape: Symbol) -> Symbol:
+        return signal * ca.fabs(signal)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DeadBand(Primitive):
+    r"""What lies beyond a band about zero, :math:`p(s - w) - p(-s - w)`.
+
+    Parameters
+    ----------
+    width : float
+        w, half the band, in units of the scale.
+    variable, scale
+        As for every `Primitive`.
+    """
+
+    width: float = 1.0
+
+    kind: ClassVar[str] = "dead_band"
+    shape: ClassVar[str] = "width"
+
+    @property
+    def shape_parameter(self) -> Parameter:
+        return _width(self.width)
+
+    def value(self, signal: Symbol, memory: Symbol, shape: Symbol) -> Symbol:
+        return _beyond(signal, shape)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LowPass(Primitive):
+    r"""A low-pass of first order of a power, :math:`T\dot m = s^n - m`.
+
+    Parameters
+    ----------
+    time : float
+        T in s.
+    order : int
+        n.
+    variable, scale
+        As for every `Primitive`.
+    """
+
+    time: float = 1.0
+    order: int = 1
+
+    kind: ClassVar[str] = "low_pass"
+    shape: ClassVar[str] = "time"
+    remembers: ClassVar[bool] = True
+
+    @property
+    def shape_parameter(self) -> Parameter:
+        return Parameter(name="time", value=self.time, unit="s", lower=1e-3, upper=1e5, scale=Scale.LOGARITHMIC)
+
+    def value(self, signal: Symbol, memory: Symbol, shape: Symbol) -> Symbol:
+        return memory
+
+    def at_rest(self, signal: Symbol) -> Symbol:
+        """The memory at rest.
+
+        Parameters
+        ----------
+        signal : symbol
+            s at rest.
+
+        Returns
+        -------
+        symbol
+            Its power.
+        """
+        return signal**self.order
+
+    def rate(self, signal: Symbol, memory: Symbol, shape: Symbol, sample_time: float) -> Symbol:
+        return (signal**self.order - memory) / shape
+
+
+@dataclass(frozen=True, kw_only=True)
+class Play(Primitive):
+    r"""The play operator: m is moved by the ends of a band about it, as by a fork with clearance.
+
+    .. math:: T\dot m = p(s - m - w) - p(m - s - w)
+
+    T is a tenth of a sample. The play has the loops of backlash; the signal less its play those of dry friction in
+    series with a spring.
+
+    Parameters
+    ----------
+    width : float
+        w, half the clearance, in units of the scale.
+    variable, scale
+        As for every `Primitive`.
+
+    References
+    ----------
+    Visintin, Differential Models of Hysteresis (1994), chapter III.
+    """
+
+    width: float = 1.0
+
+    kind: ClassVar[str] = "play"
+    shape: ClassVar[str] = "width"
+    remembers: ClassVar[bool] = True
+
+    @property
+    def shape_parameter(self) -> Parameter:
+        return _width(self.width)
+
+    def value(self, signal: Symbol, memory: Symbol, shape: Symbol) -> Symbol:
+        return memory
+
+    def rate(self, signal: Symbol, memory: Symbol, shape: Symbol, sample_time: float) -> Symbol:
+        return _beyond(signal - memory, shape) / (PURSUIT * sample_time)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Largest(Primitive):
+    r"""The largest value so far, :math:`T\dot m = p(s - m)`, T a tenth of a sample.
+
+    Parameters
+    ----------
+    variable, scale
+        As for every `Primitive`.
+    """
+
+    kind: ClassVar[str] = "largest"
+    remembers: ClassVar[bool] = True
+
+    def value(self, signal: Symbol, memory: Symbol, shape: Symbol) -> Symbol:
+        return memory
+
+    def rate(self, signal: Symbol, memory: Symbol, shape: Symbol, sample_time: float) -> Symbol:
+        return _excess(signal - memory) / (PURSUIT * sample_time)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Smallest(Largest):
+    r"""The smallest value so far, :math:`T\dot m = -p(m - s)`, T a tenth of a sample.
+
+    Parameters
+    ----------
+    variable, scale
+        As for every `Primitive`.
+    """
+
+    kind: ClassVar[str] = "smallest"
+
+    def rate(self, signal: Symbol, memory: Symbol, shape: Symbol, sample_time: float) -> Symbol:
+        return -_excess(memory - signal) / (PURSUIT * sample_time)
+
+
+PRIMITIVES: Mapping[str, type[Primitive]] = {
+    kind.kind: kind for kind in (Power, Magnitude, SignedSquare, DeadBand, LowPass, Play, Largest, Smallest)
+}
+"""All kinds by name."""
+
+
+def primitive_from(data: Mapping[str, Any]) -> Primitive:
+    """The primitive that `Primitive.to_dict` described.
+
+    Parameters
+    ----------
+    data : mapping
+        Plain data.
+
+    Returns
+    -------
+    Primitive
+        Its shape parameter, which is a parameter of the plant, at its default.
+
+    Raises
+    ------
+    RigError
+        If it is of no known kind, or its data are malformed.
+    """
+    own = dict(data)
+    kind = own.pop("kind", None)
+    if kind not in PRIMITIVES:
+        raise RigError(f"there is no primitive {kind!r}{nearest(str(kind), PRIMITIVES)} (known: {', '.join(PRIMITIVES)})")
+    try:
+        found = PRIMITIVES[kind](**own)
+        if not found.scale > 0:
+            raise RigError(f"the scale of a {kind} is {found.scale!r}; it must be above 0")
+    except TypeError as error:
+        raise RigError(f"malformed {kind}: {error}") from None
+    return found
+
+
+def _width(value: float) -> Parameter:
+    return Parameter(name="width", value=value, unit="1", lower=1e-3, upper=1e3, scale=Scale.LOGARITHMIC)
+
+
+def _beyond(value: Symbol, width: Symbol) -> Symbol:
+    return _excess(value - width) - _excess(-value - width)
+
+
+def _excess(value: Symbol) -> Symbol:
+    above = ca.fmax(value, 0.0)
+    return above**2 / (above + CORNER)

@@ -1,0 +1,213 @@
+"""Effects on plants of other sizes and units than those of the diaphragm, for which their typical values are stated."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from deatwin.plant.effects.base import Effect, Place
+from deatwin.plant.parameters import Parameter
+
+if TYPE_CHECKING:
+    from deatwin.plant.builder import Builder
+
+__all__ = ["Sizes"]
+
+MOTION, FORCE, PERIOD, COMMAND, VOLTAGE = 0.3e-3, 9e-3, 0.06, 1.5, 1.2e3
+"""Of the diaphragm, SI: a usual displacement, the force that makes it, the period of its ringing, command and volts."""
+DERIVED: Mapping[str, str] = {"kg": "N s2/m", "Pa": "N/m2", "Hz": "1/s"}
+SIGNALS: Mapping[str, str] = {
+    "displacement": "m", "velocity": "m/s", "force": "N", "reading": "m", "command": "V", "amplifier_voltage": "V",
+    "sample_time": "s",
+}  # fmt: skip
+"""Signals between which a change of units is known, with their units in the diaphragm."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sizes:
+    """How large things usually are in a plant, in its own units.
+
+    The effects of the catalogue state typical values, ranges and rounded corners for the diaphragm. On a plant that
+    differs by a change of units, such as a circuit that oscillates at 70 Hz in volts, the same effect acts under
+    the same law: its values are larger or smaller by powers of these sizes.
+
+    Parameters
+    ----------
+    motion : float
+        A usual displacement, or what takes its place, in the plant's unit of it.
+    force : float
+        What makes it, in the unit of the signal ``force``.
+    period : float
+        Of the ringing, or another time in which the plant moves, s.
+    command : float
+        A usual command.
+    reading : float, optional
+        A usual reading; `motion` by default.
+    motion_unit, force_unit, command_unit, reading_unit : str
+        Their units, as products of powers: ``"V/s2"``.
+    body : str
+        What moves, for sentences: where the diaphragm has its ball.
+
+    Examples
+    --------
+    >>> from deatwin.plant import CubicStiffness
+    >>> circuit = Sizes(motion=0.1, force=2e4, period=0.015, command=0.1, motion_unit="V", force_unit="V/s2")
+    >>> circuit.of(CubicStiffness()).describe()[0].unit
+    '1/(s2 V2)'
+    """
+
+    motion: float = MOTION
+    force: float = FORCE
+    period: float = PERIOD
+    command: float = COMMAND
+    reading: float | None = None
+    motion_unit: str = "m"
+    force_unit: str = "N"
+    command_unit: str = "V"
+    reading_unit: str | None = None
+    body: str = "ball"
+
+    def of(self, effect: Effect) -> Effect:
+        """The same effect, typical of this plant.
+
+        Parameters
+        ----------
+        effect : Effect
+            At a strength that is meant for the diaphragm.
+
+        Returns
+        -------
+        Effect
+            Of the same name; with values, ranges, units and words of this plant. One that acts on a film, or on
+            another signal that only film actuators have, is returned as it is.
+        """
+        if effect.signal not in SIGNALS or isinstance(effect, _Similar):
+            return effect
+        kind = _kind(type(effect), self)
+        return kind(**{
+            p.name: getattr(effect, p.name) * self._ratio(p.unit, effect)[0] for p in effect.describe()
+        })  # fmt: skip
+
+    def _ratio(self, unit: str, effect: Effect) -> tuple[float, str]:
+        """What a value in a unit of the diaphragm is multiplied by on this plant, and its unit there."""
+        read = effect.place is Place.SENSOR
+        reading, reading_unit = self.reading or self.motion, self.reading_unit or self.motion_unit
+        known = {
+            "m": (reading / MOTION, reading_unit) if read else (self.motion / MOTION, self.motion_unit),
+            "N": (self.force / FORCE, self.force_unit),
+            "s": (self.period / PERIOD, "s"),
+            "V": (self.command / (COMMAND if effect.signal == "command" else VOLTAGE), self.command_unit),
+        }
+        ratio, powers = 1.0, Counter[str]()
+        for name, power in _powers(unit).items():
+            factor, here = known.get(name, (1.0, name))
+            ratio *= factor**power
+            for own, inner in _powers(here).items():
+                powers[own] += inner * power
+        return float(ratio), unit if unit in DERIVED and dict(powers) == dict(_powers(unit)) else _written(powers)
+
+
+class _Similar(Effect):
+    """An effect that sees the plant in the units and at the sizes of the diaphragm."""
+
+    sizes: ClassVar[Sizes]
+    original: ClassVar[type[Effect]]
+
+    def describe(self) -> tuple[Parameter, ...]:
+        own = []
+        for p in self.original().describe():
+            ratio, unit = self.sizes._ratio(p.unit, self)
+            own.append(replace(p, value=getattr(self, p.name), lower=p.lower * ratio, upper=p.upper * ratio, unit=unit))
+        return tuple(own)
+
+    def rewrite(self, signal: Any, build: Builder) -> Any:
+        ratio = self.sizes._ratio(SIGNALS[self.signal], self)[0]
+        view: Any = _View(build, self)
+        return ratio * self.original.rewrite(self, signal / ratio, view)
+
+    def starts(self, timepts: np.ndarray, residual: np.ndarray) -> tuple[Effect, ...]:
+        usual = {p.name: getattr(self, p.name) / self.sizes._ratio(p.unit, self)[0] for p in self.original().describe()}
+        found = self.original(**usual).starts(
+            timepts / self.sizes._ratio("s", self)[0], residual / self.sizes._ratio("m", self)[0]
+        )
+        return tuple(self.sizes.of(effect) for effect in found)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _made, (self.original, self.sizes, {f.name: getattr(self, f.name) for f in fields(self)})
+
+
+class _View:
+    """A builder as an effect on the diaphragm would see it."""
+
+    def __init__(self, build: Builder, effect: _Similar) -> None:
+        self._build, self._effect = build, effect
+        self._units = {f"{effect.name}.{p.name}": p.unit for p in effect.original().describe()}
+
+    def _ratio(self, unit: str) -> float:
+        return self._effect.sizes._ratio(unit, self._effect)[0]
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._build, name)
+
+    @property
+    def command(self) -> Any:
+        return self._build.command / self._ratio("V")
+
+    @property
+    def time(self) -> Any:
+        return self._build.time / self._ratio("s")
+
+    def own(self, name: str) -> Any:
+        return self._build.own(name) / self._ratio(self._units[name])
+
+    def signal(self, name: str, otherwise: Any = None) -> Any:
+        return self._build.signal(name, otherwise) / self._ratio(SIGNALS.get(name, "1"))
+
+    def past_commands(self, count: int) -> list[Any]:
+        return [command / self._ratio("V") for command in self._build.past_commands(count)]
+
+    def rate(self, state: Any, value: Any, *, mass: Any = 1.0) -> None:
+        self._build.rate(state, value / self._ratio("s"), mass=mass)
+
+
+@lru_cache(maxsize=1024)
+def _kind(original: type[Effect], sizes: Sizes) -> type[Effect]:
+    # The name tells the sizes: plants whose equations differ must differ in the names of their effects' types.
+    own = {
+        "sizes": sizes, "original": original, "wording": original.wording.replace("ball", sizes.body),
+        "__qualname__": f"{original.__qualname__} of {sizes}", "__module__": original.__module__,
+    }  # fmt: skip
+    return type(original.__name__, (_Similar, original), own)
+
+
+def _made(original: type[Effect], sizes: Sizes, values: Mapping[str, float]) -> Effect:
+    return _kind(original, sizes)(**values)
+
+
+def _powers(unit: str) -> Counter[str]:
+    """Powers of a unit's factors: ``"N s2/m2"`` is N to the 1, s to the 2 and m to the -2."""
+    above, _, below = unit.partition("/")
+    found: Counter[str] = Counter()
+    for text, sign in ((above, 1), (below.strip("()"), -1)):
+        for name, power in re.findall(r"([^\W\d]+)(\d*)", text):
+            count = sign * int(power or 1)
+            for inner, times in (_powers(DERIVED[name]) if name in DERIVED else {name: 1}).items():
+                found[inner] += count * times
+    return found
+
+
+def _written(powers: Mapping[str, int]) -> str:
+    def side(sign: int) -> list[str]:
+        chosen = sorted((name, sign * p) for name, p in powers.items() if sign * p > 0)
+        return [name if p == 1 else f"{name}{p}" for name, p in chosen]
+
+    above, below = side(1), side(-1)
+    if not below:
+        return " ".join(above) or "1"
+    return f"{' '.join(above) or '1'}/{below[0] if len(below) == 1 else '(' + ' '.join(below) + ')'}"

@@ -1,0 +1,145 @@
+"""The concealed apparatus: a fine film with its mechanisms, a pre-history, and a sensor, which takes commands."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from deatwin.plant.model import Plant
+from deatwin.plant.recording import Experiment
+from deatwin.scenarios.concealed_physics.mechanisms import Drive, Mechanism, Reading
+from deatwin.scenarios.concealed_physics.noise import SensorNoise
+from deatwin.scenarios.concealed_physics.rosenbrock import integrate
+
+__all__ = ["Apparatus"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Apparatus:
+    """What stands on the table.
+
+    Parameters
+    ----------
+    plant : Plant
+        The film that is there, without mechanisms.
+    mechanisms : tuple of Mechanism
+        What is concealed in it.
+    before : tuple of pairs of float
+        What happened before the start procedure: command in V and how long it was held, s.
+    noise : SensorNoise
+        Of the sensor.
+    seed : int
+        Of what is random in mechanisms.
+    """
+
+    plant: Plant
+    mechanisms: tuple[Mechanism, ...]
+    before: tuple[tuple[float, float], ...]
+    noise: SensorNoise
+    seed: int
+
+    def with_mechanisms(self, *mechanisms: Mechanism) -> Apparatus:
+        """The same apparatus with other mechanisms.
+
+        Parameters
+        ----------
+        *mechanisms : Mechanism
+            Instead of its own.
+
+        Returns
+        -------
+        Apparatus
+        """
+        return replace(self, mechanisms=mechanisms)
+
+    def readings(self, experiment: Experiment, run: int = 0) -> tuple[np.ndarray, ...]:
+        """Readings without the sensor's noise.
+
+        Parameters
+        ----------
+        experiment : Experiment
+            Only commands and clock are used.
+        run : int
+            Number of the run: what is random in mechanisms is another in each.
+
+        Returns
+        -------
+        tuple of ndarray, each of shape (n,)
+            For each record, relative to the reading just before the start procedure, m.
+
+        Raises
+        ------
+        SimulationError
+            If the film pulls in.
+        """
+        timeline = self.plant.timeline(experiment)
+        step = timeline.sample_time
+        before = np.array([seconds for _, seconds in self.before])
+        times = np.concatenate([
+            timeline.start - np.cumsum(before[::-1])[::-1], timeline.start + step * np.arange(timeline.commands.size)
+        ])  # fmt: skip
+        wished = np.concatenate([[command for command, _ in self.before], timeline.commands])
+        rows = [timeline.start + step * (r + 1) for r in timeline.readings]
+        reads = np.concatenate([[timeline.start], *rows])
+        drive, rng = Drive(times=times, commands=wished), np.random.default_rng([self.seed, run])
+        for mechanism in self.mechanisms:
+            drive = mechanism.commanded(drive, rng)
+        values = self._integrated(drive, reads)
+        commands = np.concatenate([wished[before.size :][:1], *(r.inputs[0] for r in experiment.recordings)])
+        for mechanism in self.mechanisms:
+            values = mechanism.read(Reading(times=reads, values=values, commands=commands), rng)
+        ends = 1 + np.cumsum([r.n_samples for r in experiment.recordings])
+        return tuple(np.split(values[1:] - values[0], ends[:-1] - 1))
+
+    def record(self, experiment: Experiment, rng: np.random.Generator, run: int = 0) -> Experiment:
+        """Recordings as the experimenter gets them.
+
+        Parameters
+        ----------
+        experiment : Experiment
+            Only commands and clock are used.
+        rng : numpy.random.Generator
+            Source of the sensor's noise.
+        run : int
+            Number of the run.
+
+        Returns
+        -------
+        Experiment
+            With readings, m.
+
+        Raises
+        ------
+        SimulationError
+            If the film pulls in.
+        """
+        return self.noisy(experiment, self.readings(experiment, run), rng)
+
+    def noisy(self, experiment: Experiment, readings: Sequence[np.ndarray], rng: np.random.Generator) -> Experiment:
+        """Readings with the sensor's noise, as recordings.
+
+        Parameters
+        ----------
+        experiment : Experiment
+            With the commands.
+        readings : sequence of ndarray
+            Noise-free, for each record, m.
+        rng : numpy.random.Generator
+            Source of the noise.
+
+        Returns
+        -------
+        Experiment
+        """
+        pairs = zip(experiment.recordings, readings, strict=True)
+        return Experiment(recordings=tuple(replace(r, outputs=self.noise.added(y, rng)[None]) for r, y in pairs))
+
+    def _integrated(self, drive: Drive, reads: np.ndarray) -> np.ndarray:
+        plant = self.plant.with_effects(*(e for m in self.mechanisms for e in m.effects))
+        equations = plant.equations
+        return integrate(
+            equations, plant.free_values, drive.times,
+            equations.inputs(drive.commands, drive.rest_command, drive.channels), reads, rest_command=drive.rest_command,
+        ).outputs  # fmt: skip

@@ -1,0 +1,353 @@
+"""Baselines: what a residual can be given for a model by those who do not ask which physics is missing.
+
+Each learns the residual of the calibrated base plant on the recordings, from what that plant says in free run, and
+corrects the plant's free run of the check. None sees a reading of the check, but for the first lags of a NARX run.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from deatwin.plant.model import Plant
+from deatwin.plant.recording import Experiment, Recording
+
+__all__ = ["BASELINES", "TERM_NAMES", "Correction", "Track", "tracks"]
+
+Array = np.ndarray
+HELD_OUT = 0.3
+"""Share of each experiment, its end, by which a baseline chooses its own settings."""
+DIVERGED = 20.0
+"""Times the largest residual seen: a correction beyond this has run away."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Track:
+    """An experiment as a baseline sees it, each signal scaled by one number for all experiments.
+
+    Parameters
+    ----------
+    residual, reading, rate, drive : ndarray, each of shape (n,)
+        Measured minus simulated; simulated reading, its rate, and the squared command.
+    sample_time : float
+        s.
+    """
+
+    residual: Array
+    reading: Array
+    rate: Array
+    drive: Array
+    sample_time: float
+
+    def part(self, first: int, last: int) -> Track:
+        """Some samples of it.
+
+        Parameters
+        ----------
+        first, last : int
+            The first that is taken, and the first that is not.
+
+        Returns
+        -------
+        Track
+        """
+        cut = slice(first, last)
+        return Track(
+            residual=self.residual[cut], reading=self.reading[cut], rate=self.rate[cut], drive=self.drive[cut],
+            sample_time=self.sample_time,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Correction:
+    """What a baseline makes of the residual.
+
+    Parameters
+    ----------
+    predicted : ndarray, shape (n,)
+        The residual of the check as it expects it, scaled; zero where it has run away.
+    term : str
+        Its strongest term, where it has terms.
+    failure : str
+        Why there is no correction; empty where there is.
+    """
+
+    predicted: Array
+    term: str = ""
+    failure: str = ""
+
+
+def tracks(plant: Plant, experiments: Sequence[Experiment], check: Experiment) -> tuple[list[Track], Track, float]:
+    """Residuals of a plant with its free-run signals.
+
+    Parameters
+    ----------
+    plant : Plant
+        Calibrated, without added effects.
+    experiments : sequence of Experiment
+        To learn from.
+    check : Experiment
+        To be judged on.
+
+    Returns
+    -------
+    learned : list of Track
+        One for each experiment.
+    judged : Track
+        The check.
+    size : float
+        Rms of the learned residuals, SI: the unit of the scaled ones.
+    """
+    raw = [_raw(plant, experiment) for experiment in (*experiments, check)]
+    together = np.concatenate(raw[:-1], axis=1)
+    scale = np.maximum(np.sqrt(np.mean(together**2, axis=1)), 1e-300)
+    made = [
+        Track(residual=e, reading=x, rate=v, drive=w, sample_time=plant.rig.sample_time)
+        for e, x, v, w in ((signals / scale[:, None]) for signals in raw)
+    ]
+    return made[:-1], made[-1], float(scale[0])
+
+
+def _raw(plant: Plant, experiment: Experiment) -> Array:
+    readings = [y[0] for y in plant.simulate(experiment).require().outputs]
+    simulated = np.concatenate(readings)
+    return np.array([
+        np.concatenate([r.outputs[0] for r in experiment.recordings]) - simulated,
+        simulated,
+        np.concatenate([np.gradient(y, plant.rig.sample_time) for y in readings]),
+        np.concatenate([r.inputs[0] for r in experiment.recordings]) ** 2,
+    ])
+
+
+# --- sparse dynamics of the residual: pysindy as a discrepancy model -------------------------------------------------
+
+VARIABLES = ("e", "x", "v", "w", "s")
+"""Residual, simulated reading and its rate, squared command, and the direction of motion (smoothed sign of v)."""
+THRESHOLDS = (0.02, 0.1, 0.3)
+MODELS, WEAK_DOMAINS, DOMAIN_SECONDS = 20, 200, 1.0
+REST = 0.05
+"""Of the rms rate: below it the direction of motion is not sharp."""
+_MEMORY = frozenset({"creep", "dielectric_absorption", "charge_injection", "sensor_lag", "mullins"})
+_SLOW = frozenset({"sensor_drift", "sensor_jump", "prestretch_relaxation", "permittivity_drift", "thermal_stiffness",
+                   "periodic_disturbance"})  # fmt: skip
+_BEND = frozenset({"cubic_stiffness", "strain_stiffening", "sensor_curvature", "sensor_saturation", "end_stop"})
+_LATE = frozenset({"delay", "electrode_rc", "sensor_lag", "amplifier_slew", "resonance"})
+_RUB = frozenset({"coulomb_friction", "hysteresis"})
+_FIELD = frozenset({"permittivity_stretch", "electrode_rc", "electrode_loss", "amplifier_offset", "permittivity_drift",
+                    "delay", "amplifier_slew", "dielectric_absorption"})  # fmt: skip
+_CLIP = frozenset({"amplifier_saturation", "leakage", "permittivity_stretch", "strain_stiffening"})
+TERM_NAMES: Mapping[str, frozenset[str]] = MappingProxyType({
+    "1": _SLOW, "e": _MEMORY | _SLOW, "x": _MEMORY | _SLOW, "v": _LATE, "w": _FIELD | _MEMORY, "s": _RUB,
+    "e^2": _BEND, "x^2": _BEND, "v^2": frozenset({"quadratic_damping"}), "w^2": _CLIP, "s^2": _RUB,
+    "e x": _MEMORY | _BEND, "e v": _RUB | _LATE, "e w": _MEMORY | _FIELD, "e s": _RUB,
+    "x v": frozenset({"quadratic_damping", "hysteresis", "resonance", "electrode_rc"}), "x w": _FIELD | _CLIP,
+    "x s": _RUB, "v w": _LATE, "v s": frozenset({"quadratic_damping"}) | _RUB, "w s": _RUB | {"amplifier_slew"},
+})  # fmt: skip
+"""For each term, every effect it may stand for. The term counts as right if any of them is: its best case."""
+
+
+def sparse_dynamics(learned: Sequence[Track], judged: Track) -> Correction:
+    """Learn the rate of the residual as a sparse polynomial, in weak form and with an ensemble.
+
+    The sparsity is the one whose free run does best on the last part of the recordings.
+
+    Parameters
+    ----------
+    learned : sequence of Track
+        The longest is learned from: weak forms of records of different lengths cannot be stacked.
+    judged : Track
+        To be predicted.
+
+    Returns
+    -------
+    Correction
+    """
+    track = max(learned, key=lambda t: t.residual.size)
+    cut = round((1 - HELD_OUT) * track.residual.size)
+    beginning, end = track.part(0, cut), track.part(cut, track.residual.size)
+    scores = []
+    for threshold in THRESHOLDS:
+        run = _free(_coefficients(beginning, threshold), end, end.residual[0])
+        scores.append(np.inf if run is None else float(np.mean((end.residual - run) ** 2)))
+    found = _coefficients(track, THRESHOLDS[int(np.argmin(scores))])
+    run = _free(found, judged, 0.0)
+    features = _monomials(track, track.residual)
+    weights = np.abs(found) * np.sqrt(np.mean(features**2, axis=0))
+    names = _library().get_feature_names(list(VARIABLES))
+    term = names[int(np.argmax(weights))] if weights.any() else ""
+    if run is None:
+        return Correction(predicted=np.zeros_like(judged.residual), term=term, failure="its free run diverges")
+    return Correction(predicted=run, term=term)
+
+
+def _variables(track: Track, residual: Array) -> Array:
+    direction = np.tanh(track.rate / REST)
+    return np.column_stack([residual, track.reading, track.rate, track.drive, direction])
+
+
+def _library() -> Any:
+    from pysindy import PolynomialLibrary
+
+    return PolynomialLibrary(degree=2).fit(np.zeros((2, len(VARIABLES))))
+
+
+def _monomials(track: Track, residual: Array) -> Array:
+    """Of the variables, in pysindy's order, shape (n, terms)."""
+    return np.asarray(_library().transform(_variables(track, residual)))
+
+
+def _coefficients(track: Track, threshold: float) -> Array:
+    """Of the monomials up to degree 2, for the rate of the residual."""
+    import pysindy
+
+    timepts = np.arange(track.residual.size) * track.sample_time
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        state = np.random.get_state()  # noqa: NPY002  (pysindy draws from the global generator: it is put back)
+        np.random.seed(0)  # noqa: NPY002
+        try:
+            weak = pysindy.WeakPDELibrary(
+                function_library=pysindy.PolynomialLibrary(degree=2, include_bias=True),
+                spatiotemporal_grid=timepts, K=WEAK_DOMAINS, H_xt=[DOMAIN_SECONDS],
+            )  # fmt: skip
+            ensemble = pysindy.EnsembleOptimizer(
+                pysindy.STLSQ(threshold=threshold, alpha=1e-6), bagging=True, n_models=MODELS
+            )
+            model = pysindy.SINDy(feature_library=weak, optimizer=ensemble)
+            signals = _variables(track, track.residual)
+            model.fit(signals[:, :1], t=track.sample_time, u=signals[:, 1:])
+        finally:
+            np.random.set_state(state)  # noqa: NPY002
+    return np.asarray(model.coefficients()[0], dtype=float)
+
+
+def _free(coefficients: Array, track: Track, start: float) -> Array | None:
+    """Run the residual's dynamics along the plant's free run; None if it runs away."""
+    zero, up, down = (
+        _monomials(track, np.full_like(track.residual, e)) @ coefficients for e in (0.0, 1.0, -1.0)
+    )
+    curvature, slope = (up + down) / 2 - zero, (up - down) / 2  # exact: the degree is 2
+    out = np.empty_like(track.residual)
+    e, limit = float(start), DIVERGED * max(1.0, float(np.abs(track.residual[:1]).max()))
+    for k in range(out.size):
+        out[k] = e
+        rate = zero[k] + (slope[k] + curvature[k] * e) * e
+        ahead = e + track.sample_time * rate
+        after = zero[k] + (slope[k] + curvature[k] * ahead) * ahead
+        e += 0.5 * track.sample_time * (rate + after)
+        if not abs(e) < limit:
+            return None
+    return out
+
+
+# --- a Gaussian process over lagged signals --------------------------------------------------------------------------
+
+LAGS_SECONDS = (0.0, 0.02, 0.06, 0.2, 0.6)
+FILTERS_SECONDS = (2.0, 20.0)
+POINTS = 250
+
+
+def gaussian_process(learned: Sequence[Track], judged: Track) -> Correction:
+    """Learn the residual as a function of lagged and low-passed commands and simulated readings.
+
+    Parameters
+    ----------
+    learned : sequence of Track
+        A random subset of their samples is learned from.
+    judged : Track
+        To be predicted.
+
+    Returns
+    -------
+    Correction
+    """
+    from sklearn.gaussian_process import GaussianProcessRegressor
+    from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
+
+    rows = np.vstack([_regressors(track) for track in learned])
+    target = np.concatenate([track.residual for track in learned])
+    chosen = np.random.default_rng(0).permutation(target.size)[:POINTS]
+    centre, spread = rows.mean(axis=0), np.maximum(rows.std(axis=0), 1e-12)
+    kernel = ConstantKernel(1.0) * RBF(3.0) + WhiteKernel(0.5)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        process = GaussianProcessRegressor(kernel, normalize_y=True)
+        process.fit((rows[chosen] - centre) / spread, target[chosen])
+    return Correction(predicted=process.predict((_regressors(judged) - centre) / spread))
+
+
+def _regressors(track: Track) -> Array:
+    columns = [track.rate]
+    for signal in (track.drive, track.reading):
+        columns += [_lagged(signal, round(lag / track.sample_time)) for lag in LAGS_SECONDS]
+        columns += [_low_passed(signal, track.sample_time / constant) for constant in FILTERS_SECONDS]
+    return np.column_stack(columns)
+
+
+def _lagged(signal: Array, lag: int) -> Array:
+    return np.concatenate([np.full(lag, signal[0]), signal[: signal.size - lag]]) if lag else signal
+
+
+def _low_passed(signal: Array, share: float) -> Array:
+    from scipy.signal import lfilter
+
+    return np.asarray(lfilter([share], [1.0, share - 1.0], signal))
+
+
+# --- a NARX model of the residual ------------------------------------------------------------------------------------
+
+CANDIDATES = ((2, 2, 2), (2, 2, 3))
+"""Lags of the residual, lags of squared command and reading, and degree."""
+MOST_TERMS = 12
+
+
+def narx(learned: Sequence[Track], judged: Track) -> Correction:
+    """Learn NARX models of the residual, and take the one whose free run does best on the last part.
+
+    Parameters
+    ----------
+    learned : sequence of Track
+        To learn from.
+    judged : Track
+        To be predicted; its first lags are measured ones.
+
+    Returns
+    -------
+    Correction
+    """
+    from deatwin.ident.narx import Frols
+
+    records = [_as_recording(track) for track in learned]
+    best, least = None, np.inf
+    for output_lags, input_lags, degree in CANDIDATES:
+        model = Frols(
+            output_lags=output_lags, input_lags=input_lags, degree=degree, max_terms=MOST_TERMS, criterion="free_run",
+            held_out=HELD_OUT,
+        ).fit(records).model_  # fmt: skip
+        ends = [record.section(round((1 - HELD_OUT) * record.n_samples), record.n_samples) for record in records]
+        runs = [model.simulate(end) for end in ends]
+        error = max(run.rms_error if run.status.ok else np.inf for run in runs)
+        if error < least:
+            best, least = model, error
+    run = None if best is None else best.simulate(_as_recording(judged))
+    if run is None or not run.status.ok:
+        return Correction(predicted=np.zeros_like(judged.residual), failure="its free run diverges")
+    return Correction(predicted=run.outputs[0])
+
+
+def _as_recording(track: Track) -> Recording:
+    return Recording.from_arrays(
+        np.array([track.drive, track.reading]), track.residual, track.sample_time,
+        input_names=("drive", "reading"), output_names=("residual",),
+    )  # fmt: skip
+
+
+BASELINES: Mapping[str, Callable[[Sequence[Track], Track], Correction]] = MappingProxyType(
+    {"pysindy": sparse_dynamics, "gaussian_process": gaussian_process, "narx": narx}
+)
+"""By name, in the order of the tables."""

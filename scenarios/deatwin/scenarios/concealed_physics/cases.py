@@ -1,0 +1,148 @@
+"""Which cases the study has: plain data, the same for the same size and seed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from itertools import combinations
+from types import MappingProxyType
+
+import numpy as np
+
+from deatwin.plant.effects import effect_named
+from deatwin.plant.errors import DataError, nearest
+from deatwin.scenarios.concealed_physics.excitations import RICH
+from deatwin.scenarios.concealed_physics.key import KEY, OUTSIDE, TIES
+from deatwin.scenarios.concealed_physics.reach import reach
+from deatwin.scenarios.concealed_physics.specimens import Specimen, make
+from deatwin.scenarios.concealed_physics.specs import CaseSpec
+
+__all__ = ["LADDER", "SIZES", "CaseSpec", "Specimen", "case_specs", "make", "pairable"]
+
+LADDER = (0.3, 0.5, 0.9, 1.6, 2.8, 5.0)
+"""Strengths of the cases of an effect, structural residual over noise."""
+PAIR_RATIOS = (0.7, 2.5)
+OUTSIDE_RATIOS, TIE_RATIOS = (0.4, 4.0), (0.7, 3.0)
+NOISE_SHARES = (0.01, 0.05)
+PAIRABLE = 1.5
+"""Least reach, against the noise, of an effect that takes part in a pair."""
+SIZES: Mapping[str, tuple[int, int, int, int, int]] = MappingProxyType({
+    "tiny": (3, 4, 2, 2, 1), "standard": (150, 6, 40, 40, 24), "full": (300, 12, 80, 80, 48),
+})  # fmt: skip
+"""Clean cases, cases an effect (in all, for the tiny one), outside cases, pairs and ties."""
+
+
+def case_specs(size: str, seed: int) -> tuple[CaseSpec, ...]:
+    """The cases of a study.
+
+    Parameters
+    ----------
+    size : {"tiny", "standard", "full"}
+        Of the study.
+    seed : int
+        Of the study, not negative; no seed shares a case's seed with another.
+
+    Returns
+    -------
+    tuple of CaseSpec
+
+    Raises
+    ------
+    DataError
+        If the size or the seed is none of these.
+    """
+    if size not in SIZES:
+        raise DataError(f"unknown size {size!r}{nearest(size, SIZES)} (known: {', '.join(SIZES)})")
+    if seed < 0:
+        raise DataError(f"seed {seed}: it must not be negative")
+    rng = np.random.default_rng([seed, len(size)])
+    clean, effects, outside, pairs, ties = SIZES[size]
+    several = [
+        *_clean(clean), *(_few_effects(effects, rng) if size == "tiny" else _effects(effects)), *_outside(outside, rng),
+        *_pairs(pairs, rng), *_ties(ties, rng),
+    ]  # fmt: skip
+    # A block of seeds for each study.
+    first = (seed + 1) * 1_000_000
+    return tuple(CaseSpec(seed=first + k, **_recorded(given, rng)) for k, given in enumerate(several))
+
+
+def pairable() -> tuple[tuple[str, str], ...]:
+    """Pairs of concealed mechanisms that belong to different families and can both be seen.
+
+    Returns
+    -------
+    tuple of pairs of str
+    """
+    seen = [name for name in KEY if reach(name) >= PAIRABLE]
+    family = {name: effect_named(KEY[name][0]).family for name in seen}
+    return tuple((a, b) for a, b in combinations(seen, 2) if family[a] is not family[b])
+
+
+Given = dict[str, object]
+
+
+def _clean(count: int) -> Iterator[Given]:
+    for k in range(count):
+        yield {"name": f"clean-{k + 1:03d}", "kind": "clean", "effects": (), "truth": (), "target_ratio": 0.0}
+
+
+def _effects(each: int) -> Iterator[Given]:
+    for name, names in KEY.items():
+        for k in range(each):
+            yield _effect(name, names[0], f"{k + 1:02d}", LADDER[k % len(LADDER)])
+
+
+def _few_effects(count: int, rng: np.random.Generator) -> Iterator[Given]:
+    """Some effects that can be seen well."""
+    seen = [name for name in KEY if reach(name) >= 2 * PAIRABLE]
+    for name in rng.choice(seen, count, replace=False):
+        yield _effect(str(name), KEY[str(name)][0], "01", 2.8)
+
+
+def _effect(name: str, truth: str, number: str, ratio: float) -> Given:
+    return {
+        "name": f"{truth.replace('_', '-')}-{number}", "kind": "effect", "effects": (name,), "truth": (truth,),
+        "target_ratio": ratio,
+    }  # fmt: skip
+
+
+def _outside(count: int, rng: np.random.Generator) -> Iterator[Given]:
+    names = list(OUTSIDE)
+    for k in range(count):
+        yield {
+            "name": f"outside-{k + 1:02d}", "kind": "outside", "effects": (names[k % len(names)],), "truth": (),
+            "target_ratio": _between(rng, OUTSIDE_RATIOS),
+        }  # fmt: skip
+
+
+def _pairs(count: int, rng: np.random.Generator) -> Iterator[Given]:
+    possible = pairable()
+    for k, number in enumerate(rng.permutation(len(possible))[:count]):
+        pair = possible[number]
+        yield {
+            "name": f"pair-{k + 1:02d}", "kind": "pair", "effects": pair, "truth": tuple(KEY[n][0] for n in pair),
+            "target_ratio": _between(rng, PAIR_RATIOS),
+        }  # fmt: skip
+
+
+def _ties(count: int, rng: np.random.Generator) -> Iterator[Given]:
+    for k in range(count):
+        waveform, rivals, mechanism, _ = TIES[k % len(TIES)]
+        yield {
+            "name": f"tie-{k + 1:02d}", "kind": "tie", "effects": (mechanism,), "truth": (KEY[mechanism][0],),
+            "rivals": rivals, "target_ratio": _between(rng, TIE_RATIOS), "excitation": waveform, "rich": False,
+        }  # fmt: skip
+
+
+def _recorded(given: Given, rng: np.random.Generator) -> Given:
+    """How a case is recorded, where that is left open."""
+    drawn: Given = {
+        "excitation": str(rng.choice(RICH)), "records": int(rng.choice([1, 2])),
+        "noise_share": round(_between(rng, NOISE_SHARES), 4),
+    }  # fmt: skip
+    if given["kind"] == "tie":
+        drawn["records"] = 1
+    return {**drawn, **given}
+
+
+def _between(rng: np.random.Generator, ends: tuple[float, float]) -> float:
+    return float(np.exp(rng.uniform(*np.log(ends))))

@@ -1,0 +1,189 @@
+"""One case, from the making of its recordings to what is written of it.
+
+The diagnosis and the baselines get the nominal plant and the recordings, nothing else. When they are through, the
+oracle and the advised experiment ask the generator, and the check is run; what is right is decided when all cases are.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from deatwin.ident.greybox.fit import Calibration, Part, calibrate, simulated
+from deatwin.ident.mismatch import Diagnosis, diagnose
+from deatwin.plant.errors import DeatwinError, SimulationError
+from deatwin.plant.model import Plant
+from deatwin.plant.recording import Experiment
+from deatwin.scenarios.concealed_physics.baselines import BASELINES, tracks
+from deatwin.scenarios.concealed_physics.oracle import consult
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from deatwin.scenarios.concealed_physics.cases import CaseSpec, Specimen
+
+__all__ = ["check_rms", "examine"]
+
+
+def examine(spec: CaseSpec) -> dict[str, Any]:
+    """Make a case, diagnose it, and judge what came out on the check record.
+
+    Parameters
+    ----------
+    spec : CaseSpec
+        What to conceal.
+
+    Returns
+    -------
+    dict
+        Plain data; amplitudes in SI. ``seconds`` alone differs between equal runs.
+    """
+    from deatwin.scenarios.concealed_physics.cases import make
+
+    clock = _Clock()
+    with clock("make"):
+        specimen = make(spec)
+    with clock("diagnose"):
+        diagnosis = diagnose(specimen.plant, specimen.experiments, jobs=1, seed=spec.seed)
+    parts = [Part.whole(experiment) for experiment in specimen.experiments]
+    with clock("base"):
+        base = _base(diagnosis, parts)
+    result = {
+        "status": "done",
+        "ratio": specimen.ratio,
+        "noise_true": specimen.noise,
+        "diagnosis": _essence(diagnosis),
+        "parameters": _parameters(diagnosis, specimen),
+    }
+    with clock("baselines"):
+        result["baselines"] = _baselines(base.plant, specimen)
+    with clock("oracle"):
+        oracle = _oracle(specimen, diagnosis, base, parts)
+    result["check"] = {
+        "nominal": check_rms(specimen.plant, specimen.check),
+        "base": check_rms(base.plant, specimen.check),
+        "diagnosis": check_rms(diagnosis.model.plant, specimen.check) if diagnosis.model else None,
+        "oracle": None if oracle is None else check_rms(oracle, specimen.check),
+    }
+    with clock("advised"):
+        result["advised"] = _advised(spec, specimen, diagnosis)
+    return {**result, "seconds": clock.seconds}
+
+
+class _Clock:
+    """Processor time of each step."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+
+    @contextmanager
+    def __call__(self, step: str) -> Iterator[None]:
+        begun = time.process_time()
+        yield
+        self.seconds[step] = round(time.process_time() - begun, 2)
+
+
+def check_rms(plant: Plant, check: Experiment) -> float | None:
+    """Rms error of a plant's free run over the check record.
+
+    Parameters
+    ----------
+    plant : Plant
+        Calibrated.
+    check : Experiment
+        Never fitted.
+
+    Returns
+    -------
+    float or None
+        SI; None where the plant cannot follow.
+    """
+    run = plant.simulate(check)
+    if not np.isfinite(np.concatenate([y[0] for y in run.outputs])).all():
+        return None
+    errors = [r.outputs[0] - y[0] for r, y in zip(check.recordings, run.outputs, strict=True)]
+    return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
+
+
+def _base(diagnosis: Diagnosis, parts: Sequence[Part]) -> Calibration:
+    """The base plant of the diagnosis, fitted to all samples as its answer is."""
+    if diagnosis.evidence is None:
+        raise SimulationError("the diagnosis kept no evidence: there is no base plant to compare with")
+    plant = diagnosis.evidence.base_model.plant
+    found = calibrate(plant, parts)
+    if not found.status.ok:
+        raise SimulationError("the base plant of the diagnosis cannot be fitted to the whole recordings")
+    return found
+
+
+def _essence(diagnosis: Diagnosis) -> dict[str, Any]:
+    """The parts of a diagnosis that are counted."""
+    data = diagnosis.to_dict()
+    kept = ("verdict", "noise", "model_error", "detect", "causes", "set", "indistinguishable", "sentence", "fit",
+            "free_form", "warnings")  # fmt: skip
+    advice = data["next_experiment"]
+    return {**{name: data[name] for name in kept}, "next_experiment": dict(advice) if advice else None}
+
+
+def _parameters(diagnosis: Diagnosis, specimen: Specimen) -> list[dict[str, Any]]:
+    """Intervals of added parameters whose true value is known, since generator and catalogue mean the same by it."""
+    known: Mapping[str, float] = getattr(specimen, "parameters", {})
+    return [
+        {"name": f"{cause.effect}.{name}", "true": known[f"{cause.effect}.{name}"], "low": p.low, "high": p.high}
+        for cause in diagnosis.causes
+        for name, p in cause.parameters.items()
+        if f"{cause.effect}.{name}" in known
+    ]
+
+
+def _baselines(plant: Plant, specimen: Specimen) -> dict[str, Any]:
+    learned, judged, size = tracks(plant, specimen.experiments, specimen.check)
+    found = {}
+    for name, learn in BASELINES.items():
+        try:
+            correction = learn(learned, judged)
+        except (DeatwinError, ValueError, np.linalg.LinAlgError) as error:
+            found[name] = {"rms": None, "term": "", "failure": f"{type(error).__name__}: {error}"}
+            continue
+        left = float(size * np.sqrt(np.mean((judged.residual - correction.predicted) ** 2)))
+        found[name] = {
+            "rms": left if np.isfinite(left) else None, "term": correction.term, "failure": correction.failure,
+        }  # fmt: skip
+    return found
+
+
+def _oracle(specimen: Specimen, diagnosis: Diagnosis, base: Calibration, parts: Sequence[Part]) -> Plant | None:
+    """The true effects in the base plant, by a search of its own: a diagnosis that lost its way is seen by it."""
+    if not specimen.truth:
+        return None
+    nominal = specimen.plant.with_rig(base.plant.rig)
+    found = consult(nominal, base, parts, specimen.truth, specimen.noise)
+    rivals = [] if found is None else [found]
+    if diagnosis.model is not None and {c.effect for c in diagnosis.causes} == set(specimen.truth):
+        rivals.append(diagnosis.model.plant)
+    return min(rivals, key=lambda plant: _squares(plant, parts), default=None)
+
+
+def _squares(plant: Plant, parts: Sequence[Part]) -> float:
+    readings = simulated(plant, parts)
+    if readings is None:
+        return float("inf")
+    return float(np.sum((np.concatenate([part.measured for part in parts]) - readings) ** 2))
+
+
+def _advised(spec: CaseSpec, specimen: Specimen, diagnosis: Diagnosis) -> dict[str, Any] | None:
+    """What a second diagnosis says when the advised experiment is there as well; of ties only."""
+    advice = getattr(diagnosis, "advice", None)
+    commands = getattr(advice, "experiment", None)
+    if spec.kind != "tie" or commands is None:
+        return None
+    try:
+        more = specimen.record(commands, spec.seed + 1)
+    except SimulationError as error:
+        return {"failure": str(error)}
+    again = diagnose(specimen.plant, (*specimen.experiments, more), jobs=1, seed=spec.seed)
+    return {"failure": "", **{k: v for k, v in _essence(again).items() if k in ("verdict", "causes", "set")}}

@@ -1,0 +1,179 @@
+"""Do the 95 % intervals of added parameters cover? The effect is known, and the reduced plant itself made the data.
+
+The fit starts from the true values: what is tried out is the interval, not the search.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from deatwin.ident.greybox.fit import Part, calibrate
+from deatwin.plant.effects.base import Effect
+from deatwin.plant.effects.catalogue import catalogue, effect_named
+from deatwin.plant.errors import SimulationError
+from deatwin.plant.excitation import band_limited_noise, random_holds
+from deatwin.plant.model import Plant
+from deatwin.plant.parameters import Parameter, Scale
+from deatwin.plant.recording import Experiment, Recording
+from deatwin.plant.rigs.diaphragm import Diaphragm
+
+__all__ = ["DRAWS", "IntervalSpec", "cover", "interval_specs"]
+
+DRAWS: Mapping[str, int] = MappingProxyType({"tiny": 1, "small": 3, "standard": 12, "full": 24})
+"""Of each effect, by the size of the study."""
+TINY = ("creep", "quadratic_damping", "sensor_lag")
+"""The effects of the tiny study."""
+RIG_SPREAD, EFFECT_SPREAD = 0.1, 0.4
+"""Half widths within which the logarithms of true values are drawn around the typical ones."""
+SECONDS = 60.0
+ATTEMPTS = 20
+"""Draws of true values until a plant can follow the commands."""
+COLOUR = 0.6
+"""Correlation of neighbouring samples of coloured noise."""
+TOLERANCE = 1e-6
+
+
+@dataclass(frozen=True, kw_only=True)
+class IntervalSpec:
+    """One fit whose intervals are looked at.
+
+    Parameters
+    ----------
+    name : str
+        Unique in the study.
+    effect : str
+        Added to the plant that makes the data and to the one that is fitted.
+    coloured : bool
+        Whether the sensor's noise is coloured.
+    seed : int
+        Of values, commands and noise.
+    """
+
+    name: str
+    effect: str
+    coloured: bool
+    seed: int
+    kind: str = "interval"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data, for the key."""
+        return asdict(self)
+
+
+def interval_specs(size: str, seed: int) -> tuple[IntervalSpec, ...]:
+    """The fits of a study.
+
+    Parameters
+    ----------
+    size : str
+        Of the study.
+    seed : int
+        Of the study.
+
+    Returns
+    -------
+    tuple of IntervalSpec
+        Every effect of the catalogue that displacement shows, in turn with white and coloured noise.
+    """
+    from deatwin.scenarios.concealed_physics.key import invisible
+
+    hidden = invisible()
+    effects = TINY if size == "tiny" else tuple(e.name for e in catalogue() if e.name not in hidden)
+    pairs = [(effect, draw) for effect in effects for draw in range(DRAWS[size])]
+    seeds = np.random.SeedSequence((seed, len(pairs))).generate_state(len(pairs))
+    return tuple(
+        IntervalSpec(
+            name=f"interval-{effect.replace('_', '-')}-{draw:02}", effect=effect, coloured=bool(draw % 2), seed=int(s)
+        )
+        for (effect, draw), s in zip(pairs, seeds, strict=True)
+    )
+
+
+def cover(spec: IntervalSpec) -> dict[str, Any]:
+    """Make data with an effect, fit the same plant to them, and look which intervals hold the truth.
+
+    Parameters
+    ----------
+    spec : IntervalSpec
+        What to draw.
+
+    Returns
+    -------
+    dict
+        Plain data: the effect's parameters with truth and interval, SI. The time of an event is left out: only a
+        sample or two know of it, so it is searched for and has no interval.
+
+    Raises
+    ------
+    SimulationError
+        If no plant that was drawn can follow the commands.
+    """
+    rng = np.random.default_rng(spec.seed)
+    true, silent = _simulable(spec, rng)
+    recorded = _read(true, silent, spec.coloured, rng)
+    fit = calibrate(true, [Part.whole(recorded)], tolerance=TOLERANCE)
+    effect = effect_named(spec.effect)
+    rows = []
+    for parameter in effect.parameters:
+        if parameter.name == f"{effect.name}.{effect.event}":
+            continue
+        low, high = fit.interval(parameter.name)
+        rows.append({
+            "name": parameter.name, "true": true.parameters[parameter.name].value, "low": low, "high": high,
+            "at_bound": parameter.name in fit.at_bound,
+        })  # fmt: skip
+    return {"status": "done", "parameters": rows}
+
+
+def _simulable(spec: IntervalSpec, rng: np.random.Generator) -> tuple[Plant, Experiment]:
+    """True plant and commands; drawn anew until the film holds."""
+    for _ in range(ATTEMPTS):
+        plant = _drawn(effect_named(spec.effect), rng)
+        silent = _commands(rng, plant.rig.sample_time)
+        if plant.simulate(silent).status.ok:
+            return plant, silent
+    raise SimulationError(f"{spec.effect}: none of {ATTEMPTS} plants that were drawn can follow the commands")
+
+
+def _drawn(effect: Effect, rng: np.random.Generator) -> Plant:
+    plant = Plant(rig=Diaphragm(), effects=(effect,))
+    values = {}
+    for name in plant.parameters.free:
+        spread = EFFECT_SPREAD if name.startswith(f"{effect.name}.") else RIG_SPREAD
+        values[name] = _moved(plant.parameters[name], rng.uniform(-spread, spread))
+    return plant.with_values(values)
+
+
+def _moved(parameter: Parameter, by: float) -> float:
+    """Its value times the exponential, kept clear of the bounds of its range."""
+    ends = sorted(parameter.scale.to_coordinate(end) for end in (parameter.lower, parameter.upper))
+    room = 0.02 * (ends[1] - ends[0]) if parameter.scale is not Scale.LINEAR else 0.0
+    at = parameter.scale.to_coordinate(parameter.value * float(np.exp(by)))
+    return parameter.scale.to_value(min(max(at, ends[0] + room), ends[1] - room))
+
+
+def _commands(rng: np.random.Generator, sample_time: float) -> Experiment:
+    """Half of it band-limited noise, half holds, so that fast and slow effects are excited."""
+    noise = band_limited_noise(rng, SECONDS / 2, sample_time)
+    holds = random_holds(rng, SECONDS / 2, sample_time, lower=1.1, upper=3.75)
+    commands = np.concatenate([noise, holds])
+    record = Recording.from_arrays(
+        commands, np.zeros_like(commands), sample_time, input_names=("command",), output_names=("displacement",)
+    )  # fmt: skip
+    return Experiment(recordings=(record,))
+
+
+def _read(plant: Plant, silent: Experiment, coloured: bool, rng: np.random.Generator) -> Experiment:
+    record = silent.recordings[0]
+    white = rng.standard_normal(record.n_samples)
+    if coloured:
+        from scipy.signal import lfilter
+
+        white = lfilter([np.sqrt(1 - COLOUR**2)], [1.0, -COLOUR], white)
+    reading = plant.simulate(silent).require().outputs[0] + plant.rig.noise * white
+    return Experiment(recordings=(replace(record, outputs=reading),))

@@ -1,0 +1,132 @@
+"""The key: which catalogue names are right for a concealed mechanism. Written before any case was run.
+
+A mechanism is another form of the same physics as the effect that is named first. Where two effects of the catalogue
+are the same physics seen from two sides, both are right, and the reason is given.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any
+
+__all__ = ["KEY", "OUTSIDE", "REASONS", "TIES", "accepted", "canonical", "to_dict"]
+
+KEY: Mapping[str, tuple[str, ...]] = MappingProxyType({
+    "power_law_creep": ("creep",),
+    "logarithmic_relaxation": ("prestretch_relaxation",),
+    "chain_damage": ("mullins",),
+    "exponential_stiffening": ("strain_stiffening",),
+    "ageing_permittivity": ("permittivity_drift",),
+    "diluted_permittivity": ("permittivity_stretch",),
+    "slow_dipoles": ("dielectric_absorption",),
+    "space_charge": ("charge_injection",),
+    "trap_conduction": ("leakage",),
+    "ladder_electrode": ("electrode_rc",),
+    "cracked_electrode": ("electrode_loss",),
+    "hard_clip": ("amplifier_saturation",),
+    "rate_limit": ("amplifier_slew",),
+    "ground_shift": ("amplifier_offset",),
+    "transport_delay": ("delay",),
+    "stop_operators": ("hysteresis", "coulomb_friction"),
+    "bristle_friction": ("coulomb_friction", "hysteresis"),
+    "turbulent_drag": ("quadratic_damping",),
+    "rounded_stop": ("end_stop",),
+    "hardening_spring": ("cubic_stiffness",),
+    "twin_modes": ("resonance",),
+    "second_order_sensor": ("sensor_lag",),
+    "warming_sensor": ("sensor_drift",),
+    "knocked_sensor": ("sensor_jump",),
+    "crooked_optics": ("sensor_curvature",),
+    "hard_ceiling": ("sensor_saturation",),
+    "thermostat_swing": ("thermal_stiffness",),
+    "mains_hum": ("periodic_disturbance",),
+})  # fmt: skip
+"""Catalogue names by concealed mechanism, the canonical one first."""
+
+REASONS: Mapping[str, str] = MappingProxyType({
+    "stop_operators": "stop operators are elastic-plastic elements: with small thresholds they are dry friction, with "
+    "wide ones the hysteresis of Bouc and Wen; the catalogue has both limits and nothing between",
+    "bristle_friction": "bristles that bend before they slip are Dahl's solid friction, which the catalogue's "
+    "hysteresis is, and slip as the catalogue's dry friction does",
+})  # fmt: skip
+"""Why a second name is right."""
+
+OUTSIDE: Mapping[str, str] = MappingProxyType({
+    "crossover_dead_zone": "a gap in the middle of a static curve: saturations act at its ends, curvatures nowhere sharply",
+    "charging_heat": "softening by the square of the voltage's steps, not by voltage, stretch or time",
+    "gain_wander": "random: no effect of the catalogue is",
+    "interference_bursts": "random bursts: no tone, no step",
+    "one_way_damper": "viscous drag in one direction only: the catalogue's damping is even",
+    "capacitive_crosstalk": "the reading follows changes of the command itself; the catalogue's sensor sees the motion only",
+    "clock_skew": "a lag that grows with time: the catalogue's delay is constant",
+})  # fmt: skip
+"""Mechanisms outside the catalogue, and why none of its effects describes them."""
+
+TIES: tuple[tuple[str, tuple[str, ...], str, str], ...] = (
+    ("slow_sine", ("delay", "electrode_rc", "sensor_lag"), "transport_delay",
+     "one slow sine: a dead time, a lag before the square and one behind the motion are all one small phase"),
+    ("slow_sine", ("sensor_lag", "delay", "electrode_rc"), "second_order_sensor",
+     "as above"),
+    ("slow_sine", ("electrode_rc", "delay", "sensor_lag"), "ladder_electrode",
+     "as above"),
+    ("slow_sine", ("sensor_curvature", "permittivity_stretch", "strain_stiffening", "cubic_stiffness"), "crooked_optics",
+     "one slow sine: static curves with one free coefficient each differ in harmonics that the noise hides"),
+    ("one_level", ("sensor_drift", "permittivity_drift", "prestretch_relaxation"), "warming_sensor",
+     "one level: what shifts the zero and what changes the gain both move the mean once, monotonically"),
+    ("one_level", ("permittivity_drift", "sensor_drift", "prestretch_relaxation"), "ageing_permittivity",
+     "as above"),
+    ("one_level", ("sensor_jump", "electrode_loss"), "knocked_sensor",
+     "one level: a step of the reading, whether the zero or the force has stepped"),
+    ("one_level", ("electrode_loss", "sensor_jump"), "cracked_electrode",
+     "as above"),
+)  # fmt: skip
+"""Input, names that it cannot tell apart (the truth first), the mechanism, and why: three cases of each."""
+
+
+def accepted(mechanism: str) -> frozenset[str]:
+    """The catalogue names that are right for a mechanism.
+
+    Parameters
+    ----------
+    mechanism : str
+        A concealed mechanism.
+
+    Returns
+    -------
+    frozenset of str
+        Empty for one outside the catalogue.
+
+    Examples
+    --------
+    >>> sorted(accepted("bristle_friction"))
+    ['coulomb_friction', 'hysteresis']
+    """
+    return frozenset(KEY.get(mechanism, ()))
+
+
+def canonical(mechanism: str) -> str | None:
+    """The one catalogue name under which a mechanism is counted.
+
+    Parameters
+    ----------
+    mechanism : str
+        A concealed mechanism.
+
+    Returns
+    -------
+    str or None
+        None for one outside the catalogue.
+    """
+    names = KEY.get(mechanism)
+    return names[0] if names else None
+
+
+def to_dict() -> dict[str, Any]:
+    """The whole key as plain data, for a hash of it."""
+    return {
+        "key": {name: list(names) for name, names in KEY.items()},
+        "reasons": dict(REASONS),
+        "outside": dict(OUTSIDE),
+        "ties": [[waveform, list(names), mechanism, why] for waveform, names, mechanism, why in TIES],
+    }

@@ -1,0 +1,240 @@
+"""Concealed mechanisms of the film."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Self
+
+import casadi as ca
+import numpy as np
+
+from deatwin.plant.effects.base import Place
+from deatwin.scenarios.concealed_physics.mechanisms.base import PlantMechanism, Setting
+
+__all__ = [
+    "AgeingPermittivity", "ChainDamage", "DilutedPermittivity", "ExponentialStiffening", "LogarithmicRelaxation",
+    "PowerLawCreep",
+]  # fmt: skip
+
+
+def _decades(time: Any, first: Any) -> Any:
+    """Decades of time since clock 0, counted from the time `first` on."""
+    return ca.log10(1 + ca.fmax(time, 0.0) / first)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PowerLawCreep(PlantMechanism):
+    r"""Creep in the area of the film whose relaxation follows a power law of time.
+
+    Four linear elements in the logarithmic area strain :math:`a = \ln(\lambda_1\lambda_2)` of each point,
+    :math:`\tfrac32\mu w_k(a - \theta_k)^2` with :math:`\tau_k\dot\theta_k = a - \theta_k` and
+    :math:`w_k \propto \tau_k^{-n}`, at times evenly spread over two decades.
+
+    Parameters
+    ----------
+    modulus : float
+        Sum of :math:`\mu w_k`, Pa.
+    exponent : float
+        n.
+    fastest : float
+        Shortest time, s.
+    """
+
+    modulus: float
+    exponent: float
+    fastest: float
+
+    name: ClassVar[str] = "power_law_creep"
+    strength: ClassVar[str] = "modulus"
+    largest: ClassVar[float] = 60e3
+    place: ClassVar[Place] = Place.FILM
+    signal: ClassVar[str] = "film"
+    spread: ClassVar[tuple[float, ...]] = (1.0, 4.6, 21.5, 100.0)
+
+    @classmethod
+    def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
+        return cls(
+            modulus=cls.largest * rng.uniform(0.1, 0.3), exponent=rng.uniform(0.0, 0.3), fastest=rng.uniform(2.0, 6.0)
+        )
+
+    def rewrite(self, signal: Any, build: Any) -> Any:
+        modulus, exponent, fastest = self.symbols(build)
+        total = sum(ratio**-exponent for ratio in self.spread)
+        energy = ca.SX(0)
+        for number, point in enumerate(signal.points):
+            area = ca.log(point.stretches[0] * point.stretches[1])
+            for k, ratio in enumerate(self.spread):
+                flowed = build.state(f"flowed_area_{number}_{k}", scale=0.1)
+                build.guess(flowed, 2 * np.log(signal.rest_stretch))
+                build.rate(flowed, area - flowed, mass=fastest * ratio)
+                energy += 1.5 * modulus * ratio**-exponent / total * point.volume * (area - flowed) ** 2
+        return replace(signal, relaxing=signal.relaxing + energy)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LogarithmicRelaxation(PlantMechanism):
+    """The film's tension falls by the same share in each decade of time.
+
+    Parameters
+    ----------
+    loss : float
+        Share for each decade.
+    first : float
+        Where the first decade begins, s.
+    """
+
+    loss: float
+    first: float
+
+    name: ClassVar[str] = "logarithmic_relaxation"
+    strength: ClassVar[str] = "loss"
+    largest: ClassVar[float] = 0.08
+    place: ClassVar[Place] = Place.FILM
+    signal: ClassVar[str] = "film"
+    order: ClassVar[int] = 2
+
+    @classmethod
+    def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
+        return cls(loss=cls.largest * rng.uniform(0.1, 0.3), first=rng.uniform(10.0, 60.0))
+
+    def rewrite(self, signal: Any, build: Any) -> Any:
+        loss, first = self.symbols(build)
+        return replace(signal, elastic=(1 - loss * _decades(build.time, first)) * signal.elastic)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChainDamage(PlantMechanism):
+    r"""Damage at each point by the largest energy it has held: :math:`d = d_\infty(1 - e^{-(\hat w - w_0)/m})`.
+
+    Parameters
+    ----------
+    damage : float
+        :math:`d_\\infty`, share of the network's stress.
+    energy : float
+        m, J/m³.
+    """
+
+    damage: float
+    energy: float
+
+    name: ClassVar[str] = "chain_damage"
+    strength: ClassVar[str] = "damage"
+    largest: ClassVar[float] = 0.15
+    place: ClassVar[Place] = Place.FILM
+    signal: ClassVar[str] = "film"
+    order: ClassVar[int] = 1
+
+    @classmethod
+    def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
+        return cls(damage=cls.largest * rng.uniform(0.1, 0.3), energy=float(np.exp(rng.uniform(np.log(2e3), np.log(2e4)))))
+
+    def rewrite(self, signal: Any, build: Any) -> Any:
+        damage, scale = self.symbols(build)
+        modulus, lost = build.parameter("shear_modulus"), ca.SX(0)
+        for number, point in enumerate(signal.points):
+            first, second = point.stretches
+            density = modulus / 2 * (first**2 + second**2 + 1 / (first * second) ** 2 - 3)
+            largest = build.state(f"largest_energy_{number}", scale=1e5, start=density)
+            # Only upwards, within a few milliseconds.
+            build.rate(largest, ca.fmax(density - largest, 0.0), mass=4e-3)
+            beyond = largest - build.at_rest(f"energy_at_rest_{number}", density)
+            lost += damage * (1 - ca.exp(-beyond / scale)) * point.volume * density
+        return replace(signal, elastic=signal.elastic - lost)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExponentialStiffening(PlantMechanism):
+    r"""Fibres that stiffen exponentially: :math:`\frac{\mu}{2b}(e^{bx} - 1 - bx)` in :math:`x = I_1 - I_1^p`.
+
+    Parameters
+    ----------
+    modulus : float
+        Pa.
+    exponent : float
+        b.
+    """
+
+    modulus: float
+    exponent: float
+
+    name: ClassVar[str] = "exponential_stiffening"
+    strength: ClassVar[str] = "modulus"
+    largest: ClassVar[float] = 10e3
+    place: ClassVar[Place] = Place.FILM
+    signal: ClassVar[str] = "film"
+
+    @classmethod
+    def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
+        return cls(modulus=cls.largest * rng.uniform(0.1, 0.3), exponent=rng.uniform(0.05, 0.2))
+
+    def rewrite(self, signal: Any, build: Any) -> Any:
+        modulus, b = self.symbols(build)
+        mounted = 2 * signal.rest_stretch**2 + signal.rest_stretch**-4
+
+        def density(first: Any, second: Any) -> Any:
+            x = first**2 + second**2 + 1 / (first * second) ** 2 - mounted
+            return modulus / (2 * b) * (ca.exp(b * x) - 1 - b * x)
+
+        return replace(signal, elastic=signal.elastic + sum(p.volume * density(*p.stretches) for p in signal.points))
+
+
+@dataclass(frozen=True, kw_only=True)
+class AgeingPermittivity(PlantMechanism):
+    """The permittivity changes by the same share in each decade of time.
+
+    Parameters
+    ----------
+    change : float
+        Share for each decade.
+    first : float
+        Where the first decade begins, s.
+    """
+
+    change: float
+    first: float
+
+    name: ClassVar[str] = "ageing_permittivity"
+    strength: ClassVar[str] = "change"
+    largest: ClassVar[float] = 0.12
+    place: ClassVar[Place] = Place.PARAMETER
+    signal: ClassVar[str] = "permittivity"
+
+    @classmethod
+    def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
+        return cls(change=rng.choice([-1.0, 1.0]) * cls.largest * rng.uniform(0.1, 0.3), first=rng.uniform(10.0, 60.0))
+
+    def rewrite(self, signal: Any, build: Any) -> Any:
+        change, first = self.symbols(build)
+        return signal * (1 + change * _decades(build.time, first))
+
+
+@dataclass(frozen=True, kw_only=True)
+class DilutedPermittivity(PlantMechanism):
+    r"""Dipoles that the stretch dilutes: :math:`\varepsilon \propto (\lambda_1\lambda_2)^{-c}` from the prestretch on.
+
+    Parameters
+    ----------
+    exponent : float
+        c.
+    """
+
+    exponent: float
+
+    name: ClassVar[str] = "diluted_permittivity"
+    strength: ClassVar[str] = "exponent"
+    largest: ClassVar[float] = 0.3
+    place: ClassVar[Place] = Place.FILM
+    signal: ClassVar[str] = "film"
+
+    @classmethod
+    def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
+        return cls(exponent=cls.largest * rng.uniform(0.1, 0.3))
+
+    def rewrite(self, signal: Any, build: Any) -> Any:
+        (exponent,) = self.symbols(build)
+        pairs = zip(signal.points, signal.capacitances, strict=True)
+        diluted = [
+            c * (p.stretches[0] * p.stretches[1] / signal.rest_stretch**2) ** -exponent if p.active else c
+            for p, c in pairs
+        ]
+        return replace(signal, capacitances=diluted)

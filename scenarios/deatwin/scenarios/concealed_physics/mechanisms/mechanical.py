@@ -1,0 +1,239 @@
+"""Concealed mechanisms at the ball."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar, Self
+
+import casadi as ca
+import numpy as np
+
+from deatwin.plant.effects.base import Place
+from deatwin.scenarios.concealed_physics.mechanisms.base import PlantMechanism, Setting
+
+__all__ = ["BristleFriction", "HardeningSpring", "RoundedStop", "StopOperators", "TurbulentDrag", "TwinModes"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class StopOperators(PlantMechanism):
+    r"""Prandtl and Ishlinskii's hysteresis: five elastic elements, each of which slips at its own deflection.
+
+    .. math:: F = -\sum_k \frac{F_h}{5r_k}\sigma_k, \qquad
+              \dot\sigma_k = v \text{ while } |\sigma_k| < r_k \text{ or } v\sigma_k < 0, \text{ else } 0
+
+    The last twentieth before slipping is passed smoothly.
+
+    Parameters
+    ----------
+    force : float
+        :math:`F_h`, N.
+    widest : float
+        Largest :math:`r_k`, m; the smallest is an eighth of it.
+    """
+
+    force: float
+    widest: float
+
+    name: ClassVar[str] = "stop_operators"
+    strength: ClassVar[str] = "force"
+    largest: ClassVar[float] = 3e-3
+    place: ClassVar[Place] = Place.BALL
+    signal: ClassVar[str] = "force"
+    spread: ClassVar[tuple[float, ...]] = (0.125, 0.21, 0.354, 0.595, 1.0)
+
+    @classmethod
+    def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
+        return cls(force=cls.largest * rng.uniform(0.1, 0.3), widest=np.ptp(setting.displacement) * rng.uniform(0.1, 0.3))
+
+    def rewrite(self, signal: Any, build: Any) -> Any:
+        force, widest = self.symbols(build)
+        velocity, held = build.signal("velocity"), ca.SX(0)
+        for k, ratio in enumerate(self.spread):
+            share = build.state(f"stop_{k}", scale=1.0, start=0.0)
+            near = ca.fmin(ca.fmax((ca.fabs(share) - 0.95) / 0.05, 0.0), 1.0)
+            free = ca.if_else(velocity * share < 0, 1.0, 1 - near)
+            build.rate(share, velocity * free, mass=widest * ratio)
+            held += share / len(self.spread)
+        return signal - force * held
+
+
+@dataclass(frozen=True, kw_only=True)
+class BristleFriction(PlantMechanism):
+    r"""Friction of bristles that bend before they slip, and hold better at rest (the LuGre model).
+
+    .. math:: F = -(\sigma_0z + \sigma_1\dot z), \qquad \dot z = v - \frac{\sigma_0|v|}{g(v)}z, \qquad
+              g = F_c\bigl[1 + 0.25\,e^{-(v/v_s)^2}\bigr]
+
+    with :math:`v_s` = 1 mm/s.
+
+    Parameters
+    ----------
+    force : float
+        :math:`F_c`, N.
+    bend : float
+        :math:`F_c/\sigma_0`, m.
+
+    References
+    ----------
+    Canudas de Wit, Olsson, Astrom & Lischinsky, IEEE Trans. Autom. Control 40 (1995) 419.
+    """
+
+    force: float
+    bend: float
+
+    name: ClassVar[str] = "bristle_friction"
+    strength: ClassVar[str] = "force"
+    largest: ClassVar[float] = 3e-3
+    place: ClassVar[Place] = Place.BALL
+    signal: ClassVar[str] = "force"
+
+    @classmethod
+    def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
+        return cls(force=cls.largest * rng.uniform(0.1, 0.3), bend=rng.uniform(1e-6, 4e-6))
+
+    def rewrite(self, signal: Any, build: Any) -> Any:
+        force, bend = self.symbols(build)
+        velocity = build.signal("velocity")
+        share = build.state("bristles", scale=1.0, start=0.0)
+        grip = 1 + 0.25 * ca.exp(-((velocity / 1e-3) ** 2))
+        bending = velocity - ca.fabs(velocity) * share / grip
+        build.rate(share, bending, mass=bend)
+        damping = 0.05
+        return signal - force * share - damping * bending
+
+
+@dataclass(frozen=True, kw_only=True)
+class TurbulentDrag(PlantMechanism):
+    r"""Air that is pressed through a gap: :math:`F = -c\,v\,|v|^{3/4}`, as in smooth turbulent flow.
+
+    Parameters
+    ----------
+    coefficient : float
+        c, N (s/m)^1.75.
+    """
+
+    coefficient: float
+
+    name: ClassVar[str] = "turbulent_drag"
+    strength: ClassVar[str] = "coefficient"
+    largest: ClassVar[float] = 10.0
+    place: ClassVar[Place] = Place.BALL
+    signal: ClassVar[str] = "force"
+
+    @classmethod
+    def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
+        return cls(coefficient=cls.largest * rng.uniform(0.1, 0.3))
+
+    def rewrite(self, signal: Any, build: Any) -> Any:
+        (coefficient,) = self.symbols(build)
+        velocity = build.signal("velocity")
+        return signal - coefficient * velocity * (velocity**2 + 1e-10) ** 0.375
+
+
+@dataclass(frozen=True, kw_only=True)
+class RoundedStop(PlantMechanism):
+    r"""A round stop that is pressed in: Hertz' :math:`kd^{3/2}`, damped with the depth.
+
+    Parameters
+    ----------
+    stiffness : float
+        k, N/m^1.5.
+    position : float
+        Displacement at the first touch, m.
+    """
+
+    stiffness: float
+    position: float
+
+    name: ClassVar[str] = "rounded_stop"
+    strength: ClassVar[str] = "stiffness"
+    largest: ClassVar[float] = 1e5
+    place: ClassVar[Place] = Place.BALL
+    signal: ClassVar[str] = "force"
+
+    @classmethod
+    def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
+        position = float(np.quantile(setting.displacement, rng.uniform(0.6, 0.85)))
+        return cls(stiffness=cls.largest * rng.uniform(0.02, 0.1), position=position)
+
+    def rewrite(self, signal: Any, build: Any) -> Any:
+        stiffness, position = self.symbols(build)
+        depth = ca.fmax(build.signal("displacement") - position, 0.0)
+        damped = ca.fmin(ca.fmax(1 + 30.0 * build.signal("velocity"), 0.0), 3.0)
+        return signal - stiffness * depth * ca.sqrt(depth + 1e-9) * damped
+
+
+@dataclass(frozen=True, kw_only=True)
+class HardeningSpring(PlantMechanism):
+    r"""A spring at the ball that hardens: :math:`F = -k\,[a\sinh(y/a) - y]`.
+
+    Parameters
+    ----------
+    stiffness : float
+        k, N/m.
+    reach : float
+        a, m.
+    """
+
+    stiffness: float
+    reach: float
+
+    name: ClassVar[str] = "hardening_spring"
+    strength: ClassVar[str] = "stiffness"
+    largest: ClassVar[float] = 60.0
+    place: ClassVar[Place] = Place.BALL
+    signal: ClassVar[str] = "force"
+
+    @classmethod
+    def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
+        reach = float(np.max(setting.displacement)) * rng.uniform(0.6, 1.2)
+        return cls(stiffness=cls.largest * rng.uniform(0.1, 0.3), reach=reach)
+
+    def rewrite(self, signal: Any, build: Any) -> Any:
+        stiffness, reach = self.symbols(build)
+        y = build.signal("displacement")
+        return signal - stiffness * (reach * ca.sinh(y / reach) - y)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TwinModes(PlantMechanism):
+    """Two equal masses on springs at the ball, tuned a tenth apart: a split mode of a holder.
+
+    Parameters
+    ----------
+    mass : float
+        Of both together, kg.
+    frequency : float
+        Of the lower, Hz.
+    damping_ratio : float
+        Of each.
+    """
+
+    mass: float
+    frequency: float
+    damping_ratio: float
+
+    name: ClassVar[str] = "twin_modes"
+    strength: ClassVar[str] = "mass"
+    largest: ClassVar[float] = 1e-3
+    place: ClassVar[Place] = Place.BALL
+    signal: ClassVar[str] = "force"
+
+    @classmethod
+    def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
+        return cls(
+            mass=cls.largest * rng.uniform(0.1, 0.3), frequency=rng.uniform(4.0, 12.0),
+            damping_ratio=rng.uniform(0.01, 0.04),
+        )  # fmt: skip
+
+    def rewrite(self, signal: Any, build: Any) -> Any:
+        mass, frequency, ratio = self.symbols(build)
+        for number, tuned in enumerate((1.0, 1.1)):
+            stretch = build.state(f"spring_{number}", scale=1e-3, start=0.0)
+            speed = build.state(f"mass_speed_{number}", scale=0.05, start=0.0)
+            omega = 2 * np.pi * frequency * tuned
+            pull = omega**2 * stretch + 2 * ratio * omega * (speed - build.signal("velocity"))
+            build.rate(stretch, speed - build.signal("velocity"))
+            build.rate(speed, -pull)
+            signal = signal + mass / 2 * pull
+        return signal

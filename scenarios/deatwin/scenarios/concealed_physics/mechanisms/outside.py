@@ -1,0 +1,240 @@
+"""Mechanisms that no effect of the catalogue describes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from deatwin.plant.effects.base import Place
+from deatwin.scenarios.concealed_physics.mechanisms.base import Drive, Mechanism, PlantMechanism, Reading, Setting
+
+__all__ = [
+    "CapacitiveCrosstalk", "ChargingHeat", "ClockSkew", "CrossoverDeadZone", "GainWander", "InterferenceBursts",
+    "OneWayDamper",
+]  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class CrossoverDeadZone(Mechanism):
+    """An amplifier of two halves that leave a gap where one hands over to the other.
+
+    Parameters
+    ----------
+    width : float
+        Half of the gap, V of the command.
+    level : float
+        Where it lies, V.
+    """
+
+    width: float
+    level: float
+
+    name: ClassVar[str] = "crossover_dead_zone"
+    strength: ClassVar[str] = "width"
+    largest: ClassVar[float] = 0.4
+
+    @classmethod
+    def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
+        level = float(np.quantile(np.abs(setting.commands), rng.uniform(0.4, 0.7)))
+        return cls(width=cls.largest * rng.uniform(0.1, 0.3), level=level)
+
+    def commanded(self, drive: Drive, rng: np.random.Generator) -> Drive:
+        beyond = np.abs(drive.commands) - self.level
+        passed = self.level + np.sign(beyond) * np.maximum(np.abs(beyond) - self.width, 0.0)
+        # Far below the gap the lower half works alone.
+        share = np.clip(np.abs(drive.commands) / self.level * 2, 0.0, 1.0)
+        size = np.abs(drive.commands) + share * (passed - np.abs(drive.commands))
+        return replace(drive, commands=np.sign(drive.commands) * size)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChargingHeat(PlantMechanism):
+    """Charging currents heat the film, each by the square of its step of voltage; the warm film is softer.
+
+    Parameters
+    ----------
+    softening : float
+        Share of the modulus that is lost for a heat of 1, which steps of 1 kV make ten times a second.
+    time : float
+        In which the film cools, s.
+    """
+
+    softening: float
+    time: float
+
+    name: ClassVar[str] = "charging_heat"
+    strength: ClassVar[str] = "softening"
+    largest: ClassVar[float] = 20.0
+    place: ClassVar[Place] = Place.FILM
+    signal: ClassVar[str] = "film"
+    order: ClassVar[int] = 3
+
+    @classmethod
+    def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
+        return cls(softening=cls.largest * rng.uniform(0.1, 0.3), time=rng.uniform(3.0, 12.0))
+
+    def commanded(self, drive: Drive, rng: np.random.Generator) -> Drive:
+        steps = np.diff(drive.commands, prepend=drive.rest_command)
+        passed = np.diff(drive.times, prepend=drive.times[0])
+        heat, here = np.empty(steps.size), 0.0
+        for k in range(steps.size):
+            here = here * np.exp(-passed[k] / self.time) + (0.8 * steps[k]) ** 2 / (10.0 * self.time)
+            heat[k] = here
+        return replace(drive, channels={**drive.channels, "charging_heat": heat})
+
+    def rewrite(self, signal: Any, build: Any) -> Any:
+        softening, _ = self.symbols(build)
+        return replace(signal, elastic=signal.elastic / (1 + softening * build.channel("charging_heat", 0.0)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class GainWander(Mechanism):
+    """The amplifier's gain wanders at random, and comes back within some seconds.
+
+    Parameters
+    ----------
+    deviation : float
+        Standard deviation, as a share.
+    time : float
+        In which it forgets, s.
+    """
+
+    deviation: float
+    time: float
+
+    name: ClassVar[str] = "gain_wander"
+    strength: ClassVar[str] = "deviation"
+    largest: ClassVar[float] = 0.08
+
+    @classmethod
+    def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
+        return cls(deviation=cls.largest * rng.uniform(0.1, 0.3), time=float(np.exp(rng.uniform(np.log(0.5), np.log(6.0)))))
+
+    def commanded(self, drive: Drive, rng: np.random.Generator) -> Drive:
+        kept = np.exp(-np.diff(drive.times, prepend=drive.times[0]) / self.time)
+        pushes = np.sqrt(1 - kept**2) * rng.standard_normal(kept.size)
+        wander, here = np.empty(kept.size), 0.0
+        for k in range(kept.size):
+            here = kept[k] * here + pushes[k]
+            wander[k] = here
+        return replace(drive, commands=drive.commands * (1 + self.deviation * wander))
+
+
+@dataclass(frozen=True, kw_only=True)
+class InterferenceBursts(Mechanism):
+    """Short bursts in the reading at random times, each with its own frequency and size.
+
+    Parameters
+    ----------
+    amplitude : float
+        Typical size, m.
+    apart : float
+        Mean time between two, s.
+    """
+
+    amplitude: float
+    apart: float
+
+    name: ClassVar[str] = "interference_bursts"
+    strength: ClassVar[str] = "amplitude"
+    largest: ClassVar[float] = 3e-4
+
+    @classmethod
+    def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
+        return cls(amplitude=cls.largest * rng.uniform(0.1, 0.3), apart=rng.uniform(4.0, 12.0))
+
+    def read(self, reading: Reading, rng: np.random.Generator) -> np.ndarray:
+        disturbed, time = reading.values.copy(), float(reading.times[0])
+        while (time := time + rng.exponential(self.apart)) < reading.times[-1]:
+            since = reading.times - time
+            size, frequency, phase = rng.exponential(), rng.uniform(2.0, 12.0), rng.uniform(0, 2 * np.pi)
+            shape = np.exp(-np.abs(since) / rng.uniform(0.2, 0.8)) * np.cos(2 * np.pi * frequency * since + phase)
+            disturbed += self.amplitude * size * np.where(since >= 0, shape, 0.0)
+        return disturbed
+
+
+@dataclass(frozen=True, kw_only=True)
+class OneWayDamper(PlantMechanism):
+    """Air that leaves the chamber below the film easily, and comes back through a narrow valve.
+
+    Parameters
+    ----------
+    coefficient : float
+        Of the way up, N s/m.
+    """
+
+    coefficient: float
+
+    name: ClassVar[str] = "one_way_damper"
+    strength: ClassVar[str] = "coefficient"
+    largest: ClassVar[float] = 3.0
+    place: ClassVar[Place] = Place.BALL
+    signal: ClassVar[str] = "force"
+
+    @classmethod
+    def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
+        return cls(coefficient=cls.largest * rng.uniform(0.1, 0.3))
+
+    def rewrite(self, signal: Any, build: Any) -> Any:
+        (coefficient,) = self.symbols(build)
+        velocity = build.signal("velocity")
+        return signal - coefficient * (velocity - (velocity**2 + 1e-12) ** 0.5) / 2
+
+
+@dataclass(frozen=True, kw_only=True)
+class CapacitiveCrosstalk(Mechanism):
+    """Every change of the high voltage couples into the sensor's cable, which forgets it within a second or so.
+
+    Parameters
+    ----------
+    coupling : float
+        m for a step of one volt of the command.
+    time : float
+        s.
+    """
+
+    coupling: float
+    time: float
+
+    name: ClassVar[str] = "capacitive_crosstalk"
+    strength: ClassVar[str] = "coupling"
+    largest: ClassVar[float] = 1e-4
+
+    @classmethod
+    def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
+        sign = rng.choice([-1.0, 1.0])
+        return cls(coupling=sign * cls.largest * rng.uniform(0.1, 0.3), time=float(np.exp(rng.uniform(np.log(0.1), np.log(1.0)))))
+
+    def read(self, reading: Reading, rng: np.random.Generator) -> np.ndarray:
+        kept = np.exp(-np.median(np.diff(reading.times)) / self.time)
+        steps, coupled, here = np.diff(reading.commands, prepend=reading.commands[0]), np.empty(reading.values.size), 0.0
+        for k in range(steps.size):
+            here = kept * here + steps[k]
+            coupled[k] = here
+        return reading.values + self.coupling * coupled
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClockSkew(Mechanism):
+    """Two clocks that run apart: commands come later and later against the readings.
+
+    Parameters
+    ----------
+    skew : float
+        s for each s.
+    """
+
+    skew: float
+
+    name: ClassVar[str] = "clock_skew"
+    strength: ClassVar[str] = "skew"
+    largest: ClassVar[float] = 2e-3
+
+    @classmethod
+    def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
+        return cls(skew=cls.largest * rng.uniform(0.1, 0.3))
+
+    def commanded(self, drive: Drive, rng: np.random.Generator) -> Drive:
+        return replace(drive, times=drive.times + self.skew * np.maximum(drive.times, 0.0))

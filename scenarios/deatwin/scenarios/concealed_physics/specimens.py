@@ -1,0 +1,238 @@
+"""From the specification of a case to its specimen: an apparatus, the records that were made with it, and the truth."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from deatwin.plant.errors import SimulationError
+from deatwin.plant.model import Plant
+from deatwin.plant.recording import Experiment, Recording
+from deatwin.scenarios.concealed_physics.apparatus import Apparatus
+from deatwin.scenarios.concealed_physics.excitations import RICH, commands
+from deatwin.scenarios.concealed_physics.mechanisms import Mechanism, Setting, mechanism_named
+from deatwin.scenarios.concealed_physics.noise import SensorNoise
+from deatwin.scenarios.concealed_physics.rigs import Rigging, drawn_rig
+from deatwin.scenarios.concealed_physics.specs import CaseSpec
+from deatwin.scenarios.concealed_physics.strength import StructuralScale
+
+__all__ = ["SECONDS", "Specimen", "make"]
+
+SECONDS, CHECK_SECONDS = 120.0, 48.0
+LOWEST, HIGHEST = 1.1, 3.75
+"""Range of the thesis' commands, V."""
+CLEAR = 1.04
+"""The film bears this many times the highest command."""
+LOWER, RETRIES = 0.93, 12
+"""What the highest command is multiplied by where the film does not bear it, and how often."""
+NEAR = 0.1
+"""How near to the target a ratio is to come; from there on nothing is corrected."""
+CORRECTIONS = 4
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Specimen:
+    """A case as the diagnosis gets it, and what only the score may see.
+
+    Parameters
+    ----------
+    plant : Plant
+        As the rig file and published values describe it.
+    experiments : tuple of Experiment
+        Records for the diagnosis, with readings, m.
+    check : Experiment
+        A further record on the same clock, of another waveform; its readings are for judging only.
+    truth : tuple of str
+        A catalogue name for each mechanism.
+    ratio : float
+        Structural residual of all mechanisms together over the noise; 0 where there are none.
+    ratios : mapping of str to float
+        Of each mechanism alone.
+    noise : float
+        Rms of the sensor's noise, m.
+    model_rest : float
+        What a refit of the base plant leaves of the clean film, rms, m.
+    noise_free : tuple of ndarray
+        Readings without noise of the records, then of the check, m.
+    apparatus : Apparatus
+        That made them.
+    """
+
+    plant: Plant
+    experiments: tuple[Experiment, ...]
+    check: Experiment
+    truth: tuple[str, ...]
+    ratio: float
+    ratios: Mapping[str, float]
+    noise: float
+    model_rest: float
+    noise_free: tuple[np.ndarray, ...]
+    apparatus: Apparatus
+
+    @property
+    def whole(self) -> Experiment:
+        """Records and check as one experiment, the check last."""
+        return Experiment(recordings=(*self.experiments[0].recordings, *self.check.recordings))
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """True values by the name of the catalogue's parameter, where a mechanism has the same one, SI."""
+        return {k: v for m in self.apparatus.mechanisms for k, v in m.catalogue_values().items()}
+
+    @property
+    def concealed(self) -> dict[str, dict[str, float]]:
+        """Parameters of each concealed mechanism, SI."""
+        return {m.name: m.to_dict() for m in self.apparatus.mechanisms}
+
+    def record(self, experiment: Experiment, seed: int) -> Experiment:
+        """Other commands on the same apparatus, from rest.
+
+        Parameters
+        ----------
+        experiment : Experiment
+            Only commands and clock are used.
+        seed : int
+            Of the noise, and of what is random in a mechanism.
+
+        Returns
+        -------
+        Experiment
+            With readings, m.
+
+        Raises
+        ------
+        SimulationError
+            If the film pulls in.
+        """
+        return self.apparatus.record(experiment, np.random.default_rng([self.apparatus.seed, seed, 7]), run=1 + seed)
+
+
+def make(spec: CaseSpec, *, seconds: float = SECONDS, check_seconds: float = CHECK_SECONDS) -> Specimen:
+    """The specimen of a case: the same bytes for the same case on the same computer.
+
+    Parameters
+    ----------
+    spec : CaseSpec
+        The case.
+    seconds, check_seconds : float
+        Length of the records together and of the check, s.
+
+    Returns
+    -------
+    Specimen
+
+    Raises
+    ------
+    SimulationError
+        If no range of commands was found that the film bears with its mechanisms.
+    """
+    rng = np.random.default_rng(spec.seed)
+    rigging = drawn_rig(rng)
+    waves = int(rng.integers(2**32))
+    shapes = int(rng.integers(2**32))
+    highest, last = HIGHEST, ""
+    for _ in range(RETRIES):
+        whole = _commands(spec, rigging, np.random.default_rng(waves), seconds, check_seconds, highest)
+        try:
+            if _is_borne(rigging, whole):
+                return _made(spec, rigging, whole, np.random.default_rng(shapes))
+        except SimulationError as error:
+            last = f": {error}"
+        highest = LOWEST + LOWER * (highest - LOWEST)
+    raise SimulationError(f"case {spec.name}: the film bears no command range that was tried{last}")
+
+
+def _commands(
+    spec: CaseSpec, rigging: Rigging, rng: np.random.Generator, seconds: float, check_seconds: float, highest: float
+) -> Experiment:
+    """Records and check on one clock, without readings."""
+    step, start, records = rigging.nominal.rig.sample_time, 0.0, []
+    for _ in range(spec.records):
+        wave = commands(spec.excitation, rng, seconds / spec.records, step, LOWEST, highest)
+        records.append(_silent(wave, step, start))
+        start = records[-1].end
+    other = str(rng.choice([name for name in RICH if name not in (spec.excitation, "both_polarities")]))
+    # A little inside the range: a check is to interpolate.
+    wave = commands(other, rng, check_seconds, step, LOWEST, LOWEST + 0.95 * (highest - LOWEST))
+    return Experiment(recordings=(*records, _silent(wave, step, start)))
+
+
+def _silent(wave: np.ndarray, step: float, start: float) -> Recording:
+    return Recording(inputs=wave[None], outputs=np.zeros((1, wave.size)), sample_time=step, start=start)
+
+
+def _is_borne(rigging: Rigging, experiment: Experiment) -> bool:
+    """Whether the film, reduced, comes through commands that are a little higher without any event."""
+    reduced = replace(rigging.actual.rig, resolution="reduced")
+    raised = tuple(replace(r, inputs=CLEAR * r.inputs) for r in experiment.recordings)
+    return rigging.actual.with_rig(reduced).simulate(Experiment(recordings=raised)).status.name == "DONE"
+
+
+def _made(spec: CaseSpec, rigging: Rigging, whole: Experiment, rng: np.random.Generator) -> Specimen:
+    count = len(whole.recordings) - 1
+    fitted = Experiment(recordings=whole.recordings[:count])
+    silent = SensorNoise(rms=1.0, coloured=0.0, pole=0.0, step=0.0)
+    bare = Apparatus(plant=rigging.actual, mechanisms=(), before=rigging.before, noise=silent, seed=spec.seed)
+    clean = bare.readings(whole)
+    motion = np.concatenate(clean[:count])
+    noise = SensorNoise.drawn(rng, float(f"{spec.noise_share * np.std(motion):.2g}"))
+    nominal = rigging.nominal.with_rig(replace(rigging.nominal.rig, noise=noise.rms))
+    bare = replace(bare, noise=noise)
+    scale = StructuralScale.of(nominal, _film(rigging), fitted, clean[:count], noise.rms)
+    setting = Setting(
+        seconds=fitted.end, commands=np.concatenate([r.inputs[0] for r in fitted.recordings]), displacement=motion,
+        gain=nominal.rig.gain,
+    )  # fmt: skip
+    mechanisms, ratios, readings = [], {}, clean
+    for name in spec.effects:
+        drawn = mechanism_named(name).drawn(rng, setting)
+        found = _sized(drawn, spec.target_ratio, bare, whole, clean, scale)
+        mechanisms.append(found[0])
+        readings, ratios[name] = found[1], found[2]
+    apparatus = bare.with_mechanisms(*mechanisms)
+    if len(mechanisms) > 1:
+        readings = apparatus.readings(whole)
+    ratio = scale.ratio(readings[:count]) if len(mechanisms) > 1 else next(iter(ratios.values()), 0.0)
+    recorded = apparatus.noisy(whole, readings, rng).recordings
+    return Specimen(
+        plant=nominal, experiments=(Experiment(recordings=recorded[:count]),), check=Experiment(recordings=recorded[count:]),
+        truth=spec.truth, ratio=ratio, ratios=ratios, noise=noise.rms, model_rest=scale.rest, noise_free=readings,
+        apparatus=apparatus,
+    )  # fmt: skip
+
+
+def _film(rigging: Rigging) -> dict[str, float]:
+    return dict(rigging.actual.values)
+
+
+def _sized(
+    mechanism: Mechanism, target: float, bare: Apparatus, whole: Experiment, clean: tuple[np.ndarray, ...],
+    scale: StructuralScale,
+) -> tuple[Mechanism, tuple[np.ndarray, ...], float]:  # fmt: skip
+    """A mechanism of the strength that a ratio needs, or its largest; the readings with it; and the ratio."""
+    count = len(whole.recordings) - 1
+    base = np.concatenate(clean[:count])
+    tried: list[tuple[float, float]] = []
+    readings = clean
+    for number in range(1 + CORRECTIONS):
+        readings = bare.with_mechanisms(mechanism).readings(whole)
+        ratio = scale.guess(np.concatenate(readings[:count]) - base)
+        tried.append((mechanism.size, ratio))
+        at_end = mechanism.size >= mechanism.largest and ratio <= target
+        if abs(ratio / target - 1) < NEAR or at_end or number == CORRECTIONS:
+            break
+        mechanism = mechanism.sized(_next_size(tried, target))
+    return mechanism, readings, scale.ratio(readings[:count])
+
+
+def _next_size(tried: list[tuple[float, float]], target: float) -> float:
+    """Size at which the ratio is expected to meet its target: a power law through the last two that were tried."""
+    (size, ratio), power = tried[-1], 1.0
+    for (first, low), (second, high) in pairwise(tried[-2:]):
+        if low > 0 and high > 0 and first != second:
+            power = float(np.clip(np.log(high / low) / np.log(second / first), 0.4, 3.0))
+    factor = (target / max(ratio, 1e-3 * target)) ** (1 / power)
+    return size * float(np.clip(factor, 0.02, 20.0))

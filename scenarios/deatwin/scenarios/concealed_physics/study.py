@@ -1,0 +1,139 @@
+"""The running of the study: sealed first, in parallel, killed and gone on with at any time."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from deatwin.ident.parallel import run_jobs
+from deatwin.scenarios.concealed_physics.examine import examine
+from deatwin.scenarios.concealed_physics.intervals import IntervalSpec, cover, interval_specs
+from deatwin.scenarios.concealed_physics.seal import Seal
+from deatwin.scenarios.concealed_physics.store import Store
+
+if TYPE_CHECKING:
+    from deatwin.scenarios.concealed_physics.cases import CaseSpec
+
+__all__ = ["SIZES", "carry_out", "key_of", "labels", "run_case"]
+
+SIZES = ("tiny", "small", "standard", "full")
+EFFORT = {"clean": 0.5, "interval": 0.15, "tie": 2.0}
+"""Of a case of that kind, where others take 1."""
+
+Spec = Any  # CaseSpec or IntervalSpec: each has a name, a kind and a seed
+
+
+def labels(size: str, seed: int) -> tuple[CaseSpec | IntervalSpec, ...]:
+    """All cases of a study, with what is concealed in each.
+
+    Parameters
+    ----------
+    size : str
+        One of `SIZES`.
+    seed : int
+        Of the study.
+
+    Returns
+    -------
+    tuple of CaseSpec and IntervalSpec
+        In the order of the key.
+    """
+    from deatwin.scenarios.concealed_physics.cases import case_specs
+
+    return (*case_specs(size, seed), *interval_specs(size, seed))
+
+
+def key_of(specs: Sequence[Spec]) -> dict[str, Any]:
+    """The key: what is concealed in each case, and which names are right for it.
+
+    Parameters
+    ----------
+    specs : sequence of CaseSpec and IntervalSpec
+        All cases.
+
+    Returns
+    -------
+    dict
+        Plain data; the seal holds its hash.
+    """
+    from deatwin.scenarios.concealed_physics import key
+
+    return {"names": key.to_dict(), "cases": [spec.to_dict() for spec in specs]}
+
+
+def carry_out(folder: Path, size: str, seed: int, jobs: int, tell: Callable[[float, str], None]) -> Store:
+    """Seal the study, or go on with it, and run every case that has no result.
+
+    Parameters
+    ----------
+    folder : path
+        Of the study.
+    size : str
+        One of `SIZES`.
+    seed : int
+        Of the study.
+    jobs : int
+        Worker processes; -1 takes all cores.
+    tell : callable
+        Takes the share that is done and what is being done.
+
+    Returns
+    -------
+    Store
+        With all results.
+
+    Raises
+    ------
+    DataError
+        If the folder was begun under another seal.
+    """
+    tell(0.0, "sealing labels and thresholds")
+    specs = labels(size, seed)
+    store = Store(folder, Seal.of(size, seed, key_of(specs)))
+    missing = set(store.missing([spec.name for spec in specs]))
+    todo = [spec for spec in _mixed(specs, seed) if spec.name in missing]
+    efforts = [EFFORT.get(spec.kind, 1.0) for spec in todo]
+    total = sum(EFFORT.get(spec.kind, 1.0) for spec in specs)
+    before, begun = total - sum(efforts), time.monotonic()
+
+    def finished(count: int) -> None:
+        done = sum(efforts[:count])
+        left = (sum(efforts) - done) * (time.monotonic() - begun) / done
+        text = f"case {len(specs) - len(todo) + count} of {len(specs)}, about {_duration(left)} left"
+        tell((before + done) / total, text)
+
+    tell(before / total, f"case {len(specs) - len(todo)} of {len(specs)}")
+    run_jobs(run_case, [(store, spec) for spec in todo], workers=jobs, finished=finished)
+    return store
+
+
+def run_case(store: Store, spec: Spec) -> None:
+    """Run a case and write its result; an error is a result.
+
+    Parameters
+    ----------
+    store : Store
+        Where to.
+    spec : CaseSpec or IntervalSpec
+        The case.
+    """
+    begun = time.process_time()
+    try:
+        result = cover(spec) if isinstance(spec, IntervalSpec) else examine(spec)
+    except Exception as error:  # whatever it is, the case is counted: it failed
+        result = {"status": "error", "message": f"{type(error).__name__}: {' '.join(str(error).split())}"}
+    store.put(spec.name, {**result, "seconds_in_all": round(time.process_time() - begun, 2)})
+
+
+def _mixed(specs: Sequence[Spec], seed: int) -> list[Spec]:
+    """All kinds mixed, so that the time left is known early, and what an interrupted study has is a fair sample."""
+    return [specs[k] for k in np.random.default_rng(seed).permutation(len(specs))]
+
+
+def _duration(seconds: float) -> str:
+    minutes = seconds / 60
+    return f"{minutes:.0f} min" if minutes >= 1.5 else f"{max(seconds, 1):.0f} s"

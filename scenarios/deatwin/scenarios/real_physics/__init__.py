@@ -1,0 +1,1 @@
+"""Real recordings of others, diagnosed with plants that lack the documented physics."""

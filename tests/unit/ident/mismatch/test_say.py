@@ -1,0 +1,213 @@
+"""The sentence of a diagnosis: licensed by the verdict, and every number in it a field of the file."""
+
+import json
+import re
+from dataclasses import replace
+from importlib.resources import files
+
+import jsonschema
+import numpy as np
+import pytest
+
+from deatwin.ident.mismatch import Cause, Diagnosis, Interval, Verdict, diagnose
+from deatwin.ident.mismatch.diagnosis import FittedParameter
+from deatwin.ident.mismatch.say import number, say
+from deatwin.plant import Coupon, Creep, Experiment, Plant, Recording
+from deatwin.plant.effects.catalogue import catalogue
+from deatwin.plant.integrator.compiled import compiler
+
+SCHEMA = json.loads((files("deatwin.ident") / "schemas" / "diagnosis.schema.json").read_text(encoding="utf-8"))
+NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?")
+
+
+def numbers_of(value) -> list[float]:
+    """All numbers of a document; texts hold none."""
+    if isinstance(value, dict):
+        return [x for v in value.values() for x in numbers_of(v)]
+    if isinstance(value, list):
+        return [x for v in value for x in numbers_of(v)]
+    return [float(value)] if isinstance(value, int | float) and not isinstance(value, bool) else []
+
+
+def shows(text: str, field: float) -> bool:
+    """Whether a text is a field, or a hundred times it, rounded to the digits that the text has, two at least."""
+    decimals = len(text.partition(".")[2])
+    digits = range(2, max(2, len(text.lstrip("-0.").replace(".", ""))) + 1)
+    rounded = {float(f"{x:.{n - 1}e}") for x in (field, 100 * field) for n in digits}
+    # Shares in per cent and clock times are rounded to decimals instead.
+    rounded |= {round(x, decimals) for x in (field, 100 * field) if abs(x) >= 1}
+    return float(text) in rounded
+
+
+def foreign_numbers(data: dict) -> list[str]:
+    """Numbers of the sentence that are no field of the file."""
+    known = numbers_of({key: value for key, value in data.items() if key != "sentence"})
+    return [text for text in NUMBER.findall(data["sentence"]) if not any(shows(text, x) for x in known)]
+
+
+def cause(effect, rng: np.random.Generator, share: float) -> Cause:
+    """A catalogue effect with values from all over its ranges."""
+    parameters = {}
+    for p in effect.describe():
+        low, value, high = np.sort(p.value * rng.uniform(0.3, 2.5, 3))
+        parameters[p.name] = Interval(value=float(value), low=float(low), high=float(high), unit=p.unit)
+    return Cause(effect=effect.name, family=effect.family.value, probability=0.9, share_explained=share,
+                 parameters=parameters)  # fmt: skip
+
+
+def made_up(verdict: Verdict, *causes: Cause, unit: str = "um", size: float = 1.0, **fields) -> Diagnosis:
+    """A diagnosis of this verdict, with its sentence; amplitudes are `size` times those of a film in µm."""
+    after = 2.0961 * size if causes else None
+    rivals = ("delay",) if verdict is Verdict.AMBIGUOUS else ()
+    diagnosis = Diagnosis(
+        output={"name": "displacement", "unit": unit}, verdict=verdict, noise=2.0 * size, model_error=1.1873 * size,
+        detect={"p_value": 1e-9, "excess": 4.1 * size, "smallest_detectable": {"creep": 0.4 * size, "leakage": None}},
+        locate={"time": [{"from_s": 118.0, "to_s": 240.0, "score": 0.9}], "frequency": [], "region": [], "place": [],
+                "response": None},
+        sentence="", causes=causes, names=(*(c.effect for c in causes), *rivals),
+        fit={"fitted": {"before": 9.8123 * size, "after": after},
+             "unseen": {"before": 10.2419 * size, "after": after, "gain_low": 7.4 * size if causes else None}},
+        parameters={"shear_modulus": FittedParameter(value=26e3, low=25e3, high=27e3, unit="Pa", nominal=3e4)},
+        **fields,
+    )  # fmt: skip
+    return replace(diagnosis, sentence=say(diagnosis))
+
+
+CREEP = Cause(
+    effect="creep", family="film", probability=0.98, share_explained=0.967,
+    parameters={"time": Interval(value=54.12, low=50.2, high=59.3, unit="s"),
+                "modulus": Interval(value=25.1e3, low=24e3, high=26e3, unit="Pa")},
+)  # fmt: skip
+JUMP = Cause(
+    effect="sensor_jump", family="sensor", probability=0.6, share_explained=0.214,
+    parameters={"at": Interval(value=151.43, low=151.39, high=151.47, unit="s"),
+                "change": Interval(value=-1.234e-5, low=-1.3e-5, high=-1.1e-5, unit="m")},
+)  # fmt: skip
+RC = Cause(
+    effect="electrode_rc", family="electrical", probability=0.6, share_explained=0.0312,
+    parameters={"time": Interval(value=0.0381, low=0.0302, high=0.0477, unit="s"),
+                "film_share": Interval(value=0.5, low=0.0, high=1.0, unit="1")},
+)  # fmt: skip
+FAULTS = tuple(
+    {"experiment": e, "recording": r, "file": f"run_{r}_2026-11.csv", "fault": "the reading is stuck", "samples": 317,
+     "from_s": 1203.48, "to_s": 1209.8}
+    for e, r in ((1, 1), (1, 2), (2, 1), (2, 2))
+)  # fmt: skip
+ADVICE = {"file": "next_input.csv", "seconds": 120.0, "confusion_before": 0.3014, "confusion_after": 0.0193}
+REFUTED = {"holds": False, "failures": ["creep backwards in time does as well"], "gain_low": -0.2, "ablation": [],
+           "shams": [], "transfer": []}  # fmt: skip
+DIAGNOSES = {
+    "none": made_up(Verdict.NONE),
+    "parameters": made_up(Verdict.PARAMETERS),
+    "named": made_up(Verdict.NAMED, CREEP),
+    "named, weakly": made_up(Verdict.NAMED, RC),
+    "two causes": made_up(Verdict.NAMED, CREEP, JUMP),
+    "three causes": made_up(Verdict.NAMED, CREEP, JUMP, RC),
+    "ambiguous": made_up(Verdict.AMBIGUOUS, CREEP),
+    "ambiguous, two and advice": made_up(Verdict.AMBIGUOUS, CREEP, RC, next_experiment=ADVICE),
+    "unknown": made_up(Verdict.UNKNOWN),
+    "unknown, refuted": made_up(Verdict.UNKNOWN, verification=REFUTED),
+    "unknown, free form": replace(made_up(Verdict.UNKNOWN), free_form={"place": "film", "terms": ["v", "x v"]},
+                                  fit=made_up(Verdict.NAMED, CREEP).fit),
+    "disturbance": made_up(Verdict.DISTURBANCE),
+    "data_fault": made_up(Verdict.DATA_FAULT, faults=FAULTS),
+    "data_fault, one experiment": made_up(Verdict.DATA_FAULT, faults=FAULTS[:2]),
+    "not_testable": made_up(Verdict.NOT_TESTABLE),
+    "newtons": made_up(Verdict.NAMED, CREEP, unit="N", size=1.37e-3),
+    "volts": made_up(Verdict.UNKNOWN, unit="V", size=4.4e-6),
+    "no unit": made_up(Verdict.PARAMETERS, unit="", size=1234.5),
+}  # fmt: skip
+DIAGNOSES["unknown, free form"] = replace(
+    DIAGNOSES["unknown, free form"], sentence=say(DIAGNOSES["unknown, free form"])
+)
+
+
+def test_every_verdict_is_there():
+    assert {diagnosis.verdict for diagnosis in DIAGNOSES.values()} == set(Verdict)
+
+
+@pytest.mark.parametrize("name", DIAGNOSES)
+def test_every_number_is_a_field_and_every_other_number_is_noticed(name):
+    data = DIAGNOSES[name].to_dict()
+    found = NUMBER.findall(data["sentence"])
+    assert found
+    assert foreign_numbers(data) == []
+    for place in NUMBER.finditer(data["sentence"]):
+        wrong = f"{1.07 * float(place.group()) or 0.0123457:.7f}"  # 7 % off
+        spoilt = data["sentence"][: place.start()] + wrong + data["sentence"][place.end() :]
+        assert foreign_numbers({**data, "sentence": spoilt}) == [wrong]
+
+
+@pytest.mark.parametrize("name", DIAGNOSES)
+def test_the_file_keeps_its_schema_and_comes_back(name, tmp_path):
+    DIAGNOSES[name].save(tmp_path / "diagnosis.json")
+    data = json.loads((tmp_path / "diagnosis.json").read_text(encoding="utf-8"))
+    jsonschema.validate(data, SCHEMA)
+    assert Diagnosis.load(tmp_path / "diagnosis.json").to_dict() == data
+
+
+def test_no_exponent_and_one_sentence():
+    for diagnosis in DIAGNOSES.values():
+        assert not re.search(r"\de[-+]?\d", diagnosis.sentence)
+        assert diagnosis.sentence.endswith(".")
+        assert not re.search(r"[.!?] ", diagnosis.sentence)
+        assert "  " not in diagnosis.sentence
+
+
+def test_each_verdict_says_only_what_it_may():
+    for diagnosis in DIAGNOSES.values():
+        said = diagnosis.sentence
+        assert ("the error on unseen data falls" in said) is bool(diagnosis.causes)
+        assert ("which the model does not have" in said or "missing from the model" in said) is (
+            diagnosis.verdict is Verdict.NAMED
+        )
+        assert ("perhaps" in said) is (diagnosis.verdict is Verdict.AMBIGUOUS)
+
+
+def test_the_sentence_of_one_cause():
+    assert DIAGNOSES["named"].sentence == (
+        "The film keeps creeping with a time constant of 54.1 s (50.2 to 59.3), which the model does not have; "
+        "it explains 97 % of the mismatch, and the error on unseen data falls from 10.2 to 2.1 µm, "
+        "with 2.0 µm of sensor noise."
+    )
+
+
+def test_a_small_share_is_said_to_be_small():
+    assert "only 3 % of the mismatch" in DIAGNOSES["named, weakly"].sentence
+    assert "(97 % of the mismatch)" in DIAGNOSES["two causes"].sentence
+    assert "(only 21 % of the mismatch)" in DIAGNOSES["two causes"].sentence
+
+
+def test_a_refuted_explanation_and_a_free_form_are_no_causes():
+    assert "the unseen data refuted" in DIAGNOSES["unknown, refuted"].sentence
+    assert "not physics" in DIAGNOSES["unknown, free form"].sentence
+
+
+def test_every_effect_of_the_catalogue_can_be_said():
+    rng = np.random.default_rng(1)
+    for effect in catalogue():
+        data = made_up(Verdict.NAMED, cause(effect, rng, 0.8)).to_dict()
+        assert foreign_numbers(data) == [], data["sentence"]
+        assert "{" not in data["sentence"]
+
+
+def test_numbers_are_rounded_to_significant_digits():
+    shown = [number(x) for x in (0.0029, 54.0, 1234.5, -1.2345e-5, 1e9)]
+    assert shown == ["0.0029", "54", "1230", "-0.0000123", "1000000000"]
+    assert [number(x, 2) for x in (2.0, 0.04)] == ["2.0", "0.040"]
+
+
+@pytest.mark.skipif(compiler() is None, reason="many fits: without a C compiler they take ten times as long")
+def test_every_number_of_a_real_diagnosis_is_a_field():
+    rng = np.random.default_rng(1)
+    strip = Plant(rig=Coupon(sample_time=0.1, noise=2e-3))
+    stretch = 1 + np.interp(np.arange(900) / 100, np.arange(10), np.r_[0, rng.uniform(0.1, 1.0, 9)])
+    silent = Recording.from_arrays(
+        stretch, np.zeros(900), 0.1, input_names=("stretch",), input_units=("1",),
+        output_names=("force",), output_units=("N",),
+    )  # fmt: skip
+    pulled = strip.with_effects(Creep(modulus=60e3, time=25.0)).record(Experiment(recordings=(silent,)), rng)
+    data = diagnose(strip, pulled, effects=[Creep()]).to_dict()
+    assert data["verdict"] == "named"
+    assert len(NUMBER.findall(data["sentence"])) >= 6
+    assert foreign_numbers(data) == []
