@@ -35,6 +35,8 @@ class Setting:
         As on the command line.
     progress : callable
         Takes the share that is done and what is being done.
+    size : str or None
+        How much is done, where the story comes in several sizes; its usual one by default.
     """
 
     folder: ResultFolder
@@ -43,6 +45,7 @@ class Setting:
     jobs: int
     seed: int
     progress: Progress
+    size: str | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,12 +60,32 @@ class Story:
         It takes about so long on two cores.
     module : str
         Has a function ``run(setting)`` that returns plain data with a ``sentence``.
+    sizes : tuple of str
+        In which it can be had, if there are several.
     """
 
     name: str
     line: str
     minutes: float
     module: str
+    sizes: tuple[str, ...] = ()
+
+    def require_size(self, size: str | None) -> None:
+        """Raise DataError unless the story can be had in a size.
+
+        Parameters
+        ----------
+        size : str or None
+            None asks for the usual one.
+
+        Raises
+        ------
+        DataError
+            With the sizes that there are.
+        """
+        if size is not None and size not in self.sizes:
+            known = f"known: {', '.join(self.sizes)}" if self.sizes else "it has one size: leave --size out"
+            raise DataError(f"the scenario {self.name} has no size {size!r}{nearest(size, self.sizes)} ({known})")
 
     @property
     def run(self) -> Callable[[Setting], Mapping[str, Any]]:
@@ -109,6 +132,11 @@ STORIES: Mapping[str, Story] = MappingProxyType({
         Story(
             name="regression-lessons", minutes=0.5, module="deatwin.scenarios.regression_lessons",
             line="ridge and LASSO constraints, bias and variance, Occam's razor: each lesson with a check",
+        ),
+        Story(
+            name="concealed-physics", minutes=120, module="deatwin.scenarios.concealed_physics",
+            sizes=("tiny", "standard", "full"),
+            line="the diagnosis on trial: effects are concealed from it in sealed cases, and it has to find them",
         ),
         Story(
             name="real-data", minutes=1, module="deatwin.scenarios.real_data",

@@ -28,6 +28,7 @@ from deatwin.plant.integrator.compiled import compile_functions
 from deatwin.plant.integrator.march import March
 from deatwin.plant.integrator.newton import SETTLED
 from deatwin.plant.model import Plant
+from deatwin.plant.parameters import Parameter
 from deatwin.plant.rest import RestState, rest_state
 
 __all__ = ["Linear", "linearise"]
@@ -36,6 +37,8 @@ Array = NDArray[np.float64]
 
 CHUNK = 200
 SHORTER_STEPS = (4, 16, 64)
+SPREAD = 0.3
+"""Deviation of a calibrated parameter from the truth, as a share, where a missing effect has bent the calibration."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -101,9 +104,13 @@ class Linear:
 
     @cached_property
     def prior(self) -> Array:
-        """Variances of the constant parameters, shape (n_p,): the squares of the widths of their ranges."""
+        """Variances of the constant parameters' coordinates, shape (n_p,).
+
+        A parameter that may be zero has the width of its range as its deviation; another, a share of its value, over
+        which the plant is nearly linear in it.
+        """
         free = [self.plant.parameters[name] for name in self.plant.parameters.free]
-        return np.array([(p.scale.to_coordinate(p.upper) - p.scale.to_coordinate(p.lower)) ** 2 for p in free])
+        return np.array([_spread(parameter) ** 2 for parameter in free])
 
     def joined(self, size: int) -> Linear:
         """The same, with so many samples joined into one, in which what enters is constant.
@@ -180,6 +187,13 @@ class Linear:
         return answers
 
 
+def _spread(parameter: Parameter) -> float:
+    scale = parameter.scale
+    if parameter.lower <= 0 <= parameter.upper:
+        return parameter.upper - parameter.lower
+    return abs(SPREAD * parameter.value / scale.slope(parameter.value))
+
+
 def _padded(array: Array, count: int) -> Array:
     return np.concatenate([array, np.zeros((count, *array.shape[1:]))])
 
@@ -226,7 +240,8 @@ def _linearised(plant: Plant, part: Part, openings: tuple[Opening, ...], step: _
     if not run.status.ok:
         plant.simulate(part.experiment).require()  # which says why
     equations = step.equations
-    values = equations.free_values
+    # Plants of one structure share the step, not its values; what may enter is zero.
+    values = np.concatenate([plant.free_values, np.zeros(len(equations.parameters.free) - plant.free_values.size)])
     rest = rest_state(equations, rig.start.rest_command, values)
     inputs = equations.inputs(timeline.commands[:n], rig.start.rest_command, timeline.channels)
     x, z, slopes, reading_slopes = step.along(rest, inputs, timeline.start, timeline.sample_time, values)

@@ -9,7 +9,7 @@ import numpy as np
 
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.candidate import Candidate, noise_seen
-from deatwin.ident.mismatch.decide import Naming, decide
+from deatwin.ident.mismatch.decide import Naming, decide, suffices, with_distances
 from deatwin.ident.mismatch.floor import floor_of
 from deatwin.ident.mismatch.screen import Footprint, Lead, footprints, leads
 from deatwin.ident.mismatch.shortlist import shortlist
@@ -19,6 +19,8 @@ __all__ = ["name_causes"]
 
 MOST_CAUSES = 3
 """More effects at once are not told apart."""
+TRIFLE = 0.05
+"""Share of the mismatch's energy below which a further effect mends what another one does to the plant's own error."""
 Finished = Callable[[float], None]
 Names = tuple[str, ...]
 
@@ -56,8 +58,8 @@ def name_causes(bench: Bench, base: Candidate, known: Sequence[Footprint], finis
             break
         stage = search.beside(before, lambda share, n=number: tell((n + share) / MOST_CAUSES))
         stage += search.replacing(before, search.best_of(stage))
-        naming = search.decided_beside(before, stage)
-    return replace(naming, failed=tuple(search.failed))
+        naming = search.decided(stage)
+    return replace(naming if naming.best is not None else search.nearly(), failed=tuple(search.failed))
 
 
 class _Search:
@@ -107,12 +109,13 @@ class _Search:
         return found
 
     def each_counts(self, names: Names) -> bool:
-        """Whether the error grows by more than the model error when any of the effects is taken out."""
-        full = self.tried[names]
+        """Whether what returns when any of the effects is taken out is more than the model error, and no trifle."""
+        full, base = self.tried[names], self.tried[()]
         floor = full.calibration.plant.rig.model_error**2
+        least = max(floor, TRIFLE * float(base.losses.mean() - base.noise**2))
         for old in names:
             without = self._reduced(names, tuple(name for name in names if name != old))
-            if without is not None and without.losses.mean() - full.losses.mean() < floor:
+            if without is not None and without.losses.mean() - full.losses.mean() < least:
                 return False
         return True
 
@@ -126,19 +129,24 @@ class _Search:
             self.tried[names] = self.tried[names].with_floor(error)
 
     def decided(self, stage: Sequence[Names]) -> Naming:
-        return decide(tuple(self.tried.values()), [self.tried[names] for names in stage], self.noise)
+        """The decision over sets of one size, of which all explain the recordings."""
+        return self._decided(stage, lambda c: c.adequate)
 
-    def decided_beside(self, before: Names, stage: Sequence[Names]) -> Naming:
-        """The decision over sets with one effect more than before."""
-        adequate = [names for names in stage if self.tried[names].adequate]
-        idle = [names for names in adequate if not self.each_counts(names)]
-        naming = self.decided([names for names in stage if names not in idle])
-        fewer = self.tried[before]
-        if naming.best is None and idle and fewer.fitted_test.within_floor:
-            # The further effect only takes up what the plant's own error leaves: it is a rival, not a cause.
-            rivals = tuple(self.tried[names] for names in idle)
-            naming = replace(self.decided([before, *idle]), best=fewer, rivals=rivals)
+    def nearly(self) -> Naming:
+        """The decision over the smallest sets that suffice as far as anybody knows the plant's own error."""
+        naming = self.decided(())
+        for size in range(1, MOST_CAUSES + 1):
+            stage = [names for names in self.tried if len(names) == size]
+            naming = self._decided(stage, lambda c: suffices(c, self.tried[()]))
+            if naming.best is not None:
+                break
         return naming
+
+    def _decided(self, stage: Sequence[Names], good: Callable[[Candidate], bool]) -> Naming:
+        counting = [n for n in stage if not good(self.tried[n]) or len(n) == 1 or self.each_counts(n)]
+        competing = [self.tried[names] for names in counting]
+        naming = decide(tuple(self.tried.values()), competing, self.noise, good)
+        return with_distances(naming, competing, self.bench, good)
 
     def _try(self, trials: Sequence[Trial], finished: Finished | None = None) -> list[Names]:
         found = run_trials(self.bench, trials, self.noise, finished)

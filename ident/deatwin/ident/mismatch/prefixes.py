@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+import re
 
 __all__ = ["prefixed"]
 
 PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
-PREFIXED = ("Pa", "s", "m", "N", "V", "A", "Hz")
+PREFIXED = ("Pa", "s", "m", "N", "V", "A", "Hz", "J", "ohm")
 
 
 def prefixed(value: float, unit: str) -> tuple[float, str]:
@@ -18,7 +19,7 @@ def prefixed(value: float, unit: str) -> tuple[float, str]:
     value : float
         SI.
     unit : str
-        SI unit; ``"1"`` is a pure number. Only units without powers take a prefix.
+        SI unit; ``"1"`` is a pure number. The prefix goes to the first unit of a product or quotient.
 
     Returns
     -------
@@ -27,10 +28,10 @@ def prefixed(value: float, unit: str) -> tuple[float, str]:
 
     Examples
     --------
-    >>> prefixed(26400.0, "Pa"), prefixed(54.0, "s"), prefixed(-0.1, "1")
-    ((1000.0, 'kPa'), (1.0, 's'), (1.0, ''))
+    >>> prefixed(26400.0, "Pa"), prefixed(54.0, "s"), prefixed(2e7, "N/m3"), prefixed(-0.1, "1")
+    ((1000.0, 'kPa'), (1.0, 's'), (1000000.0, 'MN/m3'), (1.0, ''))
     """
-    if unit not in PREFIXED or value == 0 or not math.isfinite(value):
+    if re.split("[ /]", unit)[0] not in PREFIXED or value == 0 or not math.isfinite(value):
         return 1.0, "" if unit == "1" else unit
     power = 3 * math.floor(math.log10(abs(value)) / 3)
     if unit == "s":

@@ -74,7 +74,7 @@ def _named(diagnosis: Diagnosis) -> str:
     if len(causes) == 1:
         explains = f"it explains {_share(causes[0])} of the mismatch"
         return f"{_first_up(_physics(causes[0], diagnosis))}, which the model does not have; {explains}, and {gain}."
-    parts = [f"{_physics(cause, diagnosis)} ({_share(cause)} of the mismatch)" for cause in causes]
+    parts = [f"{_physics(cause, diagnosis)}, which explains {_share(cause)} of the mismatch" for cause in causes]
     count = COUNTED.get(len(causes), "Several")
     return f"{count} things are missing from the model: {', and '.join(parts)}; with them {gain}."
 
@@ -190,8 +190,17 @@ def _physics(cause: Cause, diagnosis: Diagnosis) -> str:
 
 def _with_interval(parameter: Interval) -> str:
     shown = parameter.shown
-    ends = f"({number(shown['low'])} to {number(shown['high'])})"
-    return f"{number(shown['value'])} {shown['unit']} {ends}".replace("  ", " ")
+    value, low, high = (number(shown[which], _resolving(parameter)) for which in ("value", "low", "high"))
+    unit = shown["unit"].removeprefix("1")  # the 1 of 1/K is no number
+    return f"{value} {unit} ({low} to {high})".replace("  ", " ")
+
+
+def _resolving(parameter: Interval) -> int:
+    """Digits that tell the ends of the interval apart: three, and more for the time of an event."""
+    width = parameter.high - parameter.low
+    if width <= 0 or parameter.value == 0:
+        return 3
+    return int(np.clip(2 - np.floor(np.log10(width / abs(parameter.value))), 3, 6))
 
 
 def _next(diagnosis: Diagnosis) -> str:

@@ -51,8 +51,9 @@ class Sham:
     kind : ShamKind
         How it was spoilt.
     share : float or None
-        Gain of the sham in squared residual, relative to that of the effect itself; both to first order. None if it
-        was skipped.
+        Gain of the sham in squared residual, to first order, relative to that of the effect itself: likewise to first
+        order, but the opposite sign, which cannot gain where the effect does, relative to what the refit gained. None
+        if it was skipped.
     expected : float or None
         The same if the effect is the truth: what the sham has in common with it.
     skipped : str
@@ -102,6 +103,53 @@ class _Court:
         return float(np.mean(unseen**2) - np.mean((unseen - amplitude * by[~self.fitted]) ** 2))
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Case:
+    """A named effect, and the mismatch that it is to explain, as the court sees them.
+
+    Parameters
+    ----------
+    court : _Court
+        Where it competes.
+    name : str
+        Canonical name.
+    gain : float
+        What the refit with the effect gained, SI.
+    mismatch, named : ndarray, shape (n,)
+        Residual without the effect and the effect's change of the readings, less what the parameters take up.
+    """
+
+    court: _Court
+    name: str
+    gain: float
+    mismatch: np.ndarray
+    named: np.ndarray
+
+    def opposite(self) -> Sham:
+        """The effect with the wrong sign; relative to the refit, since to first order only one of the two can gain."""
+        share = self.court.gain(-self.named, self.mismatch) / self.gain
+        return Sham(effect=self.name, kind=ShamKind.OPPOSITE, share=share, expected=0.0)
+
+    def compare(self, kind: ShamKind, changes: Sequence[np.ndarray]) -> Sham:
+        """The best of several shams of a kind, of those that differ from the effect."""
+        own, whole = (self.court.gain(self.named, of) for of in (self.mismatch, self.named))
+        if own < NEARLY_LINEAR * self.gain:
+            return self.skipped(kind, "the readings are too far from linear in the effect")
+        shams = [self.court.left(change) for change in changes]
+        pairs = [
+            (self.court.gain(sham, self.mismatch) / own, self.court.gain(sham, self.named) / whole) for sham in shams
+        ]
+        distinct = [pair for pair in pairs if pair[1] <= DISTINCT]
+        if 2 * len(distinct) <= len(pairs):
+            return self.skipped(kind, "with these inputs it hardly differs from the effect itself")
+        share, expected = max(distinct)
+        return Sham(effect=self.name, kind=kind, share=share, expected=expected)
+
+    def skipped(self, kind: ShamKind, reason: str) -> Sham:
+        """Nothing can be learned."""
+        return Sham(effect=self.name, kind=kind, skipped=reason)
+
+
 def sham_effects(
     without: Calibration,
     effect: Effect,
@@ -134,41 +182,28 @@ def sham_effects(
     Returns
     -------
     tuple of Sham
-        One of each kind.
+        One of each kind; none where the effect gains nothing or cannot be simulated in the plant without it.
     """
-    plant, experiments = without.plant, [part.experiment for part in everything]
-    found = Problem(plant=plant, parts=tuple(everything), names=without.names)
-    evaluated = found.evaluate(found.start())
-    forwards = _change(plant, effect, experiments)
-    if evaluated is None or forwards is None:
-        return tuple(_skipped(effect, kind, "the plant with the effect cannot be simulated") for kind in ShamKind)
+    experiments = [part.experiment for part in everything]
+    problem = Problem(plant=without.plant, parts=tuple(everything), names=without.names)
+    evaluated, change = problem.evaluate(problem.start()), _change(without.plant, effect, experiments)
+    if evaluated is None or change is None or gain <= 0:
+        return ()
     residual, jacobian = evaluated
-    scale = np.linalg.norm(jacobian, axis=0)
-    court = _Court(jacobian=jacobian / np.where(scale > 0, scale, 1.0), fitted=_fitted(fitted, everything))
-    mismatch, named = court.left(residual), court.left(_counted(forwards, everything))
-    best = court.gain(named, mismatch), court.gain(named, named)
-    if best[0] <= 0 or best[0] < NEARLY_LINEAR * gain:
-        reason = "the readings are too far from linear in the effect"
-        return tuple(_skipped(effect, kind, reason) for kind in ShamKind)
-
-    def judged(kind: ShamKind, changes: Sequence[np.ndarray]) -> Sham:
-        shams = [court.left(change) for change in changes]
-        pairs = [(court.gain(s, mismatch) / best[0], court.gain(s, named) / best[1]) for s in shams]
-        distinct = [pair for pair in pairs if pair[1] <= DISTINCT]
-        if 2 * len(distinct) <= len(pairs):
-            return _skipped(effect, kind, "with these inputs it hardly differs from the effect itself")
-        share, expected = max(distinct)
-        return Sham(effect=effect.name, kind=kind, share=share, expected=expected)
-
-    drawn = [[[phase_randomised(y, rng) for y in each] for each in forwards] for _ in range(DRAWS)]
-    turned = _change(plant, effect, [backwards(e) for e in experiments])
-    back = None if turned is None else [[y[::-1] for y in reversed(each)] for each in turned]
+    length = np.linalg.norm(jacobian, axis=0)
+    court = _Court(jacobian=jacobian / np.where(length > 0, length, 1.0), fitted=_fitted(fitted, everything))
+    case = _Case(
+        court=court, name=effect.name, gain=gain, mismatch=court.left(residual),
+        named=court.left(_counted(change, everything)),
+    )  # fmt: skip
+    drawn = [[[phase_randomised(y, rng) for y in each] for each in change] for _ in range(DRAWS)]
+    turned = _change(without.plant, effect, [backwards(e) for e in experiments])
     return (
-        _skipped(effect, ShamKind.BACKWARDS, "the plant cannot be simulated backwards")
-        if back is None
-        else judged(ShamKind.BACKWARDS, [_counted(back, everything)]),
-        judged(ShamKind.OPPOSITE, [-_counted(forwards, everything)]),
-        judged(ShamKind.RANDOM_PHASES, [_counted(change, everything) for change in drawn]),
+        case.skipped(ShamKind.BACKWARDS, "the plant cannot be simulated on the commands backwards")
+        if turned is None
+        else case.compare(ShamKind.BACKWARDS, [_counted(_forwards(turned), everything)]),
+        case.opposite(),
+        case.compare(ShamKind.RANDOM_PHASES, [_counted(each, everything) for each in drawn]),
     )
 
 
@@ -245,5 +280,6 @@ def _fitted(fitted: Sequence[Part], everything: Sequence[Part]) -> np.ndarray:
     return np.concatenate([f[m] for some, whole in pairs for f, m in zip(some.masks, whole.masks, strict=True)])
 
 
-def _skipped(effect: Effect, kind: ShamKind, reason: str) -> Sham:
-    return Sham(effect=effect.name, kind=kind, skipped=reason)
+def _forwards(changes: Sequence[Sequence[np.ndarray]]) -> list[list[np.ndarray]]:
+    """Changes of backward experiments on the clock of the forward ones."""
+    return [[y[::-1] for y in reversed(each)] for each in changes]

@@ -13,7 +13,7 @@ from deatwin.plant.recording import label
 
 __all__ = ["Transfer", "transfers"]
 
-FEWEST_BLOCKS = 8
+FEWEST_BLOCKS = 6
 """Blocks of the unseen part that a part of it needs to be judged by itself."""
 THIRDS = ("lowest amplitudes", "middle amplitudes", "highest amplitudes")
 
@@ -97,7 +97,7 @@ def _thirds(base: Candidate, amended: Candidate, bench: Bench) -> list[Losses]:
     before, after = block_losses(base.unseen), block_losses(amended.unseen)
     thirds = np.array_split(np.argsort(amplitudes, kind="stable"), 3)
     return [
-        (name, before[which], after[which])
+        (name, before[np.sort(which)], after[np.sort(which)])
         for name, which in zip(THIRDS, thirds, strict=True)
         if which.size >= FEWEST_BLOCKS
     ]

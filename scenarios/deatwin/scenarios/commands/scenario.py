@@ -15,6 +15,9 @@ __all__ = ["scenario", "scenarios"]
 OutFolder = Annotated[
     Path | None, typer.Option("--out", metavar="DIR", help="Folder for the results; by default deatwin-NAME.")
 ]
+Size = Annotated[
+    str | None, typer.Option("--size", metavar="SIZE", help="How much is done, where there is a choice.")
+]
 DataFolder = Annotated[
     Path | None, typer.Option("--data", metavar="FOLDER", help="Public recordings; by default $DEATWIN_DATA.")
 ]
@@ -25,6 +28,7 @@ def scenario(
     name: Annotated[str, typer.Argument(metavar="NAME", help="One of `deatwin scenarios`.")],
     out: OutFolder = None,
     data: DataFolder = None,
+    size: Size = None,
     jobs: Jobs = -1,
     seed: Seed = 0,
     as_json: Json = False,
@@ -36,11 +40,14 @@ def scenario(
 
     voice = Voice(as_json=as_json, quiet=quiet)
     chosen = story(name)
+    chosen.require_size(size)
     folder = ResultFolder(out or Path(f"deatwin-{name}"))
     try:
         with voice.progress(name) as progress:
             result = chosen.run(
-                Setting(folder=folder, data=data, command=context.obj, jobs=jobs, seed=seed, progress=progress)
+                Setting(
+                    folder=folder, data=data, command=context.obj, jobs=jobs, seed=seed, progress=progress, size=size
+                )
             )
     except KeyboardInterrupt:
         complain(f"interrupted; {folder.summary}")

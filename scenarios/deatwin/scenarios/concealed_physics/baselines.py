@@ -7,8 +7,8 @@ corrects the plant's free run of the check. None sees a reading of the check, bu
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any
 
@@ -17,35 +17,43 @@ import numpy as np
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
 
-__all__ = ["BASELINES", "TERM_NAMES", "Correction", "Track", "tracks"]
+__all__ = ["BASELINES", "TERM_NAMES", "Correction", "Track", "gaussian_process", "narx", "sparse_dynamics", "track_of"]
 
 Array = np.ndarray
 HELD_OUT = 0.3
-"""Share of each experiment, its end, by which a baseline chooses its own settings."""
+"""Share of what is learned from, its end, by which a baseline chooses its own settings."""
+BEFORE = 10
+"""Samples before the judged ones whose mean says where the residual is then."""
 DIVERGED = 20.0
 """Times the largest residual seen: a correction beyond this has run away."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Track:
-    """An experiment as a baseline sees it, each signal scaled by one number for all experiments.
+    """What a baseline sees, on one clock: first what it learns from, then what it is judged on. All signals are scaled.
 
     Parameters
     ----------
     residual, reading, rate, drive : ndarray, each of shape (n,)
         Measured minus simulated; simulated reading, its rate, and the squared command.
+    cut : int
+        Number of samples to learn from; of the others no residual may be used but to start a run.
     sample_time : float
         s.
+    size : float
+        What one unit of the residual is, SI.
     """
 
     residual: Array
     reading: Array
     rate: Array
     drive: Array
+    cut: int
     sample_time: float
+    size: float
 
     def part(self, first: int, last: int) -> Track:
-        """Some samples of it.
+        """Some samples of it, all to learn from.
 
         Parameters
         ----------
@@ -56,11 +64,23 @@ class Track:
         -------
         Track
         """
-        cut = slice(first, last)
-        return Track(
-            residual=self.residual[cut], reading=self.reading[cut], rate=self.rate[cut], drive=self.drive[cut],
-            sample_time=self.sample_time,
-        )  # fmt: skip
+        names = ("residual", "reading", "rate", "drive")
+        return replace(self, cut=last - first, **{name: getattr(self, name)[first:last] for name in names})
+
+    @property
+    def learned(self) -> Track:
+        """The samples to learn from."""
+        return self.part(0, self.cut)
+
+    @property
+    def judged(self) -> Track:
+        """The samples to be judged on."""
+        return self.part(self.cut, self.residual.size)
+
+    @property
+    def just_before(self) -> float:
+        """What the residual is when the samples to be judged on begin: mean of the last ones before."""
+        return float(self.residual[max(self.cut - BEFORE, 0) : self.cut].mean())
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -70,7 +90,7 @@ class Correction:
     Parameters
     ----------
     predicted : ndarray, shape (n,)
-        The residual of the check as it expects it, scaled; zero where it has run away.
+        The scaled residual as it expects it on the samples to be judged on; zero where it has run away.
     term : str
         Its strongest term, where it has terms.
     failure : str
@@ -82,46 +102,37 @@ class Correction:
     failure: str = ""
 
 
-def tracks(plant: Plant, experiments: Sequence[Experiment], check: Experiment) -> tuple[list[Track], Track, float]:
-    """Residuals of a plant with its free-run signals.
+def track_of(plant: Plant, whole: Experiment, records: int) -> Track:
+    """Residual of a plant over an experiment, with its free-run signals.
 
     Parameters
     ----------
     plant : Plant
         Calibrated, without added effects.
-    experiments : sequence of Experiment
-        To learn from.
-    check : Experiment
-        To be judged on.
+    whole : Experiment
+        Records to learn from, then those to be judged on.
+    records : int
+        How many there are to learn from.
 
     Returns
     -------
-    learned : list of Track
-        One for each experiment.
-    judged : Track
-        The check.
-    size : float
-        Rms of the learned residuals, SI: the unit of the scaled ones.
+    Track
     """
-    raw = [_raw(plant, experiment) for experiment in (*experiments, check)]
-    together = np.concatenate(raw[:-1], axis=1)
-    scale = np.maximum(np.sqrt(np.mean(together**2, axis=1)), 1e-300)
-    made = [
-        Track(residual=e, reading=x, rate=v, drive=w, sample_time=plant.rig.sample_time)
-        for e, x, v, w in ((signals / scale[:, None]) for signals in raw)
-    ]
-    return made[:-1], made[-1], float(scale[0])
-
-
-def _raw(plant: Plant, experiment: Experiment) -> Array:
-    readings = [y[0] for y in plant.simulate(experiment).require().outputs]
+    readings = [y[0] for y in plant.simulate(whole).require().outputs]
     simulated = np.concatenate(readings)
-    return np.array([
-        np.concatenate([r.outputs[0] for r in experiment.recordings]) - simulated,
+    cut = sum(r.n_samples for r in whole.recordings[:records])
+    signals = np.array([
+        np.concatenate([r.outputs[0] for r in whole.recordings]) - simulated,
         simulated,
         np.concatenate([np.gradient(y, plant.rig.sample_time) for y in readings]),
-        np.concatenate([r.inputs[0] for r in experiment.recordings]) ** 2,
+        np.concatenate([r.inputs[0] for r in whole.recordings]) ** 2,
     ])
+    scale = np.maximum(np.sqrt(np.mean(signals[:, :cut] ** 2, axis=1)), 1e-300)
+    residual, reading, rate, drive = signals / scale[:, None]
+    return Track(
+        residual=residual, reading=reading, rate=rate, drive=drive, cut=cut, sample_time=plant.rig.sample_time,
+        size=float(scale[0]),
+    )  # fmt: skip
 
 
 # --- sparse dynamics of the residual: pysindy as a discrepancy model -------------------------------------------------
@@ -151,35 +162,31 @@ TERM_NAMES: Mapping[str, frozenset[str]] = MappingProxyType({
 """For each term, every effect it may stand for. The term counts as right if any of them is: its best case."""
 
 
-def sparse_dynamics(learned: Sequence[Track], judged: Track) -> Correction:
+def sparse_dynamics(track: Track) -> Correction:
     """Learn the rate of the residual as a sparse polynomial, in weak form and with an ensemble.
 
-    The sparsity is the one whose free run does best on the last part of the recordings.
+    The sparsity is the one whose free run does best on the last part of what there is to learn from.
 
     Parameters
     ----------
-    learned : sequence of Track
-        The longest is learned from: weak forms of records of different lengths cannot be stacked.
-    judged : Track
-        To be predicted.
+    track : Track
+        What is seen.
 
     Returns
     -------
     Correction
     """
-    track = max(learned, key=lambda t: t.residual.size)
-    cut = round((1 - HELD_OUT) * track.residual.size)
-    beginning, end = track.part(0, cut), track.part(cut, track.residual.size)
+    learned, judged = track.learned, track.judged
+    trial = replace(learned, cut=round((1 - HELD_OUT) * track.cut))
     scores = []
     for threshold in THRESHOLDS:
-        run = _free(_coefficients(beginning, threshold), end, end.residual[0])
-        scores.append(np.inf if run is None else float(np.mean((end.residual - run) ** 2)))
-    found = _coefficients(track, THRESHOLDS[int(np.argmin(scores))])
-    run = _free(found, judged, 0.0)
-    features = _monomials(track, track.residual)
-    weights = np.abs(found) * np.sqrt(np.mean(features**2, axis=0))
+        run = _free(_coefficients(trial.learned, threshold), trial.judged, trial.just_before)
+        scores.append(np.inf if run is None else float(np.mean((trial.judged.residual - run) ** 2)))
+    found = _coefficients(learned, THRESHOLDS[int(np.argmin(scores))])
+    weights = np.abs(found) * np.sqrt(np.mean(_monomials(learned, learned.residual) ** 2, axis=0))
     names = _library().get_feature_names(list(VARIABLES))
     term = names[int(np.argmax(weights))] if weights.any() else ""
+    run = _free(found, judged, track.just_before)
     if run is None:
         return Correction(predicted=np.zeros_like(judged.residual), term=term, failure="its free run diverges")
     return Correction(predicted=run, term=term)
@@ -252,15 +259,13 @@ FILTERS_SECONDS = (2.0, 20.0)
 POINTS = 250
 
 
-def gaussian_process(learned: Sequence[Track], judged: Track) -> Correction:
+def gaussian_process(track: Track) -> Correction:
     """Learn the residual as a function of lagged and low-passed commands and simulated readings.
 
     Parameters
     ----------
-    learned : sequence of Track
-        A random subset of their samples is learned from.
-    judged : Track
-        To be predicted.
+    track : Track
+        What is seen; a random subset of the samples to learn from is used.
 
     Returns
     -------
@@ -269,16 +274,15 @@ def gaussian_process(learned: Sequence[Track], judged: Track) -> Correction:
     from sklearn.gaussian_process import GaussianProcessRegressor
     from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 
-    rows = np.vstack([_regressors(track) for track in learned])
-    target = np.concatenate([track.residual for track in learned])
-    chosen = np.random.default_rng(0).permutation(target.size)[:POINTS]
-    centre, spread = rows.mean(axis=0), np.maximum(rows.std(axis=0), 1e-12)
+    rows = _regressors(track)
+    learned = rows[: track.cut]
+    rows = (rows - learned.mean(axis=0)) / np.maximum(learned.std(axis=0), 1e-12)
+    chosen = np.random.default_rng(0).permutation(track.cut)[:POINTS]
     kernel = ConstantKernel(1.0) * RBF(3.0) + WhiteKernel(0.5)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        process = GaussianProcessRegressor(kernel, normalize_y=True)
-        process.fit((rows[chosen] - centre) / spread, target[chosen])
-    return Correction(predicted=process.predict((_regressors(judged) - centre) / spread))
+        process = GaussianProcessRegressor(kernel, normalize_y=True).fit(rows[chosen], track.residual[chosen])
+    return Correction(predicted=process.predict(rows[track.cut :]))
 
 
 def _regressors(track: Track) -> Array:
@@ -306,15 +310,13 @@ CANDIDATES = ((2, 2, 2), (2, 2, 3))
 MOST_TERMS = 12
 
 
-def narx(learned: Sequence[Track], judged: Track) -> Correction:
+def narx(track: Track) -> Correction:
     """Learn NARX models of the residual, and take the one whose free run does best on the last part.
 
     Parameters
     ----------
-    learned : sequence of Track
-        To learn from.
-    judged : Track
-        To be predicted; its first lags are measured ones.
+    track : Track
+        What is seen; the first lags of the judged samples start the run.
 
     Returns
     -------
@@ -322,21 +324,21 @@ def narx(learned: Sequence[Track], judged: Track) -> Correction:
     """
     from deatwin.ident.narx import Frols
 
-    records = [_as_recording(track) for track in learned]
+    record = _as_recording(track.learned)
+    end = record.section(round((1 - HELD_OUT) * record.n_samples), record.n_samples)
     best, least = None, np.inf
     for output_lags, input_lags, degree in CANDIDATES:
-        model = Frols(
+        found = Frols(
             output_lags=output_lags, input_lags=input_lags, degree=degree, max_terms=MOST_TERMS, criterion="free_run",
             held_out=HELD_OUT,
-        ).fit(records).model_  # fmt: skip
-        ends = [record.section(round((1 - HELD_OUT) * record.n_samples), record.n_samples) for record in records]
-        runs = [model.simulate(end) for end in ends]
-        error = max(run.rms_error if run.status.ok else np.inf for run in runs)
-        if error < least:
-            best, least = model, error
-    run = None if best is None else best.simulate(_as_recording(judged))
+        ).fit(record).model_  # fmt: skip
+        run = found.simulate(end)
+        if run.status.ok and run.rms_error < least:
+            best, least = found, run.rms_error
+    judged = _as_recording(track.judged)
+    run = None if best is None else best.simulate(judged)
     if run is None or not run.status.ok:
-        return Correction(predicted=np.zeros_like(judged.residual), failure="its free run diverges")
+        return Correction(predicted=np.zeros(judged.n_samples), failure="its free run diverges")
     return Correction(predicted=run.outputs[0])
 
 
@@ -347,7 +349,7 @@ def _as_recording(track: Track) -> Recording:
     )  # fmt: skip
 
 
-BASELINES: Mapping[str, Callable[[Sequence[Track], Track], Correction]] = MappingProxyType(
+BASELINES: Mapping[str, Callable[[Track], Correction]] = MappingProxyType(
     {"pysindy": sparse_dynamics, "gaussian_process": gaussian_process, "narx": narx}
 )
 """By name, in the order of the tables."""

@@ -7,7 +7,7 @@ oracle and the advised experiment ask the generator, and the check is run; what 
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -17,8 +17,7 @@ from deatwin.ident.greybox.fit import Calibration, Part, calibrate, simulated
 from deatwin.ident.mismatch import Diagnosis, diagnose
 from deatwin.plant.errors import DeatwinError, SimulationError
 from deatwin.plant.model import Plant
-from deatwin.plant.recording import Experiment
-from deatwin.scenarios.concealed_physics.baselines import BASELINES, tracks
+from deatwin.scenarios.concealed_physics.baselines import BASELINES, track_of
 from deatwin.scenarios.concealed_physics.oracle import consult
 
 if TYPE_CHECKING:
@@ -29,13 +28,15 @@ if TYPE_CHECKING:
 __all__ = ["check_rms", "examine"]
 
 
-def examine(spec: CaseSpec) -> dict[str, Any]:
+def examine(spec: CaseSpec, seconds: float, check_seconds: float) -> dict[str, Any]:
     """Make a case, diagnose it, and judge what came out on the check record.
 
     Parameters
     ----------
     spec : CaseSpec
         What to conceal.
+    seconds, check_seconds : float
+        Length of the recordings together, and of the check, s.
 
     Returns
     -------
@@ -46,7 +47,7 @@ def examine(spec: CaseSpec) -> dict[str, Any]:
 
     clock = _Clock()
     with clock("make"):
-        specimen = make(spec)
+        specimen = make(spec, seconds=seconds, check_seconds=check_seconds)
     with clock("diagnose"):
         diagnosis = diagnose(specimen.plant, specimen.experiments, jobs=1, seed=spec.seed)
     parts = [Part.whole(experiment) for experiment in specimen.experiments]
@@ -64,10 +65,10 @@ def examine(spec: CaseSpec) -> dict[str, Any]:
     with clock("oracle"):
         oracle = _oracle(specimen, diagnosis, base, parts)
     result["check"] = {
-        "nominal": check_rms(specimen.plant, specimen.check),
-        "base": check_rms(base.plant, specimen.check),
-        "diagnosis": check_rms(diagnosis.model.plant, specimen.check) if diagnosis.model else None,
-        "oracle": None if oracle is None else check_rms(oracle, specimen.check),
+        "nominal": check_rms(specimen.plant, specimen),
+        "base": check_rms(base.plant, specimen),
+        "diagnosis": check_rms(diagnosis.model.plant, specimen) if diagnosis.model else None,
+        "oracle": None if oracle is None else check_rms(oracle, specimen),
     }
     with clock("advised"):
         result["advised"] = _advised(spec, specimen, diagnosis)
@@ -87,26 +88,25 @@ class _Clock:
         self.seconds[step] = round(time.process_time() - begun, 2)
 
 
-def check_rms(plant: Plant, check: Experiment) -> float | None:
-    """Rms error of a plant's free run over the check record.
+def check_rms(plant: Plant, specimen: Specimen) -> float | None:
+    """Rms error of a plant's free run over the check record, which the diagnosis has not had.
 
     Parameters
     ----------
     plant : Plant
         Calibrated.
-    check : Experiment
-        Never fitted.
+    specimen : Specimen
+        The run goes from rest through all its records; the check comes last.
 
     Returns
     -------
     float or None
         SI; None where the plant cannot follow.
     """
-    run = plant.simulate(check)
-    if not np.isfinite(np.concatenate([y[0] for y in run.outputs])).all():
-        return None
-    errors = [r.outputs[0] - y[0] for r, y in zip(check.recordings, run.outputs, strict=True)]
-    return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
+    check = specimen.check.recordings
+    outputs = plant.simulate(specimen.whole).outputs[-len(check) :]
+    errors = np.concatenate([r.outputs[0] - y[0] for r, y in zip(check, outputs, strict=True)])
+    return float(np.sqrt(np.mean(errors**2))) if np.isfinite(errors).all() else None
 
 
 def _base(diagnosis: Diagnosis, parts: Sequence[Part]) -> Calibration:
@@ -131,7 +131,7 @@ def _essence(diagnosis: Diagnosis) -> dict[str, Any]:
 
 def _parameters(diagnosis: Diagnosis, specimen: Specimen) -> list[dict[str, Any]]:
     """Intervals of added parameters whose true value is known, since generator and catalogue mean the same by it."""
-    known: Mapping[str, float] = getattr(specimen, "parameters", {})
+    known = specimen.parameters
     return [
         {"name": f"{cause.effect}.{name}", "true": known[f"{cause.effect}.{name}"], "low": p.low, "high": p.high}
         for cause in diagnosis.causes
@@ -141,15 +141,15 @@ def _parameters(diagnosis: Diagnosis, specimen: Specimen) -> list[dict[str, Any]
 
 
 def _baselines(plant: Plant, specimen: Specimen) -> dict[str, Any]:
-    learned, judged, size = tracks(plant, specimen.experiments, specimen.check)
+    track = track_of(plant, specimen.whole, len(specimen.whole.recordings) - len(specimen.check.recordings))
     found = {}
     for name, learn in BASELINES.items():
         try:
-            correction = learn(learned, judged)
+            correction = learn(track)
         except (DeatwinError, ValueError, np.linalg.LinAlgError) as error:
             found[name] = {"rms": None, "term": "", "failure": f"{type(error).__name__}: {error}"}
             continue
-        left = float(size * np.sqrt(np.mean((judged.residual - correction.predicted) ** 2)))
+        left = float(track.size * np.sqrt(np.mean((track.judged.residual - correction.predicted) ** 2)))
         found[name] = {
             "rms": left if np.isfinite(left) else None, "term": correction.term, "failure": correction.failure,
         }  # fmt: skip

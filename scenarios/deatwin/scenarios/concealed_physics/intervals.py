@@ -24,7 +24,7 @@ from deatwin.plant.rigs.diaphragm import Diaphragm
 
 __all__ = ["DRAWS", "IntervalSpec", "cover", "interval_specs"]
 
-DRAWS: Mapping[str, int] = MappingProxyType({"tiny": 1, "small": 3, "standard": 12, "full": 24})
+DRAWS: Mapping[str, int] = MappingProxyType({"tiny": 1, "standard": 12, "full": 24})
 """Of each effect, by the size of the study."""
 TINY = ("creep", "quadratic_damping", "sensor_lag")
 """The effects of the tiny study."""
@@ -80,9 +80,10 @@ def interval_specs(size: str, seed: int) -> tuple[IntervalSpec, ...]:
     tuple of IntervalSpec
         Every effect of the catalogue that displacement shows, in turn with white and coloured noise.
     """
-    from deatwin.scenarios.concealed_physics.key import invisible
+    from deatwin.scenarios.concealed_physics.key import canonical
+    from deatwin.scenarios.concealed_physics.reach import invisible
 
-    hidden = invisible()
+    hidden = {canonical(mechanism) for mechanism in invisible()}
     effects = TINY if size == "tiny" else tuple(e.name for e in catalogue() if e.name not in hidden)
     pairs = [(effect, draw) for effect in effects for draw in range(DRAWS[size])]
     seeds = np.random.SeedSequence((seed, len(pairs))).generate_state(len(pairs))

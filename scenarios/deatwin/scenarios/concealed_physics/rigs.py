@@ -39,6 +39,11 @@ class Rigging:
     actual: Plant
     before: tuple[tuple[float, float], ...]
 
+    @property
+    def reduced(self) -> Plant:
+        """The film that is there, on the reduced rig."""
+        return self.actual.with_rig(replace(self.actual.rig, resolution="reduced"))
+
 
 def drawn_rig(rng: np.random.Generator) -> Rigging:
     """A rig at random.

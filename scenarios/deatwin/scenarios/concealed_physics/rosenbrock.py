@@ -18,18 +18,19 @@ doi:10.1007/978-3-642-05221-7.
 
 from __future__ import annotations
 
+import ctypes
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
-from scipy.linalg import get_lapack_funcs
 
 from deatwin.plant.equations import Equations
 from deatwin.plant.errors import SimulationError
-from deatwin.plant.integrator.compiled import compile_functions
-from deatwin.plant.integrator.march import March
-from deatwin.plant.rest import RestState, rest_state
+from deatwin.plant.integrator.compiled import compile_source
+from deatwin.plant.rest import rest_state
 
 __all__ = ["TOLERANCE", "Trajectory", "integrate"]
 
@@ -123,142 +124,139 @@ def integrate(
     rest = rest_state(equations, rest_command, values)
     if not rest.found:
         raise SimulationError("no state of rest was found: the film is too soft for its load")
-    run = _Run(equations, values, rest, rest_command, tolerance)
-    start = float(switches[0])
-    at_rest = run.output(start)
-    outputs = np.full(reads.size, at_rest)
-    events = np.concatenate([switches[1:], [max(float(reads[-1]), float(switches[-1]))]])
-    first = int(np.searchsorted(reads, start, side="right"))
-    for number, until in enumerate(events):
-        run.switch(inputs[:, number], float(switches[number]))
-        while first < reads.size and reads[first] <= until:
-            run.advance(float(reads[first]))
-            outputs[first] = run.output(run.time)
-            first += 1
-        run.advance(float(until))
-    return Trajectory(outputs=outputs, at_rest=at_rest, steps=run.steps)
+    kernel, n_x, scale = _kernel(equations), len(equations.states), equations.scale
+    mass = np.asarray(equations.mass(values, equations.constants)).ravel() * scale[:n_x]
+    # A state's row is divided by its mass, so that all rows are of one size.
+    rows = np.concatenate([1 / np.where(mass > 0, mass, 1.0), np.ones(scale.size - n_x)])
+    known = [rest.d, values, equations.constants, np.concatenate([mass, np.zeros(scale.size - n_x)]) * rows, scale, rows]
+    arrays = [np.ascontiguousarray(a, dtype=float) for a in known]
+    plant = _Plant(*map(_address, arrays), tolerance, SHORTEST, SAFETY, SHRINK, GROW, CONSISTENT)
+    outputs, at_rest, ended, steps = np.zeros(reads.size), ctypes.c_double(), ctypes.c_double(), ctypes.c_longlong()
+    given = [np.concatenate([rest.x, rest.z]) / scale, switches, inputs.T, equations.held_inputs(rest_command), reads]
+    start, times, held, resting, asked = (np.ascontiguousarray(a, dtype=float) for a in given)
+    failed = kernel.march(
+        _address(start), ctypes.byref(plant), times.size, _address(times), _address(held), _address(resting),
+        asked.size, _address(asked), _address(outputs), ctypes.byref(at_rest), ctypes.byref(steps), ctypes.byref(ended),
+    )  # fmt: skip
+    if failed:
+        raise SimulationError(f"the film is lost at {ended.value:.3f} s: it pulls in, or a mechanism is too stiff")
+    return Trajectory(outputs=outputs, at_rest=at_rest.value, steps=steps.value)
 
 
-class _Run:
-    """The state of an integration, in units of each unknown's typical size."""
+class _Plant(ctypes.Structure):
+    """``plant_t`` of the kernel."""
 
-    def __init__(
-        self, equations: Equations, values: np.ndarray, rest: RestState, rest_command: float, tolerance: float
-    ) -> None:
-        self._n_x, self._scale = len(equations.states), equations.scale
-        self._functions = [March(f) for f in _functions(equations)]
-        mass = np.asarray(equations.mass(values, equations.constants)).ravel()
-        self._mass = np.concatenate([mass, np.zeros(self._scale.size - self._n_x)]) * self._scale
-        self._tolerance = tolerance
-        self._w = np.concatenate([rest.x, rest.z]) / self._scale
-        sizes = np.concatenate([mass * self._scale[: self._n_x], np.ones(self._scale.size - self._n_x)])
-        self._rows = 1.0 / np.where(sizes > 0, sizes, 1.0)
-        self._mass *= self._rows
-        for function in self._functions:
-            w, d, u, t, p, c = function.arguments[:6]
-            d[:], u[:], p[:], c[:] = rest.d, equations.held_inputs(rest_command), values, equations.constants
-        self._factor, self._solve = get_lapack_funcs(("getrf", "getrs"), (self._w,))
-        self._stages = np.zeros((6, self._w.size))
-        self.time, self.steps, self._step = 0.0, 0, 1e-3
-
-    def output(self, time: float) -> float:
-        """The reading."""
-        return float(self._evaluated(2, self._w, time)[0][0, 0])
-
-    def switch(self, inputs: np.ndarray, time: float) -> None:
-        """Let other inputs act from a time on, and make the coordinates consistent with them."""
-        self.time = time
-        for function in self._functions:
-            function.arguments[2][:] = inputs
-        n_x = self._n_x
-        if n_x == self._w.size:
-            return
-        _, jacobian, _ = self._linearised()
-        factors, pivots, _ = self._factor(jacobian[n_x:, n_x:])
-        for _ in range(12):
-            change, _ = self._solve(factors, pivots, self._value(self._w, time)[n_x:])
-            self._w[n_x:] -= change
-            if np.max(np.abs(change)) < CONSISTENT:
-                return
-        raise SimulationError(f"no balance of the film was found at {time:.3f} s: the voltage is too high")
-
-    def advance(self, until: float) -> None:
-        """Step to a time."""
-        while until - self.time > SHORTEST / 2:
-            left = until - self.time
-            count = np.ceil(left / self._step - 1e-9)
-            size = left / count if count < 3 else self._step
-            self._advanced(size)
-
-    def _advanced(self, size: float) -> None:
-        """One step, shortened until its error is small."""
-        value, jacobian, slope = self._linearised()
-        diagonal = np.arange(self._w.size)
-        while True:
-            self.steps += 1
-            matrix = -jacobian
-            matrix[diagonal, diagonal] += self._mass / (GAMMA * size)
-            factors, pivots, singular = self._factor(matrix, overwrite_a=1)
-            error = np.inf if singular else self._staged(factors, pivots, size, value, slope)
-            factor = SAFETY * error**-0.25 if error > 0 else GROW
-            wished = size * min(max(factor, SHRINK), GROW) if np.isfinite(error) else SHRINK * size
-            if error <= 1.0:
-                self._w = self._w + MIX[5] @ self._stages + self._stages[5]
-                self.time += size
-                # A last step that was cut short to end on an event says nothing about the next.
-                self._step = max(wished, self._step) if size < self._step else wished
-                return
-            if wished < SHORTEST:
-                raise SimulationError(f"the film is lost at {self.time:.3f} s: it pulls in, or a mechanism is too stiff")
-            size = self._step = wished
-
-    def _staged(
-        self, factors: np.ndarray, pivots: np.ndarray, size: float, value: np.ndarray, slope: np.ndarray
-    ) -> float:
-        """Solve the six stages; the error in units of what is tolerated."""
-        k = self._stages
-        for i in range(6):
-            if i:
-                value = self._value(self._w + MIX[i, :i] @ k[:i], self.time + AT[i] * size)
-                right = value + self._mass * ((PASSED[i, :i] / size) @ k[:i])
-            else:
-                right = value.copy()
-            if SLOPES[i]:
-                right += SLOPES[i] * size * slope
-            k[i], _ = self._solve(factors, pivots, right)
-        moving = k[5, : self._n_x]
-        return float(np.sqrt(moving @ moving / max(moving.size, 1))) / self._tolerance
-
-    def _value(self, w: np.ndarray, time: float) -> np.ndarray:
-        return self._evaluated(0, w, time)[0][0] * self._rows
-
-    def _linearised(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """F, its derivative by the scaled unknowns, and by time."""
-        value, jacobian, slope = self._evaluated(1, self._w, self.time)
-        rows = self._rows
-        return value[0] * rows, (jacobian.T * self._scale) * rows[:, None], slope[0] * rows
-
-    def _evaluated(self, which: int, w: np.ndarray, time: float) -> list[np.ndarray]:
-        function = self._functions[which]
-        function.arguments[0][0] = w * self._scale
-        function.arguments[3][0] = time
-        return function.advance()
+    _fields_ = [
+        *((name, ctypes.c_void_p) for name in ("held", "parameters", "constants", "mass", "scale", "rows")),
+        *((name, ctypes.c_double) for name in ("tolerance", "shortest", "safety", "shrink", "grow", "consistent")),
+    ]  # fmt: skip
 
 
-@lru_cache(maxsize=8)
+def _address(array: np.ndarray) -> int:
+    return int(array.ctypes.data)
+
+
+@lru_cache(maxsize=32)
+def _kernel(equations: Equations) -> ctypes.CDLL:
+    """The march compiled for a plant."""
+    functions = _functions(equations)
+    pattern = functions[1].sparsity_out(1)
+    rows, columns = (np.array(part) for part in pattern.get_triplet())
+    n = equations.scale.size
+    place, lower, upper = _elimination(n, rows, columns)
+    generator = ca.CodeGenerator("plant.c")
+    for function in functions:
+        generator.add(function)
+    sizes = [(f.sz_arg(), f.sz_res(), f.sz_w(), f.sz_iw()) for f in functions]
+    most = np.max(np.array(sizes), axis=0)
+    numbers = {
+        "N": n, "NX": len(equations.states), "ND": len(equations.held), "NU": equations.held_inputs(0.0).size,
+        "NNZ": rows.size, "ARGUMENTS": int(most[0]), "RESULTS": int(most[1]), "WORK_W": int(most[2]) + 1,
+        "WORK_IW": int(most[3]) + 1, "GAMMA": GAMMA, "VALUE": functions[0].name(), "SLOPES": functions[1].name(),
+        "OUTPUT": functions[2].name(),
+    }  # fmt: skip
+    tables = [
+        _table("ROW", rows), _table("COLUMN", columns), _table("PLACE", place), *_lists("LOWER", lower),
+        *_lists("UPPER", upper), _table("AT", AT), _table("SLOPES_AT", SLOPES), _table("MIX", MIX), _table("PASSED", PASSED),
+    ]  # fmt: skip
+    defined = [f"#define {name} {value}" for name, value in numbers.items()]
+    march = Path(__file__).with_name("rosenbrock.c").read_text(encoding="utf-8")
+    library = compile_source("\n".join([generator.dump(), *defined, *tables, march]))
+    if library is None:
+        raise SimulationError("the concealed apparatus needs a C compiler: install cc, gcc or clang")
+    kernel = ctypes.CDLL(str(library))
+    kernel.march.restype = ctypes.c_int
+    kernel.march.argtypes = [
+        ctypes.c_void_p, ctypes.c_void_p, ctypes.c_longlong, *(ctypes.c_void_p,) * 3, ctypes.c_longlong,
+        *(ctypes.c_void_p,) * 5,
+    ]  # fmt: skip
+    return kernel
+
+
 def _functions(equations: Equations) -> tuple[ca.Function, ca.Function, ca.Function]:
-    """Compiled: F; F with its derivatives by unknowns and time; the reading."""
+    """F; F with its derivatives by unknowns (sparse) and time; the reading."""
     n_x = len(equations.states)
     w, d = ca.SX.sym("w", equations.scale.size), ca.SX.sym("d", len(equations.held))
     u, t = ca.SX.sym("u", equations.held_inputs(0.0).size), ca.SX.sym("t")
     p, c = ca.SX.sym("p", len(equations.parameters.free)), ca.SX.sym("c", equations.constants.size)
     at = [w[:n_x, :], w[n_x:, :], d, u, t, p, c]
     f = ca.cse(equations.dynamics(*at))
-    parts = [ca.densify(f), ca.densify(ca.jacobian(f, w)), ca.densify(ca.jacobian(f, t))]
+    f = ca.vertcat(f[:n_x], f[_partners(equations).tolist()]) if n_x < w.numel() else f
+    parts = [ca.densify(f), ca.jacobian(f, w), ca.densify(ca.jacobian(f, t))]
     arguments = [w, d, u, t, p, c]
-    made = compile_functions({
-        "concealed_value": ca.Function("concealed_value", arguments, [ca.densify(f)]),
-        "concealed_slopes": ca.Function("concealed_slopes", arguments, ca.cse(parts)),
-        "concealed_output": ca.Function("concealed_output", arguments, [ca.densify(equations.output(*at))]),
-    })  # fmt: skip
-    return made["concealed_value"], made["concealed_slopes"], made["concealed_output"]
+    return (
+        ca.Function("concealed_value", arguments, [ca.densify(f)]),
+        ca.Function("concealed_slopes", arguments, ca.cse(parts)),
+        ca.Function("concealed_output", arguments, [ca.densify(equations.output(*at))]),
+    )
+
+
+def _partners(equations: Equations) -> np.ndarray:
+    """For each coordinate, the balance that it stands in most strongly, shape (n_z,): no pivot is then small."""
+    from scipy.optimize import linear_sum_assignment
+
+    n_x = len(equations.states)
+    rest = rest_state(equations, 0.0, equations.free_values)
+    w, z = np.concatenate([rest.x, rest.z]), ca.SX.sym("z", equations.scale.size - n_x)
+    known = (equations.held_inputs(0.0), 0.0, equations.free_values, equations.constants)
+    balances = equations.dynamics(w[:n_x], z, rest.d, *known)[n_x:]
+    slope = np.abs(np.asarray(ca.Function("slope", [z], [ca.densify(ca.jacobian(balances, z))])(rest.z)))
+    sizes = slope * equations.scale[n_x:]
+    sizes = sizes / np.maximum(sizes.max(axis=1, keepdims=True), 1e-300)
+    matched, coordinates = linear_sum_assignment(-np.log(sizes + 1e-30))
+    return n_x + matched[np.argsort(coordinates)]
+
+
+def _elimination(n: int, rows: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, list[list[int]], list[list[int]]]:
+    """Where each unknown stands in the order of elimination, and what is below and right of each pivot."""
+    filled = np.eye(n, dtype=bool)
+    filled[rows, columns] = True
+    order: list[int] = []
+    left, work = set(range(n)), filled.copy()
+    while left:  # the unknown with the fewest products comes first
+        alive = sorted(left)
+        counts = (work[np.ix_(alive, alive)].sum(axis=0) - 1) * (work[np.ix_(alive, alive)].sum(axis=1) - 1)
+        pivot = alive[int(np.argmin(counts))]
+        left.remove(pivot)
+        order.append(pivot)
+        rest = np.array(sorted(left), dtype=int)
+        work[np.ix_(rest[work[rest, pivot]], rest[work[pivot, rest]])] = True
+    place = np.argsort(order)
+    entries = work[np.ix_(order, order)]
+    lower = [[i for i in range(k + 1, n) if entries[i, k]] for k in range(n)]
+    upper = [[j for j in range(k + 1, n) if entries[k, j]] for k in range(n)]
+    return place, lower, upper
+
+
+def _table(name: str, values: np.ndarray) -> str:
+    """A constant array in C."""
+    kind = "int" if values.dtype.kind == "i" else "double"
+    shape = "".join(f"[{size}]" for size in values.shape)
+    numbers = ", ".join(repr(v) for v in values.ravel().tolist())
+    return f"static const {kind} {name}{shape} = {{{numbers}}};"
+
+
+def _lists(name: str, lists: Sequence[Sequence[int]]) -> tuple[str, str]:
+    """Lists one after the other, and where each begins."""
+    ends = np.concatenate([[0], np.cumsum([len(part) for part in lists])])
+    return _table(name, np.array([*(v for part in lists for v in part), 0])), _table(f"{name}_AT", ends)

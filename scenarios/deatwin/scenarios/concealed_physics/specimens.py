@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Self
 
 import numpy as np
 
 from deatwin.plant.errors import SimulationError
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
+from deatwin.plant.simulate import RunStatus
 from deatwin.scenarios.concealed_physics.apparatus import Apparatus
 from deatwin.scenarios.concealed_physics.excitations import RICH, commands
 from deatwin.scenarios.concealed_physics.mechanisms import Mechanism, Setting, mechanism_named
@@ -50,11 +52,11 @@ class Specimen:
     ratio : float
         Structural residual of all mechanisms together over the noise; 0 where there are none.
     ratios : mapping of str to float
-        Of each mechanism alone.
+        Of each mechanism alone, to first order of the refit.
     noise : float
         Rms of the sensor's noise, m.
-    model_rest : float
-        What a refit of the base plant leaves of the clean film, rms, m.
+    model_rest : float or None
+        What a refit of the base plant leaves of the film without mechanisms, rms, m; None where there are none.
     noise_free : tuple of ndarray
         Readings without noise of the records, then of the check, m.
     apparatus : Apparatus
@@ -68,7 +70,7 @@ class Specimen:
     ratio: float
     ratios: Mapping[str, float]
     noise: float
-    model_rest: float
+    model_rest: float | None
     noise_free: tuple[np.ndarray, ...]
     apparatus: Apparatus
 
@@ -166,66 +168,71 @@ def _silent(wave: np.ndarray, step: float, start: float) -> Recording:
 
 def _is_borne(rigging: Rigging, experiment: Experiment) -> bool:
     """Whether the film, reduced, comes through commands that are a little higher without any event."""
-    reduced = replace(rigging.actual.rig, resolution="reduced")
     raised = tuple(replace(r, inputs=CLEAR * r.inputs) for r in experiment.recordings)
-    return rigging.actual.with_rig(reduced).simulate(Experiment(recordings=raised)).status.name == "DONE"
+    return rigging.reduced.simulate(Experiment(recordings=raised)).status is RunStatus.DONE
 
 
 def _made(spec: CaseSpec, rigging: Rigging, whole: Experiment, rng: np.random.Generator) -> Specimen:
     count = len(whole.recordings) - 1
-    fitted = Experiment(recordings=whole.recordings[:count])
-    silent = SensorNoise(rms=1.0, coloured=0.0, pole=0.0, step=0.0)
+    silent = SensorNoise(rms=0.0, coloured=0.0, pole=0.0, step=0.0)
     bare = Apparatus(plant=rigging.actual, mechanisms=(), before=rigging.before, noise=silent, seed=spec.seed)
-    clean = bare.readings(whole)
-    motion = np.concatenate(clean[:count])
-    noise = SensorNoise.drawn(rng, float(f"{spec.noise_share * np.std(motion):.2g}"))
+    readings = bare.readings(whole)
+    noise = SensorNoise.drawn(rng, float(f"{spec.noise_share * np.std(np.concatenate(readings[:count])):.2g}"))
     nominal = rigging.nominal.with_rig(replace(rigging.nominal.rig, noise=noise.rms))
-    bare = replace(bare, noise=noise)
-    scale = StructuralScale.of(nominal, _film(rigging), fitted, clean[:count], noise.rms)
-    setting = Setting(
-        seconds=fitted.end, commands=np.concatenate([r.inputs[0] for r in fitted.recordings]), displacement=motion,
-        gain=nominal.rig.gain,
-    )  # fmt: skip
-    mechanisms, ratios, readings = [], {}, clean
-    for name in spec.effects:
-        drawn = mechanism_named(name).drawn(rng, setting)
-        found = _sized(drawn, spec.target_ratio, bare, whole, clean, scale)
-        mechanisms.append(found[0])
-        readings, ratios[name] = found[1], found[2]
-    apparatus = bare.with_mechanisms(*mechanisms)
-    if len(mechanisms) > 1:
-        readings = apparatus.readings(whole)
-    ratio = scale.ratio(readings[:count]) if len(mechanisms) > 1 else next(iter(ratios.values()), 0.0)
+    apparatus, ratios, ratio, rest = replace(bare, noise=noise), {}, 0.0, None
+    if spec.effects:
+        sizing = _Sizing.of(rigging, replace(bare, noise=noise), whole, readings)
+        apparatus, readings, ratios = sizing.concealed(spec, rng)
+        ratio, rest = sizing.scale.ratio(readings[:count]), sizing.scale.rest
     recorded = apparatus.noisy(whole, readings, rng).recordings
     return Specimen(
         plant=nominal, experiments=(Experiment(recordings=recorded[:count]),), check=Experiment(recordings=recorded[count:]),
-        truth=spec.truth, ratio=ratio, ratios=ratios, noise=noise.rms, model_rest=scale.rest, noise_free=readings,
+        truth=spec.truth, ratio=ratio, ratios=ratios, noise=noise.rms, model_rest=rest, noise_free=readings,
         apparatus=apparatus,
     )  # fmt: skip
 
 
-def _film(rigging: Rigging) -> dict[str, float]:
-    return dict(rigging.actual.values)
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Sizing:
+    """Finds the strength that a ratio needs."""
 
+    bare: Apparatus
+    whole: Experiment
+    scale: StructuralScale
+    setting: Setting
 
-def _sized(
-    mechanism: Mechanism, target: float, bare: Apparatus, whole: Experiment, clean: tuple[np.ndarray, ...],
-    scale: StructuralScale,
-) -> tuple[Mechanism, tuple[np.ndarray, ...], float]:  # fmt: skip
-    """A mechanism of the strength that a ratio needs, or its largest; the readings with it; and the ratio."""
-    count = len(whole.recordings) - 1
-    base = np.concatenate(clean[:count])
-    tried: list[tuple[float, float]] = []
-    readings = clean
-    for number in range(1 + CORRECTIONS):
-        readings = bare.with_mechanisms(mechanism).readings(whole)
-        ratio = scale.guess(np.concatenate(readings[:count]) - base)
-        tried.append((mechanism.size, ratio))
-        at_end = mechanism.size >= mechanism.largest and ratio <= target
-        if abs(ratio / target - 1) < NEAR or at_end or number == CORRECTIONS:
-            break
-        mechanism = mechanism.sized(_next_size(tried, target))
-    return mechanism, readings, scale.ratio(readings[:count])
+    @classmethod
+    def of(cls, rigging: Rigging, bare: Apparatus, whole: Experiment, clean: tuple[np.ndarray, ...]) -> Self:
+        fitted = Experiment(recordings=whole.recordings[:-1])
+        setting = Setting(
+            seconds=fitted.end, commands=np.concatenate([r.inputs[0] for r in fitted.recordings]),
+            displacement=np.concatenate(clean[:-1]), gain=rigging.nominal.rig.gain,
+        )  # fmt: skip
+        scale = StructuralScale.of(rigging.reduced, fitted, clean[:-1], bare.noise.rms)
+        return cls(bare=bare, whole=whole, scale=scale, setting=setting)
+
+    def concealed(
+        self, spec: CaseSpec, rng: np.random.Generator
+    ) -> tuple[Apparatus, tuple[np.ndarray, ...], dict[str, float]]:
+        """The apparatus with all mechanisms of a case, its readings, and the ratio of each mechanism alone."""
+        mechanisms, ratios, readings = [], {}, ()
+        for name in spec.effects:
+            mechanism, readings, ratios[name] = self.sized(mechanism_named(name).drawn(rng, self.setting), spec.target_ratio)
+            mechanisms.append(mechanism)
+        apparatus = self.bare.with_mechanisms(*mechanisms)
+        return apparatus, apparatus.readings(self.whole) if len(mechanisms) > 1 else readings, ratios
+
+    def sized(self, mechanism: Mechanism, target: float) -> tuple[Mechanism, tuple[np.ndarray, ...], float]:
+        """A mechanism of the strength that a ratio needs, or its largest; the readings with it; and the ratio."""
+        tried: list[tuple[float, float]] = []
+        while True:
+            readings = self.bare.with_mechanisms(mechanism).readings(self.whole)
+            ratio = self.scale.guess(readings[:-1])
+            tried.append((mechanism.size, ratio))
+            at_end = mechanism.size >= mechanism.largest and ratio <= target
+            if abs(ratio / target - 1) < NEAR or at_end or len(tried) > CORRECTIONS:
+                return mechanism, readings, ratio
+            mechanism = mechanism.sized(_next_size(tried, target))
 
 
 def _next_size(tried: list[tuple[float, float]], target: float) -> float:

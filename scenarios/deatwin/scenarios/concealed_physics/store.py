@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from deatwin.plant.errors import DataError
 from deatwin.plant.files import write_text_atomic
@@ -45,6 +46,26 @@ class Store:
         else:
             write_text_atomic(path, json.dumps(seal.to_dict(), indent=1) + "\n")
 
+    @classmethod
+    def opened(cls, folder: Path | str) -> Self:
+        """The store of a folder, under the seal that it has.
+
+        Parameters
+        ----------
+        folder : path
+            Of a study.
+
+        Returns
+        -------
+        Store
+
+        Raises
+        ------
+        DataError
+            If it has no seal.
+        """
+        return cls(Path(folder), cls.sealed(folder))
+
     @staticmethod
     def sealed(folder: Path | str) -> Seal:
         """The seal of a folder.
@@ -81,7 +102,7 @@ class Store:
         result : mapping
             Plain data.
         """
-        content = {"schema": SCHEMA, "seal": self.seal.hash, "name": name, **result}
+        content = {"schema": SCHEMA, "seal": self.seal.hash, "name": name, **_finite(dict(result))}
         write_text_atomic(self._path(name), json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
 
     def get(self, name: str) -> dict[str, Any]:
@@ -129,3 +150,12 @@ class Store:
 
     def _path(self, name: str) -> Path:
         return self.cases / f"{name}.json"
+
+
+def _finite(data: Any) -> Any:
+    """Plain data without what JSON does not know: what is not finite becomes null."""
+    if isinstance(data, dict):
+        return {key: _finite(value) for key, value in data.items()}
+    if isinstance(data, (list, tuple)):
+        return [_finite(value) for value in data]
+    return None if isinstance(data, float) and not math.isfinite(data) else data

@@ -20,7 +20,9 @@ if TYPE_CHECKING:
 
 __all__ = ["SIZES", "carry_out", "key_of", "labels", "run_case"]
 
-SIZES = ("tiny", "small", "standard", "full")
+SIZES = ("tiny", "standard", "full")
+SECONDS = {"tiny": (60.0, 24.0), "standard": (120.0, 48.0), "full": (120.0, 48.0)}
+"""Length of a case's recordings together, and of its check, s."""
 EFFORT = {"clean": 0.5, "interval": 0.15, "tie": 2.0}
 """Of a case of that kind, where others take 1."""
 
@@ -123,7 +125,7 @@ def run_case(store: Store, spec: Spec) -> None:
     """
     begun = time.process_time()
     try:
-        result = cover(spec) if isinstance(spec, IntervalSpec) else examine(spec)
+        result = cover(spec) if isinstance(spec, IntervalSpec) else examine(spec, *SECONDS[store.seal.size])
     except Exception as error:  # whatever it is, the case is counted: it failed
         result = {"status": "error", "message": f"{type(error).__name__}: {' '.join(str(error).split())}"}
     store.put(spec.name, {**result, "seconds_in_all": round(time.process_time() - begun, 2)})

@@ -26,7 +26,7 @@ class TankPlace(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Tanks(Rig):
-    """A pump fills the upper of two equal tanks, which empties into the lower one; levels in volts of the sensor."""
+    """A pump fills the upper of two tanks, which empties into the lower one; levels in volts of the sensor."""
 
     sample_time: float = 4.0
     noise: float = 0.0
@@ -38,6 +38,7 @@ class Tanks(Rig):
     output_name: ClassVar[str] = "level"
     output_unit: ClassVar[str] = "V"
     model_share: ClassVar[float] = 0.1
+    """Outlets after Torricelli, a straight pump."""
     sizes: ClassVar[Sizes] = Sizes(
         motion=5.0, force=0.1, period=100.0, command=3.0, motion_unit="V", force_unit="V/s", body="level"
     )
@@ -50,6 +51,7 @@ class Tanks(Rig):
             Parameter(name="threshold", value=0.5, unit="V", lower=0.0, upper=2.0),
             Parameter(name="upper_outlet", value=0.05, unit="V0.5/s", lower=1e-4, upper=1.0, scale=log),
             Parameter(name="lower_outlet", value=0.05, unit="V0.5/s", lower=1e-4, upper=1.0, scale=log),
+            Parameter(name="area_ratio", value=1.0, unit="1", lower=0.1, upper=10.0, scale=log),
             Parameter(name="upper_start", value=5.0, unit="V", lower=0.0, upper=15.0),
             Parameter(name="lower_start", value=5.0, unit="V", lower=0.0, upper=15.0),
         )
@@ -65,7 +67,8 @@ class Tanks(Rig):
         between = build.parameter("upper_outlet") * _root(upper)
         spilt = build.place(TankPlace.BRIM, "spill", ca.SX.zeros(3))
         build.rate(upper, build.parameter("pump") * above - between - spilt[0])
-        build.rate(lower, between - build.parameter("lower_outlet") * _root(lower) + spilt[1] - spilt[2])
+        caught = build.parameter("area_ratio") * (between + spilt[1])
+        build.rate(lower, caught - build.parameter("lower_outlet") * _root(lower) - spilt[2])
         return build.place(Place.SENSOR, "reading", lower)
 
     def effects(self) -> tuple[Effect, ...]:
@@ -83,7 +86,7 @@ class Overflow(Effect):
 
     .. math:: q = r\,p(h - h_b), \qquad p(x) = w\ln(1 + e^{x/w})
 
-    No state. The tanks are equal, and so are their brims. Off at r = 0.
+    No state. The brims are equally high. Off at r = 0.
 
     Parameters
     ----------

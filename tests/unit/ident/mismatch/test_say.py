@@ -29,20 +29,23 @@ def numbers_of(value) -> list[float]:
     return [float(value)] if isinstance(value, int | float) and not isinstance(value, bool) else []
 
 
-def shows(text: str, field: float) -> bool:
+def shows(text: str, unit: str, field: float) -> bool:
     """Whether a text is a field, or a hundred times it, rounded to the digits that the text has, two at least."""
     decimals = len(text.partition(".")[2])
     digits = range(2, max(2, len(text.lstrip("-0.").replace(".", ""))) + 1)
     rounded = {float(f"{x:.{n - 1}e}") for x in (field, 100 * field) for n in digits}
-    # Shares in per cent and clock times are rounded to decimals instead.
-    rounded |= {round(x, decimals) for x in (field, 100 * field) if abs(x) >= 1}
+    if unit == "%":
+        rounded.add(round(100 * field))
+    elif decimals == 2:  # clock times
+        rounded.add(round(field, 2))
     return float(text) in rounded
 
 
 def foreign_numbers(data: dict) -> list[str]:
     """Numbers of the sentence that are no field of the file."""
     known = numbers_of({key: value for key, value in data.items() if key != "sentence"})
-    return [text for text in NUMBER.findall(data["sentence"]) if not any(shows(text, x) for x in known)]
+    found = [(place.group(), data["sentence"][place.end() + 1 :][:1]) for place in NUMBER.finditer(data["sentence"])]
+    return [text for text, unit in found if not any(shows(text, unit, x) for x in known)]
 
 
 def cause(effect, rng: np.random.Generator, share: float) -> Cause:
@@ -174,8 +177,8 @@ def test_the_sentence_of_one_cause():
 
 def test_a_small_share_is_said_to_be_small():
     assert "only 3 % of the mismatch" in DIAGNOSES["named, weakly"].sentence
-    assert "(97 % of the mismatch)" in DIAGNOSES["two causes"].sentence
-    assert "(only 21 % of the mismatch)" in DIAGNOSES["two causes"].sentence
+    assert "(50.2 to 59.3), which explains 97 % of the mismatch" in DIAGNOSES["two causes"].sentence
+    assert "(-13 to -11), which explains only 21 % of the mismatch" in DIAGNOSES["two causes"].sentence
 
 
 def test_a_refuted_explanation_and_a_free_form_are_no_causes():

@@ -10,7 +10,6 @@ import numpy as np
 
 from deatwin.ident.mismatch.detect.law import LEVEL, Law
 from deatwin.ident.mismatch.detect.leftover import Leftover, leftover_of
-from deatwin.ident.mismatch.detect.null import Refit
 from deatwin.ident.mismatch.detect.origin import Origin, OriginEvidence, origin_of
 from deatwin.ident.mismatch.detect.statistics import GROUPS, Scores
 from deatwin.ident.mismatch.noise import NoiseFloor, noise_level
@@ -255,15 +254,19 @@ def detect_in(
     groups = law.groups(scores)[0]
     practical = max(left.model_error, np.sqrt(PRACTICAL_SHARE) * left.noise)
     pieces = [left.residual[r] for r in left.records]
-    repeats = find_repeats([left.commands[r] for r in left.records], left.sample_time)
+    commands = [left.commands[r] for r in left.records]
+    repeats = find_repeats(commands, left.sample_time)
     smallest, visible = _seen(law, left, known, practical)
+    p_value, size = law.p_value(float(groups.max())), _size(left)
+    counts = p_value < LEVEL and size >= practical
     return Detection(
-        p_value=law.p_value(float(groups.max())), statistics=_statistics(law, left, scores, groups),
-        size=_size(left), practical=practical, noise=left.noise, model_error=left.model_error,
-        sensor=noise_level(pieces, left.sample_time, left.noise, [left.commands[r] for r in left.records], repeats),
+        p_value=p_value, statistics=_statistics(law, left, scores, groups), size=size, practical=practical,
+        noise=left.noise, model_error=left.model_error,
+        sensor=noise_level(pieces, left.sample_time, left.noise, commands, repeats),
         repeatability=None if repeats is None else repeatability(left.residual, repeats, left.noise),
-        evidence=origin_of(left, repeats, practical), moved=float(np.sqrt(np.mean(left.moved**2))), visible=visible,
-        smallest=smallest, output_unit=left.output_unit, curves=_curves(law, left, scores),
+        evidence=origin_of(left, repeats, practical) if counts else OriginEvidence.none(size),
+        moved=float(np.sqrt(np.mean(left.moved**2))), visible=visible, smallest=smallest,
+        output_unit=left.output_unit, curves=_curves(law, left, scores),
     )  # fmt: skip
 
 
@@ -297,13 +300,14 @@ def _seen(
     law: Law, left: Leftover, known: Sequence[Footprint], practical: float
 ) -> tuple[dict[str, float | None], bool]:
     """The smallest size of each effect, at the shape that is seen best, and whether any is physical."""
-    refit, smallest, visible = Refit(left), {}, not known
+    smallest: dict[str, float | None] = {}
+    visible = not known
     for footprint in known:
         effect = footprint.effect
         smallest.setdefault(effect.name, None)
         whole = np.zeros(left.residual.size)
         whole[left.fitted] = footprint.change
-        rest = refit(whole[None])[0][left.fitted]
+        rest = law.refit(whole[None])[0][left.fitted]
         if np.linalg.norm(rest) <= 1e-6 * np.linalg.norm(whole):
             continue
         strength = law.smallest(rest, practical)

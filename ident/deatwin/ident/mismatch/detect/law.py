@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from deatwin.ident.mismatch.detect.leftover import Leftover
-from deatwin.ident.mismatch.detect.null import null_residuals
+from deatwin.ident.mismatch.detect.null import Refit, null_residuals
 from deatwin.ident.mismatch.detect.statistics import Battery, Scores
 
 __all__ = ["LEVEL", "Law"]
@@ -32,9 +32,9 @@ class Law:
     """
 
     def __init__(self, left: Leftover, rng: np.random.Generator, draws: int) -> None:
-        self.left, self.battery = left, Battery(left)
+        self.left, self.battery, self.refit = left, Battery(left), Refit(left)
         kept, pieces = [], []
-        for residuals in null_residuals(left, rng, draws):
+        for residuals in null_residuals(left, self.refit, rng, draws):
             pieces.append(self.battery(residuals))
             if sum(piece.shape[0] for piece in kept) < KEPT:
                 kept.append(residuals[:KEPT, left.fitted])

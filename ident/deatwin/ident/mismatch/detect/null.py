@@ -59,7 +59,8 @@ class Refit:
         scale = np.linalg.norm(left.jacobian, axis=0)
         self._jacobian = left.jacobian / np.where(scale > 0, scale, 1.0)
         self._fitted = left.fitted
-        self._inverse = np.linalg.pinv(self._jacobian[left.fitted], rcond=1e-10)
+        tall, small = np.linalg.qr(self._jacobian[left.fitted])
+        self._inverse = np.linalg.pinv(small, rcond=1e-10) @ tall.T
 
     def __call__(self, residuals: np.ndarray) -> np.ndarray:
         """Residuals after the refit.
@@ -76,13 +77,17 @@ class Refit:
         return residuals - (residuals[:, self._fitted] @ self._inverse.T) @ self._jacobian.T
 
 
-def null_residuals(left: Leftover, rng: np.random.Generator, draws: int) -> Iterator[np.ndarray]:
+def null_residuals(
+    left: Leftover, refit: Refit, rng: np.random.Generator, draws: int
+) -> Iterator[np.ndarray]:
     """Draw residuals under which nothing is missing.
 
     Parameters
     ----------
     left : Leftover
         Recordings, noise and model error.
+    refit : Refit
+        To the same recordings.
     rng : numpy.random.Generator
         Source of the draws.
     draws : int
@@ -93,7 +98,7 @@ def null_residuals(left: Leftover, rng: np.random.Generator, draws: int) -> Iter
     ndarray, shape (b, n)
         Some at a time, SI.
     """
-    refit, n = Refit(left), left.residual.size
+    n = left.residual.size
     filtering, deviation = colour(left)
     terms = _error_after(left, refit)
     size = max(1, CHUNK // n)
@@ -210,7 +215,8 @@ def _quiet_from(left: Leftover, frequency: np.ndarray) -> float:
     for r in left.records:
         power += np.interp(frequency, *welch(left.readings[r], 1.0, nperseg=min(4 * SEGMENT_SAMPLES, r.stop - r.start)))
     share = np.cumsum(power) / max(power.sum(), 1e-300)
-    return min(float(frequency[np.searchsorted(share, MOVING)]), QUIET_BAND / 2)
+    still = min(int(np.searchsorted(share, MOVING)), frequency.size - 1)
+    return min(float(frequency[still]), QUIET_BAND / 2)
 
 
 def _lagged(signal: np.ndarray, lag: float) -> np.ndarray:

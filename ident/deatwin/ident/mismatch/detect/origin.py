@@ -73,6 +73,21 @@ class OriginEvidence:
     high: float
     left: float
 
+    @classmethod
+    def none(cls, left: float) -> OriginEvidence:
+        """What is said where nothing can be.
+
+        Parameters
+        ----------
+        left : float
+            Rms of the residual beyond the noise, SI.
+
+        Returns
+        -------
+        OriginEvidence
+        """
+        return cls(origin=Origin.UNDECIDED, by="nothing", share=0.0, low=0.0, high=1.0, left=left)
+
     def to_dict(self, size: float) -> dict[str, Any]:
         """Plain data for ``diagnosis.json``.
 
@@ -109,7 +124,7 @@ def origin_of(left: Leftover, repeats: Repeats | None, practical: float) -> Orig
     size = float(np.sqrt(max(np.mean(rest**2) - left.noise**2, 0.0)))
     enough = size >= practical and left.residual.size * left.sample_time >= FEWEST_SECONDS
     if not enough:
-        return OriginEvidence(origin=Origin.UNDECIDED, by="nothing", share=0.0, low=0.0, high=1.0, left=size)
+        return OriginEvidence.none(size)
     if repeats is not None:
         found = repeatability(rest, repeats, left.noise)
         low, share, high = found.low, found.share, found.high
@@ -192,8 +207,9 @@ def _less(rest: np.ndarray, basis: np.ndarray, columns: np.ndarray) -> tuple[np.
 def _orthonormal(columns: np.ndarray) -> np.ndarray:
     """An orthonormal basis of what columns span."""
     scale = np.linalg.norm(columns, axis=0)
-    left, singular, _ = np.linalg.svd(columns / np.where(scale > 0, scale, 1.0), full_matrices=False)
-    return left[:, singular > 1e-8 * max(float(singular.max(initial=0.0)), 1e-300)]
+    tall, small = np.linalg.qr(columns / np.where(scale > 0, scale, 1.0))
+    left, singular, _ = np.linalg.svd(small)
+    return np.asarray(tall @ left[:, singular > 1e-8 * max(float(singular.max()), 1e-300)])
 
 
 def _predictors(left: Leftover) -> np.ndarray:

@@ -77,6 +77,8 @@ class Battery:
         self.left = left
         self.names, columns = _regressors(left)
         self.regressors = columns / np.sqrt(columns.shape[0] * left.floor)
+        parts = [part for part in (left.fitted, ~left.fitted) if part.any()]
+        self._averages = np.stack([part / part.sum() for part in parts], axis=1)
         self.lines = next_fast_len(left.residual.size, real=True)
 
     def __call__(self, residuals: np.ndarray) -> Scores:
@@ -92,11 +94,10 @@ class Battery:
         Scores
         """
         squares = residuals**2
-        excess = squares / self.left.floor - squares.mean(axis=1, keepdims=True) / self.left.floor
         return Scores(
             linear=residuals @ self.regressors,
-            squared=excess @ (self.regressors * np.sqrt(self.left.floor)),
-            ratios=np.log(self._means(squares) / self.left.floor),
+            squared=squares @ self.regressors / np.sqrt(self.left.floor),  # regressors have no mean, so squares may
+            ratios=np.log(squares @ self._averages / self.left.floor),
             spectra=self._cumulated(residuals),
         )
 
@@ -104,10 +105,6 @@ class Battery:
     def frequencies(self) -> np.ndarray:
         """Frequencies of the cumulated periodogram, shape (f,), Hz."""
         return np.fft.rfftfreq(self.lines, self.left.sample_time)[1:]
-
-    def _means(self, squares: np.ndarray) -> np.ndarray:
-        parts = (self.left.fitted, ~self.left.fitted)
-        return np.stack([squares[:, part].mean(axis=1) for part in parts if part.any()], axis=1)
 
     def _cumulated(self, residuals: np.ndarray) -> np.ndarray:
         power = np.abs(rfft(residuals, n=self.lines, axis=1)[:, 1:]) ** 2

@@ -1,0 +1,297 @@
+"""Inputs that bring out what explanations differ in, inside what a rig bears.
+
+Slow times are shares of the length, fast frequencies shares of the sample rate, so that the same repertoire serves a
+film at 50 Hz, an oscillator at 600 Hz and a tank that is read every 4 s.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from deatwin.ident.greybox.fit import Part
+from deatwin.plant.excitation import (
+    linear_chirp,
+    logarithmic_chirp,
+    odd_harmonics,
+    random_holds,
+    random_phase_multisine,
+    staircase,
+    triangles,
+    with_alternating_polarity,
+)
+from deatwin.plant.model import Plant
+from deatwin.plant.recording import Experiment, Recording
+from deatwin.plant.simulate import RunStatus
+
+__all__ = ["REPERTOIRE", "Limits", "bears", "limits_of", "safe_limits", "waveform"]
+
+CHIRP = (5.0, 15.0)
+"""Hz; lower where the sample rate does not allow it."""
+FASTEST = 0.6
+"""Highest frequency, as a share of half the sample rate."""
+HEADROOM = 1.05
+"""A rig bears an input if its plant survives this many times as much: so far the film stays clear of its limits."""
+LOWERED, LOWEST = 0.95, 0.4
+"""By which share a range that is too much is lowered at a time, and to which share of it at most."""
+PROBE = 250
+"""Samples for which each end of the range is held in that test."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """The commands that an input may use, in their unit.
+
+    Parameters
+    ----------
+    lowest, highest : float
+        Bounds.
+    bottom : float
+        Lower end of the range in which the plant works: above `lowest` where the drive can give another polarity
+        that recordings did not use.
+    rest : float
+        Command at rest.
+    """
+
+    lowest: float
+    highest: float
+    bottom: float
+    rest: float
+
+    def at(self, share: float | np.ndarray) -> np.ndarray:
+        """Commands at shares of the working range.
+
+        Parameters
+        ----------
+        share : float or ndarray
+            0 at the bottom, 1 at the top.
+
+        Returns
+        -------
+        ndarray
+        """
+        return np.asarray(self.bottom + (self.highest - self.bottom) * np.asarray(share))
+
+    def scaled(self, share: float) -> Limits:
+        """The same with all distances from rest multiplied.
+
+        Parameters
+        ----------
+        share : float
+            Factor.
+
+        Returns
+        -------
+        Limits
+        """
+        ends = {name: self.rest + share * (getattr(self, name) - self.rest) for name in ("lowest", "highest")}
+        return replace(self, **ends, bottom=max(ends["lowest"], min(self.bottom, ends["highest"])))
+
+
+Maker = Callable[[Limits, float, float, np.random.Generator], np.ndarray]
+"""From limits, length in s, sample time in s and a source of randomness to commands; nearly of that length."""
+
+
+def limits_of(plant: Plant, parts: Sequence[Part]) -> Limits:
+    """What a rig's drive may give; where it does not say, what recordings have used.
+
+    Parameters
+    ----------
+    plant : Plant
+        On the rig.
+    parts : sequence of Part
+        Recordings.
+
+    Returns
+    -------
+    Limits
+    """
+    used = np.concatenate([record.inputs[0] for part in parts for record in part.experiment.recordings])
+    rest = plant.rig.start.rest_command
+    lowest, highest = plant.rig.command_range or (float(used.min()), float(used.max()))
+    bottom = max(lowest, float(used.min())) if used.min() >= rest else lowest
+    return Limits(lowest=lowest, highest=highest, bottom=min(bottom, highest), rest=rest)
+
+
+def safe_limits(plants: Sequence[Plant], limits: Limits) -> Limits | None:
+    """Lower a range until all plants bear its ends, each held, with some headroom.
+
+    Parameters
+    ----------
+    plants : sequence of Plant
+        All that the plant on the bench may be.
+    limits : Limits
+        The drive's.
+
+    Returns
+    -------
+    Limits or None
+        None where they do not even bear a small part of it.
+    """
+    share = 1.0
+    while share >= LOWEST:
+        tried = limits.scaled(share)
+        probe = np.repeat([tried.bottom, tried.highest, tried.lowest, tried.highest], PROBE)
+        if all(bears(plant, probe, tried.rest) for plant in plants):
+            return tried
+        share *= LOWERED
+    return None
+
+
+def bears(plant: Plant, commands: np.ndarray, rest: float, headroom: float = HEADROOM) -> bool:
+    """Whether a plant follows an input with headroom: no pull-in, no breakdown, no loss of tension.
+
+    Parameters
+    ----------
+    plant : Plant
+        With its values.
+    commands : ndarray, shape (n,)
+        In their unit.
+    rest : float
+        Command at rest, from which the headroom counts.
+    headroom : float
+        How many times as much as the input it must bear.
+
+    Returns
+    -------
+    bool
+    """
+    more = rest + headroom * (commands - rest)
+    record = Recording.from_arrays(more, np.zeros_like(more), plant.rig.sample_time)
+    return plant.simulate(Experiment(recordings=(record,))).status is RunStatus.DONE
+
+
+def waveform(
+    name: str, limits: Limits, seconds: float, sample_time: float, rng: np.random.Generator
+) -> np.ndarray | None:
+    """Commands of a waveform of the repertoire.
+
+    Parameters
+    ----------
+    name : str
+        One of `REPERTOIRE`.
+    limits : Limits
+        That they keep to.
+    seconds : float
+        Length.
+    sample_time : float
+        s.
+    rng : numpy.random.Generator
+        Source of what is random in them.
+
+    Returns
+    -------
+    ndarray, shape (n,), or None
+        In their unit; None where the limits do not allow this waveform.
+    """
+    if limits.highest <= limits.bottom or (name in BIPOLAR and limits.lowest >= limits.rest):
+        return None
+    made = REPERTOIRE[name](limits, seconds, sample_time, rng)
+    count = max(2, round(seconds / sample_time))
+    whole = np.concatenate([made[:count], np.full(max(0, count - made.size), made[-1])])
+    return np.where(whole == limits.rest, whole, np.clip(whole, limits.lowest, limits.highest))
+
+
+def _middle(seconds: float, sample_time: float) -> float:
+    """A frequency halfway, on a logarithmic scale, between the slowest and the fastest, Hz: 0.6 for a minute."""
+    return float(np.sqrt(0.5 / sample_time / seconds))
+
+
+def _fast(sample_time: float) -> float:
+    return FASTEST * 0.5 / sample_time
+
+
+def _multisine(seconds: float, sample_time: float, rng: np.random.Generator) -> np.ndarray:
+    """One period of odd harmonics up to a tenth of the sample rate, between -1 and 1; slow ones are the largest."""
+    period = max(20, round(seconds / sample_time)) * sample_time
+    lines = odd_harmonics(period, max(0.1 / sample_time, 1.01 / period))
+    infinite = {"lower": -np.inf, "upper": np.inf}
+    wave = random_phase_multisine(
+        rng, period, sample_time, lines, 1.0, mean=0.0, amplitudes=lines**-0.5, **infinite
+    )
+    return np.asarray(wave / np.abs(wave).max())
+
+
+def _stepped_multisine(limits: Limits, seconds: float, sample_time: float, rng: np.random.Generator) -> np.ndarray:
+    sections = ((0.5, 0.5), (0.2, 0.2), (0.8, 0.2), (0.5, 0.25))
+    wave = _multisine(seconds / len(sections), sample_time, rng)
+    return np.concatenate([limits.at(mean + size * wave) for mean, size in sections])
+
+
+def _repeats(limits: Limits, seconds: float, sample_time: float, rng: np.random.Generator) -> np.ndarray:
+    return np.tile(limits.at(0.5 + 0.5 * _multisine(seconds / 4, sample_time, rng)), 4)
+
+
+def _holds(limits: Limits, seconds: float, sample_time: float, rng: np.random.Generator) -> np.ndarray:
+    levels = np.concatenate([rng.permutation([0.0, 0.6, 0.9]), rng.permutation([0.3, 0.75, 1.0])])
+    return np.repeat(limits.at(levels), max(1, round(seconds / 6 / sample_time)))
+
+
+def _random_steps(limits: Limits, seconds: float, sample_time: float, rng: np.random.Generator) -> np.ndarray:
+    shortest, longest = seconds / 80, seconds / 8
+    return random_holds(rng, seconds, sample_time, limits.bottom, limits.highest, shortest, longest)
+
+
+def _sweeps(limits: Limits, seconds: float, sample_time: float, rng: np.random.Generator) -> np.ndarray:
+    middle = _middle(seconds, sample_time)
+    pairs = ((4 / seconds, middle), (middle, _fast(sample_time)))
+    unit = [logarithmic_chirp(seconds / 2, sample_time, *pair, mean=0.5, amplitude=0.5) for pair in pairs]
+    return limits.at(np.concatenate(unit))
+
+
+def _two_sines(limits: Limits, seconds: float, sample_time: float, rng: np.random.Generator) -> np.ndarray:
+    half = np.arange(max(1, round(seconds / 2 / sample_time))) * sample_time
+    wave = np.sin(2 * np.pi * _middle(seconds, sample_time) * half)
+    return limits.at(np.concatenate([0.5 + 0.5 * wave, 0.5 + 0.2 * wave]))
+
+
+def _rests(limits: Limits, seconds: float, sample_time: float, rng: np.random.Generator) -> np.ndarray:
+    count = max(1, round(seconds / 6 / sample_time))
+    levels = limits.at(np.array([0.7, 1.0, 0.85]))
+    return np.concatenate([np.repeat([level, limits.rest], count) for level in levels])
+
+
+def _chirp(limits: Limits, seconds: float, sample_time: float, rng: np.random.Generator) -> np.ndarray:
+    share = min(1.0, _fast(sample_time) / CHIRP[1])
+    return limits.at(linear_chirp(seconds, sample_time, share * CHIRP[0], share * CHIRP[1], mean=0.6, amplitude=0.4))
+
+
+def _staircase(limits: Limits, seconds: float, sample_time: float, rng: np.random.Generator) -> np.ndarray:
+    return staircase(sample_time, limits.bottom, limits.highest, levels=6, hold=seconds / 11)
+
+
+def _triangles(limits: Limits, seconds: float, sample_time: float, rng: np.random.Generator) -> np.ndarray:
+    rates = (2 / seconds, 8 / seconds, 8 / seconds, 8 / seconds, 8 / seconds)
+    return triangles(sample_time, limits.bottom, limits.highest, rates=rates)
+
+
+def _long_hold(limits: Limits, seconds: float, sample_time: float, rng: np.random.Generator) -> np.ndarray:
+    counts = [max(1, round(share * seconds / sample_time)) for share in (0.1, 0.6, 0.3)]
+    return np.repeat(limits.at(np.array([0.0, 1.0, 0.3])), counts)
+
+
+def _reversals(limits: Limits, seconds: float, sample_time: float, rng: np.random.Generator) -> np.ndarray:
+    level = min(limits.highest - limits.rest, limits.rest - limits.lowest)
+    count = max(8, round(seconds / sample_time))
+    held = np.repeat([0.8 * level, level], -(-count // 2))[:count]
+    return limits.rest + with_alternating_polarity(held, sample_time, seconds / 8)
+
+
+REPERTOIRE: Mapping[str, Maker] = {
+    "multisine of stepped amplitude and mean": _stepped_multisine,
+    "the same multisine four times": _repeats,
+    "steps with long holds": _holds,
+    "random steps": _random_steps,
+    "a slow and a fast sweep": _sweeps,
+    "a sine at two amplitudes": _two_sines,
+    "holds with rests between them": _rests,
+    "fast chirp": _chirp,
+    "staircase up and down": _staircase,
+    "triangles at two rates": _triangles,
+    "long hold": _long_hold,
+    "holds of alternating polarity": _reversals,
+}
+"""What an input may look like, by what it is called."""
+BIPOLAR = frozenset({"holds of alternating polarity"})

@@ -1,0 +1,294 @@
+"""The tables of the page, the CSV files, and the table of results that is kept with the sources."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from deatwin.scenarios.concealed_physics.confusion import by_effect, by_family
+from deatwin.scenarios.concealed_physics.opened import FAR, Case, Opened
+from deatwin.scenarios.concealed_physics.score import Goal
+from deatwin.scenarios.concealed_physics.seal import Seal
+from deatwin.scenarios.concealed_physics.store import Store
+from deatwin.scenarios.report.quantities import three_digits
+from deatwin.scenarios.report.story import Table
+
+__all__ = ["MADE_BY", "csv_files", "results_page", "tables", "write_results"]
+
+KINDS = {
+    "clean": "clean", "effect": "one effect", "pair": "two effects", "outside": "outside the catalogue",
+    "tie": "tie under poor input",
+}  # fmt: skip
+VERDICTS = ("none", "parameters", "named", "ambiguous", "unknown", "disturbance", "data_fault", "not_testable", "error")
+MADE_BY = {
+    "base": "calibrated base plant", "diagnosis": "diagnosis", "oracle": "oracle",
+    "pysindy": "sparse dynamics (pysindy)", "gaussian_process": "Gaussian process", "narx": "NARX",
+}  # fmt: skip
+"""Who makes a prediction of the check record, in the order of tables and figures."""
+Cells = Sequence[str]
+
+
+def tables(study: Opened, seal: Seal) -> list[Table]:
+    """Make all tables.
+
+    Parameters
+    ----------
+    study : Opened
+        With its key.
+    seal : Seal
+        Of the study.
+
+    Returns
+    -------
+    list of Table
+        In the order of the page.
+    """
+    made = [_verdicts(study), _effects(study), _outside(study), _pairs(study), _ties(study), _predictions(study)]
+    if study.failures:
+        made.append(Table(title="Cases that ended in an error", columns=["case", "message"],
+                          rows=[[name, text] for name, text in study.failures.items()]))  # fmt: skip
+    return [*(table for table in made if table.rows), _sealed(seal)]
+
+
+def _verdicts(study: Opened) -> Table:
+    rows = []
+    for kind, words in KINDS.items():
+        found = Counter(case.verdict for case in study.of(kind))
+        rows.append([words, str(found.total()), *(str(found[verdict]) for verdict in VERDICTS)])
+    return Table(title="Verdicts", columns=["cases", "number", *VERDICTS], rows=rows)
+
+
+def _effects(study: Opened) -> Table:
+    singles = study.of("effect")
+    rows = []
+    for name in dict.fromkeys(case.truth[0] for case in singles):
+        cases = sorted((c for c in singles if c.truth[0] == name), key=lambda c: c.ratio)
+        rows.append([
+            name.replace("_", " "), ", ".join(dict.fromkeys(m.replace("_", " ") for c in cases for m in c.mechanisms)),
+            *_counts(cases), " ".join(f"{c.ratio:.2g}:{_mark(c)}" for c in cases),
+        ])  # fmt: skip
+    columns = ["effect", "concealed as", "cases", "detected", "truth in answer", "first cause right", "confident wrong",
+               "each: ratio and verdict"]  # fmt: skip
+    return Table(title=f"Effect by effect ({_LEGEND})", columns=columns, rows=rows)
+
+
+_LEGEND = "✓ named, (✓) ambiguous with the truth inside, ✗ wrong, ? unknown, – none, · other"
+
+
+def _mark(case: Case) -> str:
+    if case.verdict == "named":
+        return "✓" if case.all_named and not case.wrong_cause else "✗"
+    if case.verdict == "ambiguous":
+        return "(✓)" if case.inside else "(✗)"
+    return {"unknown": "?", "none": "–", "parameters": "–"}.get(case.verdict, "·")
+
+
+def _counts(cases: Sequence[Case]) -> list[str]:
+    return [
+        str(len(cases)),
+        *(str(sum(flags)) for flags in (
+            [c.detected for c in cases], [c.inside for c in cases], [c.first_right for c in cases],
+            [c.confidently_wrong for c in cases],
+        )),
+    ]  # fmt: skip
+
+
+def _outside(study: Opened) -> Table:
+    cases = study.of("outside")
+    rows = []
+    for name in dict.fromkeys(case.mechanisms[0] for case in cases):
+        same = sorted((c for c in cases if c.mechanisms[0] == name), key=lambda c: c.ratio)
+        said = Counter("+".join(c.causes) for c in same if c.causes)
+        rows.append([
+            name.replace("_", " "), str(len(same)), str(sum(c.detected for c in same)),
+            str(sum(c.verdict == "unknown" for c in same)), str(sum(bool(c.causes) for c in same)),
+            ", ".join(f"{k} {v}" for k, v in said.most_common()),
+            " ".join(f"{c.ratio:.2g}:{_outside_mark(c)}" for c in same),
+        ])  # fmt: skip
+    columns = ["mechanism", "cases", "detected", "unknown", "a cause named", "which", "each: ratio and verdict"]
+    return Table(title="Outside the catalogue", columns=columns, rows=rows)
+
+
+def _outside_mark(case: Case) -> str:
+    return "✗" if case.causes else {"unknown": "✓", "none": "–", "parameters": "–"}.get(case.verdict, "·")
+
+
+def _pairs(study: Opened) -> Table:
+    rows = [
+        [case.name, " + ".join(case.truth), three_digits(case.ratio), case.verdict, " + ".join(case.causes),
+         ", ".join(sorted(case.answer - set(case.causes)))]
+        for case in study.of("pair")
+    ]  # fmt: skip
+    columns = ["case", "truth", "ratio", "verdict", "causes", "also in the set"]
+    return Table(title="Two effects", columns=columns, rows=rows)
+
+
+def _ties(study: Opened) -> Table:
+    rows = []
+    for case in study.of("tie"):
+        again = case.result.get("advised")
+        after = "–"
+        if again:
+            causes = " + ".join(cause["effect"] for cause in again.get("causes", ()))
+            after = again.get("failure") or f"{again['verdict']}: {causes}"
+        rows.append([
+            case.name, case.truth[0], three_digits(case.ratio), case.verdict, ", ".join(sorted(case.answer)), after,
+            "yes" if case.resolved else "no",
+        ])  # fmt: skip
+    columns = ["case", "truth", "ratio", "verdict", "answer", "with the advised experiment", "resolved"]
+    return Table(title="Ties", columns=columns, rows=rows)
+
+
+def _predictions(study: Opened) -> Table:
+    """Errors on unseen data over the oracle's, of single effects that are at least as large as the noise."""
+    cases = [case for case in study.of("effect", ratio=1.0) if "oracle" in case.errors]
+    rows = []
+    for name, words in MADE_BY.items():
+        ratios = [c.errors[name] / c.errors["oracle"] for c in cases if name in c.errors]
+        if ratios:
+            low, middle, high = np.quantile(ratios, (0.05, 0.5, 0.95))
+            lost = sum(bool(c.result.get("baselines", {}).get(name, {}).get("failure")) for c in cases)
+            rows.append([words, str(len(ratios)), *(f"{r:.3f}" for r in (middle, low, high)), str(lost)])
+    columns = ["plant", "cases", "median", "5 %", "95 %", "runs that diverged or failed"]
+    return Table(title="Error on the check record over the oracle's, ratio 1 or more", columns=columns, rows=rows)
+
+
+def _sealed(seal: Seal) -> Table:
+    rows = [
+        ["seal (hash of all below but the last)", seal.hash], ["labels", seal.key],
+        ["code that runs the cases", seal.code],
+        ["thresholds", f"{len(seal.thresholds)} numbers, listed in seal.json"], ["version", seal.version],
+        ["size and seed", f"{seal.size}, {seal.seed}"], ["code that counts, when it was sealed", seal.scoring],
+    ]  # fmt: skip
+    return Table(title="What was sealed before the first case", columns=["what", "SHA-256 or value"], rows=rows)
+
+
+def csv_files(study: Opened, goals: Sequence[Goal]) -> dict[str, str]:
+    """Every count as CSV.
+
+    Parameters
+    ----------
+    study : Opened
+        With its key.
+    goals : sequence of Goal
+        As scored.
+
+    Returns
+    -------
+    dict of str to str
+        Text by file name.
+    """
+    numbers = [
+        (g.measure, g.demanded, g.reached, g.value, g.low, g.high, g.count, "yes" if g.met else "no") for g in goals
+    ]
+    header = ("goal", "demanded", "reached", "value", "low_95", "high_95", "cases", "met")
+    files = {"goals.csv": _csv(header, numbers), "cases.csv": _csv(_COLUMNS, map(_line, study.cases))}
+    for name, table in (("effect", by_effect(study)), ("family", by_family(study))):
+        files[f"confusion_{name}.csv"] = _csv(("truth", *table.answers), table.rows())
+    held = [
+        (r["name"], r["true"], r["low"], r["high"], int(r["low"] <= r["true"] <= r["high"])) for r in study.intervals
+    ]
+    files["intervals.csv"] = _csv(("parameter", "true", "low", "high", "covered"), held)
+    return files
+
+
+_COLUMNS = ("case", "kind", "truth", "concealed", "rich", "ratio", "verdict", "causes", "set", "nearest_d2",
+            "probability", *(f"{name}_rms" for name in ("nominal", *MADE_BY)), "sparse_term", "resolved",
+            "processor_s")  # fmt: skip
+
+
+def _line(case: Case) -> tuple[object, ...]:
+    causes = case.diagnosis.get("causes", ())
+    return (
+        case.name, case.kind, "+".join(case.truth), "+".join(case.mechanisms), int(case.rich), f"{case.ratio:.4g}",
+        case.verdict, "+".join(case.causes), "+".join(sorted(case.answer)), f"{case.nearest:.4g}",
+        f"{causes[0]['probability']:.4g}" if causes else "",
+        *(f"{case.errors[n]:.5g}" if n in case.errors else "" for n in ("nominal", *MADE_BY)),
+        case.result.get("baselines", {}).get("pysindy", {}).get("term", ""), int(case.resolved),
+        case.result.get("seconds_in_all", ""),
+    )  # fmt: skip
+
+
+def _csv(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    import csv
+    import io
+
+    buffer = io.StringIO()
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows(["" if cell is None else cell for cell in row] for row in rows)
+    return buffer.getvalue()
+
+
+def results_page(study: Opened, goals: Sequence[Goal], seal: Seal) -> str:
+    """The results as a page of text that is kept with the sources.
+
+    Parameters
+    ----------
+    study : Opened
+        With its key.
+    goals : sequence of Goal
+        As scored.
+    seal : Seal
+        Of the study.
+
+    Returns
+    -------
+    str
+        Markdown.
+    """
+    counted = Counter(case.kind for case in study.cases)
+    cases = ", ".join(f"{counted[kind]} {words}" for kind, words in KINDS.items() if counted[kind])
+    seconds = np.array(study.seconds or (0.0,))
+    lines = [
+        "# Concealed physics: what the study reached", "",
+        f"`deatwin scenario concealed-physics --size {seal.size} --seed {seal.seed}`, deatwin {seal.version}: "
+        f"{len(study.cases)} cases ({cases}), {len(study.intervals)} parameters of fits on data of the reduced plant. "
+        f"{len(study.failures)} ended in an error. Processor time of a case: median {np.median(seconds):.0f} s, "
+        f"at most {seconds.max():.0f} s.", "",
+        f"Seal of labels, thresholds and code, written before the first case: `{seal.hash}`", "",
+        f"Bounds hold with 95 % (Clopper and Pearson); one-sided where a goal has one side. d² from {FAR:g} on means "
+        "that two explanations can be told apart. Ratio is the structural residual over the noise after the base plant "
+        "was refitted.", "",
+        *_markdown(["goal", "demanded", "reached", "met"],
+                   [[g.measure, g.demanded, g.reached, "yes" if g.met else "no"] for g in goals]),
+    ]  # fmt: skip
+    for table in tables(study, seal)[:-1]:
+        lines += ["", f"## {table.title}", "", *_markdown(table.columns, table.rows)]
+    return "\n".join(lines) + "\n"
+
+
+def _markdown(columns: Cells, rows: Iterable[Cells]) -> list[str]:
+    return [
+        f"| {' | '.join(columns)} |", f"|{'---|' * len(columns)}",
+        *(f"| {' | '.join(cell.replace('|', '/') for cell in row)} |" for row in rows),
+    ]  # fmt: skip
+
+
+def write_results(folder: Path | str, target: Path | str) -> None:
+    """Read a finished study, score it, and write the table of results that is kept with the sources.
+
+    Parameters
+    ----------
+    folder : path
+        Of the study.
+    target : path
+        File to write, Markdown.
+
+    Raises
+    ------
+    DataError
+        If the study is not finished, or its key is not the one that was sealed.
+    """
+    from deatwin.plant.files import write_text_atomic
+    from deatwin.scenarios.concealed_physics.opened import open_key
+    from deatwin.scenarios.concealed_physics.score import score
+
+    store = Store.opened(folder)
+    key = json.loads((Path(folder) / "key.json").read_text(encoding="utf-8"))
+    study = open_key(store, key)
+    write_text_atomic(target, results_page(study, score(study), store.seal))

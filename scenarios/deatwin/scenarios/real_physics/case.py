@@ -1,0 +1,345 @@
+"""What the stories share: a plant without the documented physics, diagnosed, then judged on recordings held out."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.greybox.fit import Part, calibrate
+from deatwin.ident.mismatch import Diagnosis
+from deatwin.ident.parallel import run_jobs
+from deatwin.plant.errors import ModelError
+from deatwin.plant.model import Plant
+from deatwin.plant.recording import Experiment
+from deatwin.scenarios.diagnosing import DiagnosisTask
+from deatwin.scenarios.folder import ResultFolder
+from deatwin.scenarios.provenance import RunRecord, hashes
+from deatwin.scenarios.real_data.methods import GROWN, LINEAR, REFINED, Outcome, attempt
+from deatwin.scenarios.real_data.records import DataSet
+from deatwin.scenarios.real_physics import figures
+from deatwin.scenarios.report.story import Note, Row, StoryPage, Table, write_story
+from deatwin.scenarios.stories import Setting
+
+__all__ = ["Case", "HeldOut", "Law", "Trial", "judged", "tell"]
+
+Array = NDArray[np.float64]
+RIVALS = (LINEAR, REFINED, GROWN)
+"""Methods of the story ``real-data`` that stand beside the plant; NARX are the last two."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class HeldOut:
+    """A recording on which nothing is fitted or chosen.
+
+    Parameters
+    ----------
+    name : str
+        In words.
+    experiment : Experiment
+        From rest, or through what goes before.
+    counted : slice
+        Samples of its last record that count; the others lead in.
+    rival : DataSet, or None
+        The same for a NARX: learned from what the plant was fitted to, judged on what counts here.
+    """
+
+    name: str
+    experiment: Experiment
+    counted: slice = slice(None)
+    rival: DataSet | None = None
+
+    def readings(self, plant: Plant) -> Array:
+        """A plant's free run where it counts.
+
+        Parameters
+        ----------
+        plant : Plant
+            Calibrated.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            SI.
+        """
+        return plant.simulate(self.experiment).require().outputs[-1][0, self.counted]
+
+    @property
+    def measured(self) -> Array:
+        """Readings where it counts, shape (n,), SI."""
+        return self.experiment.recordings[-1].outputs[0, self.counted]
+
+    @property
+    def timepts(self) -> Array:
+        """Their clock times, shape (n,), s."""
+        return self.experiment.recordings[-1].timepts[self.counted]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Law:
+    """What the missing physics does, over what it depends on.
+
+    Parameters
+    ----------
+    state, force : str
+        Labels with units.
+    measured : tuple of ndarray, each of shape (n,)
+        State and force, or what else is missing, that the recordings show where the base part of the plant is
+        taken off; empty where they do not show it.
+    modelled : tuple of ndarray, each of shape (m,)
+        The same of the amended plant.
+    caption : str
+        How the measured one was made.
+    """
+
+    state: str
+    force: str
+    measured: tuple[Array, Array]
+    modelled: tuple[Array, Array]
+    caption: str
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Case:
+    """A recording and a plant from which its documented physics is left out.
+
+    Parameters
+    ----------
+    name, title : str
+        Of the story, and of the system in words.
+    documented : tuple of str
+        Effects that would be right answers.
+    plant : Plant
+        Without them.
+    fitted : tuple of Experiment
+        For the diagnosis.
+    held_out : tuple of HeldOut
+        The official test recording first, where there is one.
+    unit, scale : str, float
+        In which errors are shown, and its size in SI or the recording's own unit.
+    files : tuple of path
+        Read from.
+    notes : tuple of str
+        What was done with the recordings, and what of the plant needs saying.
+    law : callable
+        Takes the amended plant, returns the `Law`.
+    """
+
+    name: str
+    title: str
+    documented: tuple[str, ...]
+    plant: Plant
+    fitted: tuple[Experiment, ...]
+    held_out: tuple[HeldOut, ...]
+    unit: str
+    scale: float
+    files: tuple[Path, ...]
+    notes: tuple[str, ...]
+    law: Callable[[Plant], Law]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Trial:
+    """Free runs over a held-out recording.
+
+    Parameters
+    ----------
+    held_out : HeldOut
+        The recording.
+    base, amended : ndarray, shape (n,)
+        Readings of the calibrated base plant and of the amended one, SI.
+    rivals : tuple of Outcome
+        Of black boxes that learned from the same samples.
+    """
+
+    held_out: HeldOut
+    base: Array
+    amended: Array
+    rivals: tuple[Outcome, ...]
+
+    @property
+    def base_error(self) -> float:
+        """Rms of measured minus base plant, SI."""
+        return float(np.sqrt(np.mean((self.held_out.measured - self.base) ** 2)))
+
+    @property
+    def amended_error(self) -> float:
+        """Rms of measured minus amended plant, SI."""
+        return float(np.sqrt(np.mean((self.held_out.measured - self.amended) ** 2)))
+
+    @property
+    def best_rival(self) -> Outcome | None:
+        """The NARX with the least error here: chosen on the held-out recording, in its favour."""
+        sound = [o for o in self.rivals if o.method != LINEAR and np.isfinite(o.free_run)]
+        return min(sound, key=lambda o: o.free_run) if sound else None
+
+
+def tell(setting: Setting, case: Case) -> Mapping[str, Any]:
+    """Diagnose, judge on the held-out recordings, and write the page.
+
+    Parameters
+    ----------
+    setting : Setting
+        Folder, data and the like.
+    case : Case
+        The story's own.
+
+    Returns
+    -------
+    mapping
+        Verdict, causes, errors, and a sentence.
+    """
+    record = RunRecord(command=setting.command, inputs=hashes(case.files), seed=setting.seed, jobs=setting.jobs)
+    diagnosis = _diagnosed(setting, case)
+    setting.progress(0.7, "the held-out recordings")
+    trials = judged(case, diagnosis, setting.jobs)
+    setting.progress(0.95, "drawing")
+    return _written(setting, case, diagnosis, trials, record)
+
+
+def _diagnosed(setting: Setting, case: Case) -> Diagnosis:
+    own = ResultFolder(setting.folder.path / "diagnosis")
+    task = DiagnosisTask(
+        plant=case.plant, experiments=case.fitted, files=case.files, command=setting.command, jobs=setting.jobs,
+        seed=setting.seed,
+    )  # fmt: skip
+    diagnosis = task.run(own, lambda share, text: setting.progress(0.7 * share, text))
+    setting.folder.written.extend(f"diagnosis/{name}" for name in own.written)
+    return diagnosis
+
+
+def judged(case: Case, diagnosis: Diagnosis, jobs: int = 1) -> tuple[Trial, ...]:
+    """Run the plants, and black boxes that learned from the same samples, over the held-out recordings.
+
+    Parameters
+    ----------
+    case : Case
+        With the recordings.
+    diagnosis : Diagnosis
+        Of the fitted ones.
+    jobs : int
+        Worker processes.
+
+    Returns
+    -------
+    tuple of Trial
+        In the order of the recordings. The base plant is fitted to all that the amended one is fitted to.
+
+    Raises
+    ------
+    ModelError
+        If the diagnosis has no evidence, or no model.
+    """
+    seen, model = diagnosis.evidence, diagnosis.model
+    if seen is None or model is None:
+        raise ModelError("a diagnosis without its evidence cannot be judged")
+    base = calibrate(seen.base_model.plant, [Part.whole(e) for e in case.fitted]).plant
+    amended = model.plant
+    tasks = [(method, held.rival) for held in case.held_out if held.rival is not None for method in reversed(RIVALS)]
+    outcomes = run_jobs(attempt, tasks, workers=jobs)
+    trials = []
+    for held in case.held_out:
+        own = tuple(o for o, (_, data) in zip(outcomes, tasks, strict=True) if data is held.rival)
+        trials.append(Trial(held_out=held, base=held.readings(base), amended=held.readings(amended), rivals=own[::-1]))
+    return tuple(trials)
+
+
+def _written(
+    setting: Setting, case: Case, diagnosis: Diagnosis, trials: Sequence[Trial], record: RunRecord
+) -> Mapping[str, Any]:
+    rows = _rows(case, diagnosis, trials)
+    sentence = f"{diagnosis.sentence} {_said(case, trials[0])}"
+    made = [figures.held_out(case, trials[0]), figures.residuals(case, trials[0])]
+    if diagnosis.causes and diagnosis.model is not None:
+        made.append(figures.law(case, case.law(diagnosis.model.plant)))
+    for drawing, columns in made:
+        setting.folder.csv(drawing.data, columns)
+    page = StoryPage(
+        title=case.name, sentence=sentence, rows=rows, figures=[drawing for drawing, _ in made],
+        notes=[
+            Note(title="The recordings and the plant", paragraphs=case.notes),
+            Note(title="The diagnosis", paragraphs=["Step by step: diagnosis/report.html.", *diagnosis.warnings]),
+        ],
+        tables=[_errors(case, trials), _tried(case, diagnosis)],
+    )  # fmt: skip
+    write_story(setting.folder, page, setting.seed)
+    result = {
+        "sentence": sentence, "verdict": diagnosis.verdict.value,
+        "causes": [cause.effect for cause in diagnosis.causes], "set": list(diagnosis.names),
+        "right": page.rows[0].passed, "measures": [asdict(row) for row in rows],
+        "held_out": {t.held_out.name: _plain(t) for t in trials},
+    }  # fmt: skip
+    setting.folder.text(f"{case.name}.json", json.dumps(result, indent=1, ensure_ascii=False) + "\n")
+    finished = record.finished([*setting.folder.written, "run.json"])
+    setting.folder.text("run.json", json.dumps(finished, indent=1) + "\n")
+    return result
+
+
+def _plain(trial: Trial) -> dict[str, Any]:
+    rivals = {o.method: o.free_run if np.isfinite(o.free_run) else None for o in trial.rivals}
+    return {"base": trial.base_error, "amended": trial.amended_error, "black_boxes": rivals}
+
+
+def _said(case: Case, trial: Trial) -> str:
+    base, amended = trial.base_error / case.scale, trial.amended_error / case.scale
+    best = trial.best_rival
+    beside = "" if best is None else f"; the best NARX leaves {best.free_run / case.scale:.3g}"
+    return (
+        f"{trial.held_out.name}, on which nothing was fitted or chosen: free run to {base:.3g} {case.unit} rms before, "
+        f"{amended:.3g} after{beside}."
+    )
+
+
+def _rows(case: Case, diagnosis: Diagnosis, trials: Sequence[Trial]) -> list[Row]:
+    causes = [cause.effect for cause in diagnosis.causes]
+    right = bool(causes) and set(causes) <= set(case.documented) and diagnosis.verdict.value == "named"
+    rows = [
+        Row(
+            measure="The physics that is documented is named, and no other",
+            demanded=f"named: {' or '.join(case.documented)}",
+            reached=f"{diagnosis.verdict.value}: {', '.join(causes) or 'no cause'}", passed=right,
+        )
+    ]  # fmt: skip
+    for trial in trials:
+        base, amended = trial.base_error / case.scale, trial.amended_error / case.scale
+        rows.append(
+            Row(
+                measure=f"{trial.held_out.name}: free run, rms error, against the base plant's",
+                demanded=f"below {base:.4g} {case.unit}", reached=f"{amended:.4g} {case.unit}", passed=amended < base,
+            )
+        )  # fmt: skip
+    return rows
+
+
+def _errors(case: Case, trials: Sequence[Trial]) -> Table:
+    rows = []
+    for trial in trials:
+        name = trial.held_out.name
+        rows.append([name, "calibrated base plant", f"{trial.base_error / case.scale:.4g}"])
+        rows.append([name, "amended plant", f"{trial.amended_error / case.scale:.4g}"])
+        rows += [
+            [name, f"{o.method}, {o.terms} parameters", o.failure or f"{o.free_run / case.scale:.4g}"]
+            for o in trial.rivals
+        ]
+    return Table(
+        title="Free runs over held-out recordings: root mean square errors",
+        columns=["recording", "model", f"error ({case.unit})"], rows=rows,
+    )  # fmt: skip
+
+
+def _tried(case: Case, diagnosis: Diagnosis) -> Table:
+    tried = diagnosis.evidence.candidates if diagnosis.evidence is not None else ()
+    rows = [
+        [" and ".join(c.effects).replace("_", " ") or "none", f"{c.fitted / case.scale:.4g}",
+         f"{c.unseen / case.scale:.4g}"]
+        for c in sorted(tried, key=lambda c: c.fitted)
+    ]  # fmt: skip
+    return Table(
+        title="Effects that were built in", rows=rows,
+        columns=["effects", f"fitted part ({case.unit})", f"unseen part of the same recordings ({case.unit})"],
+    )  # fmt: skip

@@ -1,0 +1,147 @@
+"""The figures of the stories: held-out recordings, what is left of them, and the missing force over its state."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.scenarios.report.figures import Drawing
+from deatwin.scenarios.report.svg import COLOURS, draw, legend_above
+
+if TYPE_CHECKING:
+    from deatwin.scenarios.real_physics.case import Case, Law, Trial
+
+__all__ = ["held_out", "law", "residuals"]
+
+Array = NDArray[np.float64]
+Columns = Mapping[str, Array]
+INK, MEASURED, BEFORE, AFTER, MARK = (COLOURS[role][0] for role in ("ink", "measured", "before", "after", "mark"))
+ZOOM = 300
+"""Samples that are drawn one by one."""
+DRAWN = 4000
+"""Points of a long line: the extremes of each piece of it."""
+
+
+def held_out(case: Case, trial: Trial) -> tuple[Drawing, Columns]:
+    """The recording beside both plants: the whole, and where the base plant fails most.
+
+    Parameters
+    ----------
+    case : Case
+        Names and units.
+    trial : Trial
+        Free runs.
+
+    Returns
+    -------
+    Drawing
+        The picture.
+    dict of str to ndarray
+        Its data, around the largest error of the base plant.
+    """
+    time, scale = trial.held_out.timepts, case.scale
+    measured, base, amended = (y / scale for y in (trial.held_out.measured, trial.base, trial.amended))
+    peak = int(np.argmax(np.abs(measured - base)))
+    first = int(np.clip(peak - ZOOM // 2, 0, max(measured.size - ZOOM, 0)))
+    near = slice(first, first + ZOOM)
+    label = f"{case.plant.rig.output_name} ({case.unit})"
+    with draw((9.6, 5.6)) as figure:
+        top, bottom = figure.subplots(2, 1, height_ratios=(2, 3))
+        top.plot(*_envelope(time, measured), color=MEASURED, linewidth=0.5)
+        top.axvspan(time[near][0], time[near][-1], color=MARK, alpha=0.3, linewidth=0)
+        top.set(ylabel=label)
+        bottom.plot(time[near], base[near], color=BEFORE, label="calibrated base plant")
+        bottom.plot(time[near], amended[near], color=AFTER, linewidth=1.6, label="amended plant")
+        bottom.plot(time[near], measured[near], ".", color=INK, markersize=3.0, label="recording")
+        bottom.set(ylabel=label, xlabel="time (s)")
+        legend_above(figure, bottom, 3)
+        drawing = Drawing.of(
+            figure, "held_out", f"{case.title}: {trial.held_out.name}",
+            "Free runs over a recording on which nothing was fitted or chosen. Above: all of it; below: the ochre part, "
+            "around the largest error of the base plant.",
+        )  # fmt: skip
+    columns = {"time_s": time, "recording": measured, "base": base, "amended": amended}
+    return drawing, {name: values[near] for name, values in columns.items()}
+
+
+def residuals(case: Case, trial: Trial) -> tuple[Drawing, Columns]:
+    """What both plants leave of the recording, over time and over frequency.
+
+    Parameters
+    ----------
+    case : Case
+        Names and units.
+    trial : Trial
+        Free runs.
+
+    Returns
+    -------
+    Drawing
+        The picture.
+    dict of str to ndarray
+        Spectra.
+    """
+    from scipy.signal import welch
+
+    time, rate = trial.held_out.timepts, 1 / case.plant.rig.sample_time
+    measured, columns = trial.held_out.measured / case.scale, {}
+    with draw((9.6, 5.2)) as figure:
+        top, bottom = figure.subplots(2, 1, height_ratios=(3, 2))
+        for name, readings, colour in (("base", trial.base, BEFORE), ("amended", trial.amended, AFTER)):
+            left = measured - readings / case.scale
+            frequencies, density = welch(left, rate, nperseg=min(2048, left.size // 4))
+            columns |= {"frequency_Hz": frequencies[1:], name: np.sqrt(density)[1:]}
+            label = f"{'calibrated base' if name == 'base' else name} plant: {np.sqrt(np.mean(left**2)):.3g} rms"
+            top.plot(*_envelope(time, left), color=colour, linewidth=0.8, label=label)
+            bottom.loglog(frequencies[1:], np.sqrt(density)[1:], color=colour)
+        top.set(ylabel=f"measured − simulated ({case.unit})", xlabel="time (s)")
+        bottom.set(ylabel=f"density ({case.unit}/√Hz)", xlabel="frequency (Hz)")
+        legend_above(figure, top, 2)
+        drawing = Drawing.of(
+            figure, "residuals", f"{case.title}: what is left of {trial.held_out.name}",
+            "Measured minus simulated, in free run, without and with the physics that was found.",
+        )  # fmt: skip
+    return drawing, columns
+
+
+def law(case: Case, found: Law) -> tuple[Drawing, Columns]:
+    """The missing force over what it depends on.
+
+    Parameters
+    ----------
+    case : Case
+        Names.
+    found : Law
+        Of the recording and of the amended plant.
+
+    Returns
+    -------
+    Drawing
+        The picture.
+    dict of str to ndarray
+        The amended plant's force.
+    """
+    with draw((6.4, 4.2)) as figure:
+        axes = figure.add_subplot()
+        if found.measured[0].size:
+            step = max(found.measured[0].size // DRAWN, 1)
+            axes.plot(*(v[::step] for v in found.measured), ".", color=MEASURED, markersize=1.5, label="recording")
+        step = max(found.modelled[0].size // DRAWN, 1)
+        axes.plot(*(v[::step] for v in found.modelled), ".", color=AFTER, markersize=2.0, label="amended plant")
+        axes.set(xlabel=found.state, ylabel=found.force)
+        legend_above(figure, axes, 2)
+        drawing = Drawing.of(figure, "law", f"{case.title}: the missing physics over its state", found.caption)
+    return drawing, {"state": found.modelled[0], "missing": found.modelled[1]}
+
+
+def _envelope(time: Array, values: Array) -> tuple[Array, Array]:
+    """Least and largest value of each piece, so that a long line can be drawn with few points."""
+    size = -(-values.size // (DRAWN // 2))
+    if size <= 2:
+        return time, values
+    count = values.size // size
+    pieces = values[: count * size].reshape(count, size)
+    return np.repeat(time[: count * size : size], 2), np.stack([pieces.min(1), pieces.max(1)], axis=1).ravel()

@@ -1,0 +1,427 @@
+"""The study of concealed effects: its counting against closed forms and hand-made cases, its seal, and a tiny run."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.stats import binom, binomtest
+
+from deatwin.plant.effects.catalogue import catalogue
+from deatwin.plant.errors import DataError
+from deatwin.scenarios.cli import main
+from deatwin.scenarios.concealed_physics import seal as sealing
+from deatwin.scenarios.concealed_physics import study as running
+from deatwin.scenarios.concealed_physics.baselines import (
+    TERM_NAMES,
+    VARIABLES,
+    Track,
+    gaussian_process,
+    narx,
+    sparse_dynamics,
+)
+from deatwin.scenarios.concealed_physics.confusion import by_effect, by_family
+from deatwin.scenarios.concealed_physics.figures import drawings, summary
+from deatwin.scenarios.concealed_physics.opened import Opened, open_key
+from deatwin.scenarios.concealed_physics.rates import (
+    Rate,
+    bounds,
+    brier_score,
+    expected_calibration_error,
+    least,
+    median_interval,
+    most,
+    reliability,
+)
+from deatwin.scenarios.concealed_physics.score import Goal, gaps_closed, score
+from deatwin.scenarios.concealed_physics.seal import Seal, thresholds
+from deatwin.scenarios.concealed_physics.store import Store
+from deatwin.scenarios.concealed_physics.tables import csv_files, results_page, write_results
+
+TINY_SEED = 1001
+
+
+# --- rates ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("hits", "count"), [(0, 150), (1, 150), (7, 40), (39, 40), (24, 24)])
+def test_bounds_are_clopper_pearson(hits: int, count: int) -> None:
+    rate = Rate(hits=hits, count=count)
+    two_sided = binomtest(hits, count).proportion_ci(0.95, method="exact")
+    assert bounds(rate) == pytest.approx((two_sided.low, two_sided.high), abs=1e-9)
+    upper = binomtest(hits, count, alternative="less").proportion_ci(0.95, method="exact")
+    lower = binomtest(hits, count, alternative="greater").proportion_ci(0.95, method="exact")
+    assert (least(rate), most(rate)) == pytest.approx((lower.low, upper.high), abs=1e-9)
+
+
+def test_none_of_150_is_at_most_two_percent() -> None:
+    # (1 - p)^150 = 0.05 has the closed solution 1 - 0.05^(1/150) = 1.977 %.
+    assert most(Rate(hits=0, count=150)) == pytest.approx(1 - 0.05 ** (1 / 150), rel=1e-9)
+    assert bounds(Rate(hits=0, count=0)) == (0.0, 1.0)
+
+
+@pytest.mark.parametrize("count", [6, 25, 88])
+def test_the_interval_of_a_median_holds_it_with_95_percent_and_no_narrower_one_does(count: int) -> None:
+    low, high = median_interval(np.arange(1.0, count + 1))
+    # The r-th and the (n + 1 - r)-th of n values hold the median with 1 - 2 P(B < r), B binomial of n halves.
+    rank = int(low)
+    assert high == count + 1 - rank
+    assert 1 - 2 * binom.cdf(rank - 1, count, 0.5) >= 0.95 > 1 - 2 * binom.cdf(rank, count, 0.5)
+
+
+def test_calibration_error_and_brier_score_by_hand() -> None:
+    stated, true = [0.95, 0.95, 0.95, 0.95, 0.62, 0.62], [True, True, True, False, True, False]
+    bins = reliability(stated, true)
+    assert [(b.stated, b.came_true.hits, b.came_true.count) for b in bins] == [
+        (pytest.approx(0.62), 1, 2), (pytest.approx(0.95), 3, 4),
+    ]  # fmt: skip
+    assert expected_calibration_error(bins) == pytest.approx((4 * 0.20 + 2 * 0.12) / 6)
+    assert brier_score(stated, true) == pytest.approx((3 * 0.05**2 + 0.95**2 + 0.38**2 + 0.62**2) / 6)
+    assert reliability([1.0], [True])[0].came_true.count == 1  # certainty belongs to the highest bin
+
+
+# --- counting of hand-made cases ------------------------------------------------------------------------------------
+
+NAMES = {"slow_flow": ["creep"], "rub": ["coulomb_friction", "hysteresis"], "glass_lag": ["sensor_lag"]}
+
+
+def spec(name: str, kind: str, *effects: str, ratio: float = 2.0, rich: bool = True) -> dict[str, Any]:
+    truth = [NAMES[e][0] for e in effects if e in NAMES]
+    return {"name": name, "kind": kind, "effects": list(effects), "truth": truth, "target_ratio": ratio, "rich": rich}
+
+
+def done(
+    verdict: str, *causes: str, ratio: float, probability: float = 0.9, also: tuple[str, ...] = (),
+    d2: float | None = None, check: Mapping[str, float | None] | None = None, term: str = "",
+    advised: Mapping[str, Any] | None = None,
+) -> dict[str, Any]:  # fmt: skip
+    errors = {"nominal": 9e-6, "base": 4e-6, "diagnosis": 2e-6, "oracle": 2e-6} if check is None else dict(check)
+    near = [] if d2 is None else [{"effects": ["a", "b"], "d2": d2}]
+    return {
+        "status": "done", "ratio": ratio, "check": errors, "advised": advised, "parameters": [],
+        "diagnosis": {
+            "verdict": verdict, "causes": [{"effect": c, "probability": probability} for c in causes],
+            "set": [*causes, *also] if causes else [], "indistinguishable": near,
+        },
+        "baselines": {
+            "pysindy": {"rms": 5e-6, "term": term, "failure": ""},
+            "gaussian_process": {"rms": 3e-6, "term": "", "failure": ""}, "narx": {"rms": None, "term": "", "failure": "x"},
+        },
+    }  # fmt: skip
+
+
+CLEAN = {"nominal": 9e-6, "base": 2e-6, "diagnosis": 2e-6, "oracle": None}
+MADE: list[tuple[dict[str, Any], dict[str, Any]]] = [
+    (spec("c1", "clean", ratio=0.0), done("none", ratio=0.0, check=CLEAN)),
+    (spec("c2", "clean", ratio=0.0), done("parameters", ratio=0.0, check=CLEAN)),
+    (spec("c3", "clean", ratio=0.0), done("unknown", ratio=0.0, check=CLEAN)),
+    (spec("c4", "clean", ratio=0.0), done("ambiguous", "delay", ratio=0.0, check={**CLEAN, "diagnosis": 3e-6})),
+    # right alone; right by the second accepted name; confidently wrong; not found; tied with a near rival; weak
+    (spec("e1", "effect", "slow_flow"), done("named", "creep", ratio=2.0, term="x")),
+    (spec("e2", "effect", "rub"), done("named", "hysteresis", ratio=2.0)),
+    (spec("e3", "effect", "rub"), done("named", "creep", ratio=1.5, probability=0.7, term="s")),
+    (spec("e4", "effect", "slow_flow"), done("none", ratio=0.6, check={**CLEAN, "oracle": 1e-6})),
+    (spec("e5", "effect", "glass_lag"), done("ambiguous", "delay", ratio=1.0, also=("sensor_lag",), d2=3.0,
+                                             check={"base": 4e-6, "diagnosis": 3e-6, "oracle": 2e-6})),
+    (spec("e6", "effect", "glass_lag", ratio=0.3), done("none", ratio=0.3)),
+    (spec("e7", "effect", "slow_flow", ratio=1.6), {"status": "error", "message": "ValueError: no"}),
+    (spec("o1", "outside", "aether"), done("unknown", ratio=1.0)),
+    (spec("o2", "outside", "aether"), done("named", "creep", ratio=1.0, probability=0.6)),
+    (spec("o3", "outside", "aether", ratio=0.4), done("none", ratio=0.4)),
+    (spec("p1", "pair", "slow_flow", "rub"), done("named", "creep", "coulomb_friction", ratio=2.0)),
+    (spec("p2", "pair", "slow_flow", "glass_lag"), done("named", "creep", "delay", ratio=2.0)),
+    (spec("t1", "tie", "glass_lag", rich=False),
+     done("ambiguous", "delay", ratio=1.0, also=("sensor_lag",), d2=1.0,
+          advised={"verdict": "named", "causes": [{"effect": "sensor_lag"}], "set": ["sensor_lag"], "failure": ""})),
+    (spec("t2", "tie", "glass_lag", rich=False),
+     done("ambiguous", "delay", ratio=1.0, also=("sensor_lag",), d2=1.0,
+          advised={"verdict": "ambiguous", "causes": [{"effect": "sensor_lag"}], "set": ["sensor_lag"], "failure": ""})),
+]  # fmt: skip
+INTERVALS = [
+    ({"name": f"interval-{k}", "kind": "interval"},
+     {"status": "done", "parameters": [{"name": "creep.time", "true": 1.0, "low": 0.9, "high": 1.1 - 0.2 * (k == 0)}]})
+    for k in range(4)
+]  # fmt: skip
+
+
+def sealed(key: Mapping[str, Any], **changed: Any) -> Seal:
+    made = Seal(size="tiny", seed=3, key=sealing.digest(key), thresholds={"a.B": 1.0}, code="c", scoring="s", version="1")
+    return replace(made, **changed)
+
+
+@pytest.fixture
+def made(tmp_path: Path) -> tuple[Store, dict[str, Any]]:
+    """A folder with hand-made results."""
+    key = {"names": {"key": NAMES}, "cases": [s for s, _ in (*MADE, *INTERVALS)]}
+    store = Store(tmp_path, sealed(key))
+    for each, result in (*MADE, *INTERVALS):
+        store.put(each["name"], result)
+    return store, key
+
+
+@pytest.fixture
+def opened(made: tuple[Store, dict[str, Any]]) -> Opened:
+    return open_key(*made)
+
+
+def goal(goals: list[Goal], *words: str) -> Goal:
+    (found,) = (g for g in goals if all(word in g.measure for word in words))
+    return found
+
+
+def test_every_goal_is_counted_as_a_person_would(opened: Opened) -> None:
+    goals = score(opened)
+
+    def counted(*words: str) -> tuple[int, int]:
+        found = goal(goals, *words)
+        assert found.value is not None
+        return round(found.value * found.count), found.count
+
+    assert counted("false alarm") == (1, 4)  # ambiguous names a cause as well
+    assert counted("called none or parameters") == (2, 4)
+    # detected and in the catalogue: e1 e2 e3 e5, p1 p2, t1 t2; named wrong: e3, p2
+    assert counted("confident wrong name") == (2, 8)
+    # ratio 0.5 or more: e1 e2 e3 e4 e5 e7; e5 has a near rival
+    assert counted("first cause right") == (2, 5)
+    assert counted("family right") == (2, 5)
+    assert counted("truth inside the answer, ratio") == (3, 6)
+    assert counted("outside", "unknown") == (1, 2)
+    assert counted("a cause named", "same") == (1, 2)
+    assert counted("both named") == (1, 2)
+    assert counted("no cause is wrong") == (1, 2)
+    assert counted("resolved by the advised") == (1, 2)
+    assert counted("ties: truth inside") == (2, 2)
+    # named: e1 e2 e3, p1 p2, all with 2 µm against 3 and 5 µm
+    assert counted("ahead of every baseline") == (5, 5)
+    assert counted("data of the reduced plant") == (3, 4)
+    mean_size = goal(goals, "mean size")
+    assert (mean_size.value, mean_size.count) == (pytest.approx((1 + 1 + 1 + 2) / 4), 4)
+    # first cause right 2 of 6; of the strongest terms x may be creep (e1) and s friction (e3)
+    assert goal(goals, "pysindy").value == pytest.approx(0.0)
+    # e1 e2 e3 close it, e5 by half, e7 failed
+    assert sorted(gaps_closed(opened)) == [0.0, pytest.approx(0.5), 1.0, 1.0, 1.0]
+    assert goal(goals, "harm").value == pytest.approx(1.0)
+    # Stated 0.9 ten times (c4 e1 e2 e5, p1 and p2 twice each, t1 t2), right in five; 0.7 and 0.6 once, wrong.
+    assert goal(goals, "calibration error").count == 12
+    assert goal(goals, "calibration error").value == pytest.approx((10 * 0.4 + 0.7 + 0.6) / 12)
+
+
+def test_goals_are_met_only_where_cases_count(tmp_path: Path) -> None:
+    key: dict[str, Any] = {"names": {"key": NAMES}, "cases": []}
+    goals = score(open_key(Store(tmp_path, sealed(key)), key))
+    assert {g.measure for g in goals if g.met} == {g.measure for g in goals if g.demanded == "reported"}
+    assert {g.reached for g in goals} == {"no case"}
+
+
+def test_confusion_counts_every_single_case_once(opened: Opened) -> None:
+    table = by_effect(opened)
+    assert table.counts.sum() == sum(case.kind in ("clean", "effect", "outside") for case in opened.cases)
+    at = {name: k for k, name in enumerate(table.answers)}
+    row = dict(zip(table.truths, table.counts, strict=True))
+    assert [row["coulomb_friction"][at[n]] for n in ("hysteresis", "creep")] == [1, 1]
+    assert [row["creep"][at[n]] for n in ("creep", "none", "other")] == [1, 1, 1]
+    families = by_family(opened)
+    assert families.counts.sum() == table.counts.sum()
+    assert families.counts[families.truths.index("mechanical"), families.answers.index("mechanical")] == 1
+
+
+def test_figures_tables_and_page_hold_the_counts(opened: Opened, made: tuple[Store, dict[str, Any]], tmp_path: Path) -> None:
+    goals = score(opened)
+    figures, data = drawings(opened)
+    assert [f.data for f in figures] == list(data)
+    assert "structural residual over noise" in summary(opened)
+    files = csv_files(opened, goals)
+    assert len(files["cases.csv"].splitlines()) == 1 + len(MADE)
+    assert len(files["goals.csv"].splitlines()) == 1 + len(goals)
+    page = results_page(opened, goals, made[0].seal)
+    assert made[0].seal.hash in page
+    assert "1 of 4, 25.0 %" in page
+    assert "ValueError: no" in page
+    (tmp_path / "key.json").write_text(json.dumps(made[1]), encoding="utf-8")
+    write_results(tmp_path, tmp_path / "results.md")
+    assert (tmp_path / "results.md").read_text(encoding="utf-8") == page
+
+
+# --- the seal -------------------------------------------------------------------------------------------------------
+
+
+def test_thresholds_are_the_constants_of_the_engine() -> None:
+    from deatwin.ident.mismatch import excess
+
+    found = thresholds()
+    assert found["deatwin.ident.mismatch.excess.SIGNIFICANCE"] == excess.SIGNIFICANCE
+    assert all(name.startswith(("deatwin.ident.mismatch.", "deatwin.ident.greybox.")) for name in found)
+
+
+def test_a_moved_threshold_changes_the_seal(monkeypatch: pytest.MonkeyPatch) -> None:
+    from deatwin.ident.mismatch import excess
+
+    before = Seal.of("tiny", 0, {})
+    monkeypatch.setattr(excess, "SIGNIFICANCE", 0.5)
+    after = Seal.of("tiny", 0, {})
+    assert after.hash != before.hash
+    with pytest.raises(DataError, match=r"thresholds \(deatwin.ident.mismatch.excess.SIGNIFICANCE\)"):
+        after.require_same(before, Path("there"))
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [({"key": "other"}, "key"), ({"code": "other"}, "code"), ({"seed": 4}, "seed"), ({"size": "full"}, "size"),
+     ({"version": "2"}, "version"), ({"thresholds": {"a.B": 2.0}}, r"thresholds \(a.B\)")],
+)  # fmt: skip
+def test_a_folder_is_not_gone_on_with_under_another_seal(
+    made: tuple[Store, dict[str, Any]], tmp_path: Path, changed: dict[str, Any], words: str
+) -> None:
+    with pytest.raises(DataError, match=f"another seal \\({words} changed"):
+        Store(tmp_path, replace(made[0].seal, **changed))
+    Store(tmp_path, replace(made[0].seal, scoring="other"))  # what counts afterwards may be mended
+
+
+def test_a_changed_key_does_not_open_the_study(made: tuple[Store, dict[str, Any]]) -> None:
+    store, key = made
+    cases = [{**case, "truth": ["delay"]} if case["name"] == "e3" else case for case in key["cases"]]
+    with pytest.raises(DataError, match="not the one that was sealed"):
+        open_key(store, {**key, "cases": cases})
+
+
+def test_an_altered_seal_a_foreign_case_and_a_missing_one_are_refused(
+    made: tuple[Store, dict[str, Any]], tmp_path: Path
+) -> None:
+    store, key = made
+    case = tmp_path / "cases" / "e1.json"
+    text = case.read_text(encoding="utf-8")
+    case.write_text(text.replace(store.seal.hash, "0" * 64), encoding="utf-8")
+    with pytest.raises(DataError, match="another seal"):
+        open_key(store, key)
+    case.unlink()
+    with pytest.raises(DataError, match="1 cases have not been run, e1 first"):
+        open_key(store, key)
+    path = tmp_path / "seal.json"
+    path.write_text(path.read_text(encoding="utf-8").replace('"a.B": 1.0', '"a.B": 9.0'), encoding="utf-8")
+    with pytest.raises(DataError, match="the seal was altered"):
+        Store.opened(tmp_path)
+    path.unlink()
+    with pytest.raises(DataError, match="holds cases but no"):
+        Store(tmp_path, store.seal)
+
+
+# --- running --------------------------------------------------------------------------------------------------------
+
+
+def test_an_interrupted_study_keeps_what_is_done_and_repeats_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls: list[str] = []
+    told: list[tuple[float, str]] = []
+
+    def fake(each: Any, *lengths: float) -> dict[str, Any]:
+        if len(calls) == 5:
+            calls.append("interrupt")
+            raise KeyboardInterrupt
+        calls.append(each.name)
+        if each.kind == "pair":
+            raise ValueError("a pair\nthat fails")
+        return {"status": "done", "odd": float("nan")}
+
+    monkeypatch.setattr(running, "examine", fake)
+    monkeypatch.setattr(running, "cover", fake)
+    with pytest.raises(KeyboardInterrupt):
+        running.carry_out(tmp_path, "tiny", 2, 1, lambda *_: None)
+    assert len(list((tmp_path / "cases").glob("*.json"))) == 5
+    store = running.carry_out(tmp_path, "tiny", 2, 1, lambda share, text: told.append((share, text)))
+    names = [each.name for each in running.labels("tiny", 2)]
+    assert sorted(c for c in calls if c != "interrupt") == sorted(names)
+    assert store.missing(names) == []
+    pair = store.get(next(name for name in names if name.startswith("pair")))
+    assert (pair["status"], pair["message"]) == ("error", "ValueError: a pair that fails")
+    assert store.get(next(name for name in names if name.startswith("clean")))["odd"] is None
+    shares = [share for share, _ in told[1:]]
+    assert shares == sorted(shares) and shares[0] > 0.1 and shares[-1] == pytest.approx(1.0)
+    assert "left" in told[-1][1]
+
+
+@pytest.mark.parametrize(
+    ("name", "size", "words"), [("concealed-physics", "tinny", "did you mean 'tiny'"), ("vhb4910", "tiny", "one size")]
+)
+def test_a_size_that_there_is_not_is_an_error_of_one_line(
+    name: str, size: str, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["scenario", name, "--size", size]) == 1
+    said = capsys.readouterr().err
+    assert words in said and said.count("\n") == 1
+
+
+def test_a_killed_tiny_study_is_gone_on_with_and_holds(tmp_path: Path) -> None:
+    command = ["scenario", "concealed-physics", "--size", "tiny", "--seed", str(TINY_SEED), "--jobs", "2",
+               "--out", str(tmp_path), "--quiet"]  # fmt: skip
+    program = [sys.executable, "-c", "import sys; from deatwin.scenarios.cli import main; sys.exit(main(sys.argv[1:]))"]
+    first = subprocess.Popen([*program, *command], start_new_session=True)
+    while len(list((tmp_path / "cases").glob("*.json"))) < 4 and first.poll() is None:
+        time.sleep(0.2)
+    os.killpg(first.pid, signal.SIGKILL)
+    first.wait()
+    before = {path.name: path.read_bytes() for path in (tmp_path / "cases").glob("*.json")}
+    seal = (tmp_path / "seal.json").read_bytes()
+    assert len(before) >= 4
+
+    assert main(command) == 0
+    names = [each.name for each in running.labels("tiny", TINY_SEED)]
+    after = {path.name: path.read_bytes() for path in (tmp_path / "cases").glob("*.json")}
+    assert set(after) == {f"{name}.json" for name in names}  # nothing lost
+    assert {name: after[name] for name in before} == before  # nothing repeated
+    assert (tmp_path / "seal.json").read_bytes() == seal
+
+    result = json.loads((tmp_path / "concealed-physics.json").read_text(encoding="utf-8"))
+    assert result["cases"] == 12
+    assert result["failures"] == {}
+    assert result["seal"] == json.loads(seal)["hash"]
+    assert result["seal"] in (tmp_path / "report.html").read_text(encoding="utf-8")
+    alarms = next(g for g in result["goals"] if g["measure"].startswith("false alarm"))
+    assert (alarms["value"], alarms["count"]) == (0.0, 3)
+    opened = open_key(Store.opened(tmp_path), json.loads((tmp_path / "key.json").read_text(encoding="utf-8")))
+    assert not any(case.confidently_wrong for case in opened.cases)
+    # What was concealed is found: cases of one effect have 2.8 times the noise. Of four at least two must hold it.
+    assert sum(case.inside for case in opened.of("effect", ratio=0.5)) >= 2
+
+
+# --- baselines ------------------------------------------------------------------------------------------------------
+
+
+def residual_dynamics(count: int = 4000, cut: int = 3000) -> Track:
+    """A residual that obeys e' = -0.5 e + 0.3 x^2, along a first-order response x to random holds."""
+    rng = np.random.default_rng(5)
+    drive = np.repeat(rng.uniform(0.2, 2.0, count // 50), 50)
+    reading, residual = np.zeros(count), np.zeros(count)
+    for k in range(count - 1):
+        reading[k + 1] = reading[k] + 0.02 * 2 * (drive[k] - reading[k])
+        residual[k + 1] = residual[k] + 0.02 * (-0.5 * residual[k] + 0.3 * reading[k] ** 2)
+    rate = np.gradient(reading, 0.02)
+    noisy = residual + 0.005 * rng.standard_normal(count)
+    return Track(residual=noisy, reading=reading, rate=rate, drive=drive, cut=cut, sample_time=0.02, size=1.0)
+
+
+def test_baselines_learn_a_residual_with_known_dynamics() -> None:
+    track = residual_dynamics()
+    judged = track.judged.residual
+    spread = float(np.std(judged))
+    for learn in (sparse_dynamics, gaussian_process, narx):
+        left = float(np.sqrt(np.mean((judged - learn(track).predicted) ** 2)))
+        assert left < 0.3 * spread  # a tenth of the variance; noise is 0.5 % of it
+    found = sparse_dynamics(track)
+    assert found.term in ("e", "x^2") and found.failure == ""  # the only two that its dynamics have
+
+
+def test_every_term_of_the_sparse_dynamics_stands_for_some_effect_of_the_catalogue() -> None:
+    from pysindy import PolynomialLibrary
+
+    monomials = PolynomialLibrary(degree=2).fit(np.zeros((2, len(VARIABLES)))).get_feature_names(list(VARIABLES))
+    assert set(TERM_NAMES) == set(monomials)
+    assert frozenset().union(*TERM_NAMES.values()) <= {effect.name for effect in catalogue()}
