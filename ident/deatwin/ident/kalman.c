@@ -26,7 +26,7 @@ static void triangularise(integer height, integer width, integer count, double *
     for (integer j = 0; j < count && j < height; j++) {
         double below = 0.0, head = A[j * width + j];
         for (integer c = j + 1; c < height; c++) below += A[c * width + j] * A[c * width + j];
-        if (below == 0.0) continue;
+        if (below < 1e-280) continue; /* of a state that has died away: its squares underflow, its inverse would not */
         double norm = sqrt(head * head + below), diagonal = head > 0.0 ? -norm : norm, first = head - diagonal;
         double factor = 2.0 / (first * first + below);
         for (integer i = j + 1; i < width; i++) w[i] = first * A[j * width + i];

@@ -323,8 +323,9 @@ class _Structure:
         self.plant = plant
         known = {p.name: p.value for p in plant.parameters.values() if p.known}
         rig = {k: v for k, v in plant.rig.to_dict().items() if k not in NOT_IN_EQUATIONS}
-        effects = [(type(e), e.entry) for e in plant.effects]
-        self._key = repr((type(plant.rig), sorted(rig.items()), effects, sorted(known.items())))
+        # The classes themselves: two that share a name may write different equations.
+        classes = (type(plant.rig), *(type(e) for e in plant.effects))
+        self._key = (classes, repr((sorted(rig.items()), [e.entry for e in plant.effects], sorted(known.items()))))
 
     def __hash__(self) -> int:
         return hash(self._key)

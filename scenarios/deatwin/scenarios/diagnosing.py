@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from deatwin.ident.mismatch import Diagnosis, diagnose
+from deatwin.ident.mismatch import INPUT_FILE, Diagnosis, diagnose
 from deatwin.plant.effects import Effect
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment
@@ -81,6 +81,9 @@ class DiagnosisTask:
         folder.save("diagnosis.json", diagnosis.save)
         if diagnosis.model is not None:
             folder.save("model.json", diagnosis.model.save)
+        advice = diagnosis.evidence.advice if diagnosis.evidence is not None else None
+        if advice is not None and advice.recording is not None:
+            folder.save(INPUT_FILE, advice.save_input)
         write_report(folder, diagnosis, Origin(inputs=inputs, seed=self.seed))
         folder.text("run.json", json.dumps(record.finished([*folder.written, "run.json"]), indent=1) + "\n")
         return diagnosis

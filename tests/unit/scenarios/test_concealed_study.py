@@ -18,7 +18,6 @@ from scipy.stats import binom, binomtest
 from deatwin.plant.effects.catalogue import catalogue
 from deatwin.plant.errors import DataError
 from deatwin.scenarios.cli import main
-from deatwin.scenarios.concealed_physics import seal as sealing
 from deatwin.scenarios.concealed_physics import study as running
 from deatwin.scenarios.concealed_physics.baselines import (
     TERM_NAMES,
@@ -42,7 +41,7 @@ from deatwin.scenarios.concealed_physics.rates import (
     reliability,
 )
 from deatwin.scenarios.concealed_physics.score import Goal, gaps_closed, score
-from deatwin.scenarios.concealed_physics.seal import Seal, thresholds
+from deatwin.scenarios.concealed_physics.seal import Seal, digest, thresholds
 from deatwin.scenarios.concealed_physics.store import Store
 from deatwin.scenarios.concealed_physics.tables import csv_files, results_page, write_results
 
@@ -113,7 +112,8 @@ def done(
         },
         "baselines": {
             "pysindy": {"rms": 5e-6, "term": term, "failure": ""},
-            "gaussian_process": {"rms": 3e-6, "term": "", "failure": ""}, "narx": {"rms": None, "term": "", "failure": "x"},
+            "gaussian_process": {"rms": 3e-6, "term": "", "failure": ""},
+            "narx": {"rms": None, "term": "", "failure": "x"},
         },
     }  # fmt: skip
 
@@ -143,7 +143,7 @@ MADE: list[tuple[dict[str, Any], dict[str, Any]]] = [
           advised={"verdict": "named", "causes": [{"effect": "sensor_lag"}], "set": ["sensor_lag"], "failure": ""})),
     (spec("t2", "tie", "glass_lag", rich=False),
      done("ambiguous", "delay", ratio=1.0, also=("sensor_lag",), d2=1.0,
-          advised={"verdict": "ambiguous", "causes": [{"effect": "sensor_lag"}], "set": ["sensor_lag"], "failure": ""})),
+          advised={"verdict": "ambiguous", "causes": [{"effect": "sensor_lag"}], "failure": ""})),
 ]  # fmt: skip
 INTERVALS = [
     ({"name": f"interval-{k}", "kind": "interval"},
@@ -153,7 +153,8 @@ INTERVALS = [
 
 
 def sealed(key: Mapping[str, Any], **changed: Any) -> Seal:
-    made = Seal(size="tiny", seed=3, key=sealing.digest(key), thresholds={"a.B": 1.0}, code="c", scoring="s", version="1")
+    numbers = {"a.B": 1.0}
+    made = Seal(size="tiny", seed=3, key=digest(key), thresholds=numbers, code="c", scoring="s", version="1")
     return replace(made, **changed)
 
 
@@ -233,7 +234,9 @@ def test_confusion_counts_every_single_case_once(opened: Opened) -> None:
     assert families.counts[families.truths.index("mechanical"), families.answers.index("mechanical")] == 1
 
 
-def test_figures_tables_and_page_hold_the_counts(opened: Opened, made: tuple[Store, dict[str, Any]], tmp_path: Path) -> None:
+def test_figures_tables_and_page_hold_the_counts(
+    opened: Opened, made: tuple[Store, dict[str, Any]], tmp_path: Path
+) -> None:
     goals = score(opened)
     figures, data = drawings(opened)
     assert [f.data for f in figures] == list(data)
@@ -349,7 +352,7 @@ def test_an_interrupted_study_keeps_what_is_done_and_repeats_nothing(
 
 
 @pytest.mark.parametrize(
-    ("name", "size", "words"), [("concealed-physics", "tinny", "did you mean 'tiny'"), ("vhb4910", "tiny", "one size")]
+    ("name", "size", "words"), [("concealed-physics", "tinny", 'did you mean "tiny"'), ("vhb4910", "tiny", "one size")]
 )
 def test_a_size_that_there_is_not_is_an_error_of_one_line(
     name: str, size: str, words: str, capsys: pytest.CaptureFixture[str]
@@ -396,14 +399,14 @@ def test_a_killed_tiny_study_is_gone_on_with_and_holds(tmp_path: Path) -> None:
 
 
 def residual_dynamics(count: int = 4000, cut: int = 3000) -> Track:
-    """A residual that obeys e' = -0.5 e + 0.3 x^2, along a first-order response x to random holds."""
+    """A residual that obeys e' = -0.5 e + 0.3 x^2, along a second-order response x to random holds."""
     rng = np.random.default_rng(5)
     drive = np.repeat(rng.uniform(0.2, 2.0, count // 50), 50)
-    reading, residual = np.zeros(count), np.zeros(count)
+    reading, rate, residual = np.zeros(count), np.zeros(count), np.zeros(count)
     for k in range(count - 1):
-        reading[k + 1] = reading[k] + 0.02 * 2 * (drive[k] - reading[k])
+        rate[k + 1] = rate[k] + 0.02 * (25 * (drive[k] - reading[k]) - 3 * rate[k])
+        reading[k + 1] = reading[k] + 0.02 * rate[k + 1]
         residual[k + 1] = residual[k] + 0.02 * (-0.5 * residual[k] + 0.3 * reading[k] ** 2)
-    rate = np.gradient(reading, 0.02)
     noisy = residual + 0.005 * rng.standard_normal(count)
     return Track(residual=noisy, reading=reading, rate=rate, drive=drive, cut=cut, sample_time=0.02, size=1.0)
 
@@ -411,12 +414,13 @@ def residual_dynamics(count: int = 4000, cut: int = 3000) -> Track:
 def test_baselines_learn_a_residual_with_known_dynamics() -> None:
     track = residual_dynamics()
     judged = track.judged.residual
-    spread = float(np.std(judged))
-    for learn in (sparse_dynamics, gaussian_process, narx):
-        left = float(np.sqrt(np.mean((judged - learn(track).predicted) ** 2)))
-        assert left < 0.3 * spread  # a tenth of the variance; noise is 0.5 % of it
-    found = sparse_dynamics(track)
-    assert found.term in ("e", "x^2") and found.failure == ""  # the only two that its dynamics have
+    left = {learn: float(np.std(judged - learn(track).predicted)) for learn in (sparse_dynamics, narx, gaussian_process)}
+    # Both kinds of dynamics hold the true ones: little more than the noise of 0.005 may be left. A Gaussian process of
+    # a few hundred lagged samples only comes near: it must take out three quarters of the variance.
+    assert left[sparse_dynamics] < 1.5 * 0.005
+    assert left[narx] < 1.5 * 0.005
+    assert left[gaussian_process] < 0.5 * float(np.std(judged))
+    assert sparse_dynamics(track).term in ("e", "x^2")  # the only two that the rate of the residual has
 
 
 def test_every_term_of_the_sparse_dynamics_stands_for_some_effect_of_the_catalogue() -> None:

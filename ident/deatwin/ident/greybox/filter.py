@@ -7,8 +7,8 @@ diffusion of a state. It starts from zero, where the experiment starts from rest
 
 whose amplitude a and memory T are found by maximum likelihood: with a memory of a sample it is white, a diffusion, with
 one longer than the record a random walk. The calibrated parameters are unknown constants again, so that what they
-absorbed of a mismatch comes free; the plant's own model error is a wandering of the reading of known size. The filter is
-linearised along the plant's free run, by exact derivatives of each step, which all openings share.
+absorbed of a mismatch comes free; the plant's own model error is a wandering of the reading of known size. The filter
+is linearised along the plant's free run, by exact derivatives of each step, which all openings share.
 
 References
 ----------
@@ -34,8 +34,8 @@ from deatwin.plant.errors import ModelError
 from deatwin.plant.model import Plant
 
 __all__ = [
-    "Floor", "Latent", "Linear", "Opened", "Opening", "filter_likelihood", "latent", "linearise", "open_place", "places",
-    "smoothed",
+    "Floor", "Latent", "Linear", "Opened", "Opening", "filter_likelihood", "latent", "linearise", "open_place",
+    "places", "smoothed",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -205,7 +205,7 @@ def filter_likelihood(
     )
 
 
-def open_place(linears: Sequence[Linear], floor: Floor, opening: Opening) -> Opened:
+def open_place(linears: Sequence[Linear], floor: Floor, opening: Opening | None) -> Opened:
     """Open a place with the amplitude and the memory that make the readings likeliest.
 
     Parameters
@@ -214,8 +214,8 @@ def open_place(linears: Sequence[Linear], floor: Floor, opening: Opening) -> Ope
         The plant, linearised along the recordings.
     floor : Floor
         Noise and model error.
-    opening : Opening
-        What is opened.
+    opening : Opening or None
+        What is opened; None for nothing, to compare with.
 
     Returns
     -------
@@ -224,6 +224,8 @@ def open_place(linears: Sequence[Linear], floor: Floor, opening: Opening) -> Ope
     """
     joined = _few_steps(linears)
     best = filter_likelihood(joined, floor)
+    if opening is None:
+        return best
     duration = sum(linear.interval * linear.residual.size for linear in joined)
     interval = joined[0].interval
     size = float(np.sqrt(np.nanmean(np.concatenate([linear.residual for linear in joined]) ** 2)))

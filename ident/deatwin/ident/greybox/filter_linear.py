@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Any
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
@@ -31,12 +30,14 @@ from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter
 from deatwin.plant.rest import RestState, rest_state
 
-__all__ = ["Linear", "linearise"]
+__all__ = ["Linear", "linearise", "without_repeats"]
 
 Array = NDArray[np.float64]
 
 CHUNK = 200
 SHORTER_STEPS = (4, 16, 64)
+ALIKE = 1 - 1e-9
+"""Cosine of the answers to two openings above which they are one."""
 SPREAD = 0.3
 """Deviation of a calibrated parameter from the truth, as a share, where a missing effect has bent the calibration."""
 
@@ -70,7 +71,7 @@ class Linear:
     rows_entering : ndarray, shape (n, n_openings)
         L_k.
     states : mapping of str to ndarray, each of shape (n,)
-        Command, states, coordinates and watched signals of the free run, SI.
+        Command and reading, states, coordinates and watched signals of the free run, SI.
     counts : ndarray, shape (n,)
         Readings of which `residual` is the mean: 1 or 0, more where samples were joined.
     interval : float
@@ -162,6 +163,14 @@ class Linear:
                 for name, values in self.states.items()
             },
         )  # fmt: skip
+
+    def parameter_response(self) -> Array:
+        """The readings' derivative by parameters that were other from the beginning, shape (n, n_p)."""
+        answers, x = self.rows_by_parameter.copy(), self.start_by_parameter.copy()
+        for k, (row, step) in enumerate(zip(self.rows, self.transition, strict=True)):
+            answers[k] += row @ x
+            x = step @ x + self.by_parameter[k]
+        return answers
 
     def response(self, number: int, entering: Array) -> Array:
         """The readings' answer to something that enters.
@@ -263,8 +272,36 @@ def _linearised(plant: Plant, part: Part, openings: tuple[Opening, ...], step: _
         residual=residual, transition=slopes[:, :, columns.start], by_parameter=by_parameter * slope,
         rows=reading_slopes[:, columns.start], rows_by_parameter=rows_by_parameter * slope,
         start_by_parameter=rest.x_p[:, columns.free] * slope, entering=entering, rows_entering=rows_entering,
-        states={rig.input_name: timeline.commands[:n], **signals, **unknowns},
+        states={**signals, **unknowns, rig.input_name: timeline.commands[:n], rig.output_name: run.outputs[1:]},
         counts=np.isfinite(residual).astype(float), interval=timeline.sample_time,
+    )  # fmt: skip
+
+
+def without_repeats(linears: Sequence[Linear]) -> tuple[Linear, ...]:
+    """Leave out openings that do the same as one before them, up to a factor.
+
+    Parameters
+    ----------
+    linears : sequence of Linear
+        The plant along the recordings.
+
+    Returns
+    -------
+    tuple of Linear
+        With fewer openings: what enters a command and what enters the voltage that is a multiple of it are one.
+    """
+    entering = [np.concatenate([x.entering, x.rows_entering[:, None]], axis=1) for x in linears]
+    sizes = np.max([np.abs(e).max(axis=(0, 2)) for e in entering], axis=0)
+    columns = np.concatenate([(e / np.maximum(sizes, 1e-300)[:, None]).reshape(-1, e.shape[2]) for e in entering])
+    lengths = np.linalg.norm(columns, axis=0)
+    alike = np.abs(columns.T @ columns) / np.maximum(np.outer(lengths, lengths), 1e-300)
+    kept = [k for k in range(lengths.size) if lengths[k] > 0 and not (alike[k, :k] > ALIKE).any()]
+    return tuple(
+        replace(
+            linear, openings=tuple(linear.openings[k] for k in kept), entering=linear.entering[:, :, kept],
+            rows_entering=linear.rows_entering[:, kept],
+        )
+        for linear in linears
     )  # fmt: skip
 
 
@@ -348,12 +385,13 @@ class _Step:
         dx.reshape(CHUNK, n_p, n_x)[:, first : first + n_x] = np.eye(n_x)
         dd.reshape(CHUNK, n_p, n_d)[:, first + n_x :] = np.eye(n_d)
         found: list[list[Array]] = []
+        shapes = _shapes(rest, n_p)
         begin, n = 0, inputs.shape[1]
         while begin < n:
             count = min(CHUNK, n - begin)
             u[:count], u[count:] = inputs[:, begin : begin + count].T, inputs[:, begin + count - 1]
             h[:], t[:, 0] = sample_time, start + sample_time * np.arange(begin, begin + CHUNK)
-            results = [r.reshape(CHUNK, *shape).copy() for r, shape in zip(march.advance(), _shapes(rest, n_p), strict=True)]
+            results = _advanced(march, shapes)
             good = _solved(results, count)
             if not good:
                 u[:], time = inputs[:, begin], start + sample_time * begin
@@ -371,8 +409,7 @@ class _Step:
         first = n_p - n_x - rest.d.size
         for number in SHORTER_STEPS:
             h[:], t[:, 0] = sample_time / number, time + sample_time / number * np.arange(CHUNK)
-            shapes = _shapes(rest, n_p)
-            results = [r.reshape(CHUNK, *shape).copy() for r, shape in zip(march.advance(), shapes, strict=True)]
+            results = _advanced(march, _shapes(rest, n_p))
             if _solved(results, number) < number:
                 continue
             steps, rows = results[2].swapaxes(1, 2), results[4][:, :, 0]
@@ -397,6 +434,11 @@ def _shapes(rest: RestState, n_p: int) -> list[tuple[int, ...]]:
     """Of each result of the march for one sample, transposed."""
     n_x, n_z = rest.x.size, rest.z.size
     return [(n_x,), (n_z,), (n_p, n_x), (1,), (n_p, 1), (1,)]
+
+
+def _advanced(march: March, shapes: Sequence[tuple[int, ...]]) -> list[Array]:
+    """Results of the next samples, one after another along the first axis."""
+    return [r.reshape(CHUNK, *shape).copy() for r, shape in zip(march.advance(), shapes, strict=True)]
 
 
 def _solved(results: list[Any], count: int) -> int:

@@ -35,10 +35,11 @@ SCREENED, SHORTEST, LONGEST = 3000, 500, 15_000
 """Samples of an input when it is screened, and when it is advised."""
 ROUND = 250
 """Samples to whose multiple a length is rounded up."""
-FINALISTS = 3
+FINALISTS, TRIED = 3, 2
+"""Waveforms that are simulated with refits, and those of them that are made as long as needed."""
 WANTED = 1.5 * TOLD_APART
 """d² for which a length is chosen: it grows like the length, but not exactly."""
-ATTEMPTS = 3
+ATTEMPTS = 2
 HEAVIER = 2.0
 """The load after a mass has been added, as a multiple."""
 SIGNALS = {"film_voltage": "the voltage on the film", "capacitance": "the capacitance", "current": "the current"}
@@ -117,8 +118,9 @@ def _search(question: Question, tell: Told) -> tuple[dict[str, float], _Input | 
         tell(0.5 * number / len(REPERTOIRE))
     best = sorted(screened, key=lambda name: -screened[name])[:FINALISTS]
     lengths = {name: _needed(question, name) for name in best}
-    for number, name in enumerate(sorted(best, key=lambda name: lengths[name])):
-        tell(0.6 + 0.4 * number / FINALISTS)
+    promising = [name for name in sorted(best, key=lambda name: lengths[name]) if lengths[name] < 2 * LONGEST]
+    for number, name in enumerate(promising[:TRIED]):
+        tell(0.6 + 0.4 * number / TRIED)
         found = _long_enough(question, name, lengths[name])
         if found is not None:
             return screened, found
@@ -140,21 +142,27 @@ def _needed(question: Question, name: str) -> float:
 def _long_enough(question: Question, name: str, needed: float) -> _Input | None:
     """The waveform at the length that lowers the confusion, averaged over the posteriors, to what counts as told."""
     for _ in range(ATTEMPTS):
-        count = int(np.clip(ROUND * np.ceil(needed / ROUND), SHORTEST, LONGEST)) if needed < 4 * LONGEST else 0
-        commands = question.commands(name, count) if count else None
+        count = int(np.clip(ROUND * np.ceil(needed / ROUND), SHORTEST, LONGEST))
+        commands = question.commands(name, count)
         if commands is None or not question.is_safe(commands):
             return None
         try:
-            squared = [question.refitted(commands, draw) for draw in range(max(map(len, question.shifts)))]
+            squared = question.refitted(commands)
+            confused = _confusion(question, commands, squared) if squared >= TOLD_APART else 0.5
         except SimulationError:
             return None
-        confused = float(np.mean([confusion(d2) for d2 in squared]))
-        if squared[0] >= TOLD_APART and confused <= confusion(TOLD_APART):
+        if confused <= confusion(TOLD_APART):
             return _Input(name=name, commands=commands, confusion=confused)
         if count == LONGEST:
             return None
-        needed = 1.5 * count * max(1.0, TOLD_APART / squared[0])
+        needed = 1.5 * count * max(1.0, TOLD_APART / squared)
     return None
+
+
+def _confusion(question: Question, commands: np.ndarray, squared: float) -> float:
+    """Probability of taking the wrong explanation, averaged over the posteriors, of which one d² is known."""
+    draws = range(1, max(map(len, question.shifts)))
+    return float(np.mean([confusion(squared), *(confusion(question.refitted(commands, draw)) for draw in draws)]))
 
 
 def _load(question: Question) -> float | None:

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from deatwin.ident.greybox.fit import Calibration
+from deatwin.ident.mismatch.advice import Advice
 from deatwin.ident.mismatch.base import Base
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.candidate import Candidate
 from deatwin.ident.mismatch.decide import Naming
+from deatwin.ident.mismatch.detect import Detection
 from deatwin.ident.mismatch.diagnosis import Cause, Diagnosis, Interval, Verdict
 from deatwin.ident.mismatch.evidence import CandidateSummary, Evidence, readings, tracks
 from deatwin.ident.mismatch.faults import faults_of
@@ -22,7 +24,6 @@ from deatwin.ident.mismatch.gate import Gate
 from deatwin.ident.mismatch.locate import locate_frequency, locate_region, locate_time
 from deatwin.ident.mismatch.locate.response import locate_response
 from deatwin.ident.mismatch.say import say
-from deatwin.ident.mismatch.screen import Footprint, detectable_size
 from deatwin.ident.mismatch.verify import Verification, shares_explained
 from deatwin.plant.calibrated import CalibratedPlant
 
@@ -44,12 +45,14 @@ class Findings:
         State of the recordings.
     base : Base
         The calibrated base plant.
-    known : sequence of Footprint
-        What each effect does to the readings of the base plant.
+    detection : Detection
+        Whether anything is missing.
     naming : Naming
         The explanations that were tried.
     verification : Verification
         On unseen data.
+    advice : Advice or None
+        The experiment that would tell rivals apart.
     verdict : Verdict
         The conclusion.
     answer : Candidate
@@ -61,9 +64,10 @@ class Findings:
     bench: Bench
     checked: Gate
     base: Base
-    known: Sequence[Footprint]
+    detection: Detection
     naming: Naming
     verification: Verification
+    advice: Advice | None
     verdict: Verdict
     answer: Candidate
     final: Calibration
@@ -104,21 +108,17 @@ def conclude(findings: Findings) -> Diagnosis:
     rivals = findings.naming.rivals if findings.named else ()
     names = tuple(dict.fromkeys(e for c in (answer, *rivals) for e in c.effects))
     fit = _fit_table(findings)
-    test = min(base.chosen.fitted_test, base.chosen.unseen_test, key=lambda t: (t.p_value, -t.size))
     diagnosis = Diagnosis(
         output={"name": rig.output_name, "unit": unit},
         verdict=findings.verdict,
         noise=base.noise / size,
         model_error=rig.model_error / size,
-        detect={
-            "p_value": test.p_value,
-            "excess": test.size / size,
-            "smallest_detectable": _smallest(findings),
-        },
+        detect=findings.detection.to_dict(),
         locate=_locate(findings),
         causes=causes,
         names=names,
-        indistinguishable=tuple(_distance(answer, rival, base.noise) for rival in rivals),
+        indistinguishable=_indistinguishable(findings) if findings.named else (),
+        next_experiment=findings.advice.to_dict() if findings.advice is not None else None,
         sentence="",
         fit=fit,
         warnings=(
@@ -134,6 +134,15 @@ def conclude(findings: Findings) -> Diagnosis:
         evidence=_evidence(findings, model),
     )
     return replace(diagnosis, sentence=say(diagnosis))
+
+
+def _indistinguishable(findings: Findings) -> tuple[dict[str, Any], ...]:
+    rivals = {"+".join(rival.effects) for rival in findings.naming.rivals}
+    return tuple(
+        {"effects": list(pair.effects), "d2": pair.d2}
+        for pair in findings.naming.distances
+        if pair.effects[1] in rivals
+    )
 
 
 def _form(findings: Findings) -> list[str]:
@@ -178,17 +187,9 @@ def _fit_table(findings: Findings) -> dict[str, dict[str, float | None]]:
     }
 
 
-def _smallest(findings: Findings) -> dict[str, float | None]:
-    """Rms that each effect would need to add to the readings to be detected, in the report's unit."""
-    bench, size = findings.bench, findings.unit[1]
-    base = findings.base.chosen.calibration
-    sizes = {effect.name: detectable_size(findings.known, base, effect.name) for effect in bench.effects}
-    return {name: None if found is None else found / size for name, found in sizes.items()}
-
-
 def _locate(findings: Findings) -> dict[str, list[dict[str, Any]] | None]:
     chosen, noise = findings.base.chosen, findings.base.noise
-    if not chosen.mismatch:
+    if not findings.detection.mismatch:
         return {"time": [], "frequency": [], "region": [], "place": [], "response": []}
     plant = chosen.calibration.plant
     found = tracks(plant, findings.checked.experiments)
@@ -235,23 +236,19 @@ def _places(findings: Findings) -> list[dict[str, Any]]:
     return [{"place": p, "score": s} for p, s in sorted(scores.items(), key=lambda item: -item[1])]
 
 
-def _distance(one: Candidate, other: Candidate, noise: float) -> dict[str, Any]:
-    """How far apart two explanations are on these recordings: difference of squared residuals over the noise's."""
-    samples = one.calibration.residuals.size + one.unseen.size
-    apart = max(float(other.losses.mean() - one.losses.mean()), 0.0) * samples / noise**2
-    return {"effects": ["+".join(one.effects), "+".join(other.effects)], "d2": apart}
-
-
 def _evidence(findings: Findings, model: CalibratedPlant) -> Evidence:
     base, experiments = findings.base, findings.checked.experiments
     calibration = base.chosen.calibration
+    apart = {pair.effects[1]: pair.d2 for pair in findings.naming.distances}
     return Evidence(
         experiments=experiments,
         base=readings(calibration.plant, experiments),
         amended=readings(model.plant, experiments) if findings.named else None,
         unseen=tuple(part.masks for part in findings.bench.unseen),
         candidates=tuple(
-            CandidateSummary(effects=c.effects, fitted=c.calibration.rms, unseen=c.unseen_test.rms)
+            CandidateSummary(
+                effects=c.effects, fitted=c.calibration.rms, unseen=c.unseen_test.rms, d2=apart.get("+".join(c.effects))
+            )
             for c in findings.naming.candidates
         ),
         noise=base.noise,
@@ -260,4 +257,7 @@ def _evidence(findings: Findings, model: CalibratedPlant) -> Evidence:
             plant=calibration.plant, noise=base.noise, model_error=base.chosen.unseen_test.size,
             names=calibration.names, covariance=calibration.covariance,
         ),
+        at_bound=calibration.at_bound, noise_source=findings.detection.sensor.source.value, checked=findings.checked,
+        detection=findings.detection, advice=findings.advice,
+        verification=findings.verification if findings.named else None,
     )  # fmt: skip

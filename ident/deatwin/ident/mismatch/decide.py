@@ -12,7 +12,16 @@ from deatwin.ident.mismatch.candidate import Candidate
 from deatwin.ident.mismatch.distance import TOLD_APART, separation
 from deatwin.ident.parallel import run_jobs
 
-__all__ = ["Distance", "Naming", "cannot_rule_out", "decide", "explained", "suffices", "with_distances"]
+__all__ = [
+    "Distance",
+    "Naming",
+    "cannot_rule_out",
+    "decide",
+    "explained",
+    "nothing_tried",
+    "suffices",
+    "with_distances",
+]
 
 EVIDENCE_RATIO = 20.0
 """An explanation stands alone where no rival is within this ratio (Kass & Raftery 1995: strong evidence)."""
@@ -74,6 +83,21 @@ class Naming:
     def base(self) -> Candidate:
         """The calibrated plant without further effects."""
         return self.candidates[0]
+
+
+def nothing_tried(base: Candidate) -> Naming:
+    """The naming of recordings that need none.
+
+    Parameters
+    ----------
+    base : Candidate
+        The calibrated plant without further effects.
+
+    Returns
+    -------
+    Naming
+    """
+    return Naming(candidates=(base,), best=None, rivals=(), probabilities={}, noise=base.noise)
 
 
 def decide(
@@ -142,7 +166,9 @@ def with_distances(
 
 
 def explained(candidate: Candidate, base: Candidate) -> float:
-    """Share of the mismatch's energy that a candidate takes away, on the part where it takes less.
+    """Share of the explainable energy of the mismatch that a candidate takes away, on the part where it takes less.
+
+    No effect can explain the sensor's noise or the plant's own error.
 
     Parameters
     ----------
@@ -152,10 +178,15 @@ def explained(candidate: Candidate, base: Candidate) -> float:
     Returns
     -------
     float
-        1 where nothing but the sensor's noise is left; negative where it makes things worse.
+        1 where no more than noise and model error is left; negative where it makes things worse.
     """
+    error = candidate.fitted_test.model_error**2
     pairs = ((candidate.fitted_test, base.fitted_test), (candidate.unseen_test, base.unseen_test))
-    return min(1.0 - (after.size / before.size) ** 2 if before.size > 0 else 0.0 for after, before in pairs)
+    shares = [
+        1.0 - max(after.size**2 - error, 0.0) / (before.size**2 - error) if before.size**2 > error else 0.0
+        for after, before in pairs
+    ]
+    return min(shares)
 
 
 def suffices(candidate: Candidate, base: Candidate) -> bool:

@@ -8,11 +8,13 @@ from dataclasses import replace
 import numpy as np
 
 from deatwin.ident.greybox.fit import Calibration, calibrate
+from deatwin.ident.mismatch.advise import advise
 from deatwin.ident.mismatch.base import Base, calibrate_base
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.candidate import Candidate, free_run_residuals
 from deatwin.ident.mismatch.conclude import Findings, conclude
-from deatwin.ident.mismatch.decide import Naming
+from deatwin.ident.mismatch.decide import Naming, nothing_tried
+from deatwin.ident.mismatch.detect import Detection, detect
 from deatwin.ident.mismatch.diagnosis import Diagnosis, Verdict
 from deatwin.ident.mismatch.evidence import readings, tracks
 from deatwin.ident.mismatch.excess import excess_over_floor
@@ -22,6 +24,7 @@ from deatwin.ident.mismatch.locate import locate_time
 from deatwin.ident.mismatch.name import name_causes
 from deatwin.ident.mismatch.screen import Footprint, footprints
 from deatwin.ident.mismatch.verify import Verification, verify
+from deatwin.ident.parallel import spawn_generators
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment
@@ -75,44 +78,57 @@ def diagnose(
     tell(0.0, "checking the recordings")
     several = (experiments,) if isinstance(experiments, Experiment) else tuple(experiments)
     checked = gate(plant, several)
-    bench = _bench(plant, checked, plant.rig.effects() if effects is None else effects, jobs)
+    for_detection, for_verification, for_advice = spawn_generators(seed, 3)
 
     tell(0.02, "calibrating the base plant")
-    base = calibrate_base(bench)
-    onset = _late_onset(base, checked)
-    if onset is not None:
-        bench = _bench(plant, checked, bench.effects, jobs, onset)
-        base = calibrate_base(bench)
-    tell(0.2, "comparing with finer equations")
-    error = floor_of(base.chosen.calibration.plant, bench)
-    bench = replace(bench, nominal=with_model_error(bench.nominal, error))
-    base = replace(base, chosen=base.chosen.with_floor(error), rivals=tuple(r.with_floor(error) for r in base.rivals))
-
+    bench, base = _calibrated(plant, checked, plant.rig.effects() if effects is None else effects, jobs)
     checked = confirm(checked, readings(base.chosen.calibration.plant, several))
-    naming = Naming(candidates=(base.chosen,), best=None, rivals=(), probabilities={}, noise=base.noise)
-    tell(0.25, "screening the effects")
+
+    tell(0.25, "looking for a mismatch")
     fit = base.chosen.calibration
     known = footprints(bench, fit, bench.effects, fit)
-    if base.chosen.mismatch and checked.soundness is Soundness.SOUND:
-        tell(0.35, "building in effects")
-        naming = _name(bench, base, known, lambda share, text: tell(0.35 + 0.55 * share, text))
-        base = replace(base, chosen=naming.candidates[0], noise=naming.noise)
+    detection = detect(base.chosen, bench, for_detection, known=known)
 
-    tell(0.9, "verifying on unseen data")
-    verification = verify(base.chosen, naming.best or base.chosen, np.random.default_rng(seed))
-    verdict = _verdict(bench, checked, base, naming, verification)
+    naming = nothing_tried(base.chosen)
+    if detection.mismatch and checked.soundness is Soundness.SOUND:
+        tell(0.3, "building in effects")
+        naming = _name(bench, base, known, lambda share, text: tell(0.3 + 0.5 * share, text))
+        base = replace(base, chosen=naming.base, noise=naming.noise)
+
+    tell(0.8, "verifying on unseen data")
+    verification = verify(base.chosen, naming.best or base.chosen, for_verification, bench, naming.candidates)
+    verdict = _verdict(bench, checked, base, detection, naming, verification)
     named = naming.best is not None and verdict in (Verdict.NAMED, Verdict.AMBIGUOUS)
     answer = naming.best if named and naming.best is not None else base.chosen
-    final = _refit(bench, answer)
 
-    tell(0.97, "locating the mismatch")
+    tell(0.85, "looking for a better experiment")
+    advice = advise(bench, (answer, *naming.rivals), for_advice) if verdict is Verdict.AMBIGUOUS else None
+
+    tell(0.95, "fitting all recordings")
     findings = Findings(
-        bench=bench, checked=checked, base=base, known=known, naming=naming, verification=verification, verdict=verdict,
-        answer=answer, final=final,
+        bench=bench, checked=checked, base=base, detection=detection, naming=naming, verification=verification,
+        advice=advice, verdict=verdict, answer=answer, final=_refit(bench, answer),
     )  # fmt: skip
+    tell(0.97, "locating the mismatch")
     diagnosis = conclude(findings)
     tell(1.0, "done")
     return diagnosis
+
+
+def _calibrated(plant: Plant, checked: Gate, effects: Sequence[Effect], jobs: int) -> tuple[Bench, Base]:
+    """The base plant, calibrated; where only the unseen part has a mismatch, some of it is fitted too."""
+    bench = _bench(plant, checked, effects, jobs)
+    base = calibrate_base(bench)
+    onset = _late_onset(base, checked)
+    if onset is not None:
+        bench = _bench(plant, checked, effects, jobs, onset)
+        base = calibrate_base(bench)
+    error = floor_of(base.chosen.calibration.plant, bench)
+    rivals = tuple(rival.with_floor(error) for rival in base.rivals)
+    return (
+        replace(bench, nominal=with_model_error(bench.nominal, error)),
+        replace(base, chosen=base.chosen.with_floor(error), rivals=rivals),
+    )
 
 
 def _bench(
@@ -157,14 +173,16 @@ def _name(bench: Bench, base: Base, known: Sequence[Footprint], tell: Progress) 
 
 
 def _verdict(
-    bench: Bench, checked: Gate, base: Base, naming: Naming, verification: Verification
+    bench: Bench, checked: Gate, base: Base, detection: Detection, naming: Naming, verification: Verification
 ) -> Verdict:
     if checked.soundness is Soundness.FAULTY:
         return Verdict.DATA_FAULT
-    if not base.chosen.mismatch:
+    if not detection.mismatch:
+        if not detection.testable:
+            return Verdict.NOT_TESTABLE
         return Verdict.PARAMETERS if _nominal_is_off(bench, base) else Verdict.NONE
     if naming.best is None or not verification.holds:
-        return Verdict.UNKNOWN
+        return Verdict.DISTURBANCE if detection.disturbance else Verdict.UNKNOWN
     return Verdict.AMBIGUOUS if naming.rivals else Verdict.NAMED
 
 

@@ -6,7 +6,9 @@ from collections.abc import Mapping, Sequence
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
+from deatwin.ident.greybox.fit import Part
 from deatwin.plant.effects.primitives import (
     DeadBand,
     Largest,
@@ -18,59 +20,97 @@ from deatwin.plant.effects.primitives import (
     SignedSquare,
     Smallest,
 )
+from deatwin.plant.model import Plant
 
-__all__ = ["dictionary", "evaluated"]
+__all__ = ["POSITION", "RATE", "dictionary", "evaluated", "signals_along"]
+
+Array = NDArray[np.float64]
+Signals = Mapping[str, Array]
 
 TIMES = np.logspace(-1, 2, 7)
 """Time constants of low-passes, s: two a decade."""
 WIDTHS = (0.15, 0.4, 1.0)
 """Half widths of plays and dead bands, in units of the signal's scale."""
+POSITION, RATE = "displacement", "velocity"
+"""Signals that a rig watches where it has something that moves, and how fast that does."""
 
 
-def dictionary(series: Sequence[Mapping[str, np.ndarray]], position: str, rate: str | None) -> tuple[Primitive, ...]:
+def signals_along(plant: Plant, part: Part, position: str) -> dict[str, Array]:
+    """The signals of which there are functions, along a plant's free run, as means over each sample.
+
+    Parameters
+    ----------
+    plant : Plant
+        That can be simulated on the part.
+    part : Part
+        Recordings.
+    position : str
+        The signal that moves: a watched one, or else the reading is taken.
+
+    Returns
+    -------
+    dict of str to ndarray, each of shape (n,)
+        SI, from rest to the last sample that counts. The velocity, where the plant watches one, is the change of the
+        position over the sample: motion between the ends of samples counts.
+    """
+    timeline, rest = plant.timeline(part.experiment), plant.rig.start.rest_command
+    n = 1 + max(int(r[m].max()) for r, m in zip(timeline.readings, part.masks, strict=True) if m.any())
+    commands, h = timeline.commands[:n], timeline.sample_time
+    run = plant.simulator.run(
+        commands, start=timeline.start, sample_time=h, rest_command=rest, values=plant.free_values,
+        channels=timeline.channels,
+    )  # fmt: skip
+    watched = dict(zip(plant.equations.signals, run.watched if run.watched is not None else (), strict=True))
+    ends = watched.get(position, run.outputs[1:])
+    before = np.concatenate([ends[:1], ends[:-1]])
+    found = {
+        position: (before + ends) / 2,
+        "command": commands,
+        "command_rate": np.diff(commands, prepend=rest) / h,
+        "time": timeline.start + h * (np.arange(n) + 0.5),
+    }
+    return {**found, RATE: (ends - before) / h} if {POSITION, RATE} <= watched.keys() else found
+
+
+def dictionary(along: Sequence[Signals], position: str) -> tuple[Primitive, ...]:
     """Functions of state, input and time, with and without memory.
 
     Parameters
     ----------
-    series : sequence of mapping of str to ndarray, each of shape (n,)
-        For each experiment the signals from rest on, SI: they give the scales.
+    along : sequence of mapping of str to ndarray, each of shape (n,)
+        For each part the signals from rest on, SI, as `signals_along` gives them: their rms are the scales.
     position : str
-        The signal that moves, ``"displacement"`` or the reading.
-    rate : str or None
-        Its velocity; None where nobody knows it.
+        The one that moves.
 
     Returns
     -------
     tuple of Primitive
-        Of signals that do not move there are none.
+        The simpler first; none of signals that do not move.
     """
-    scales = {name: _scale(series, name) for name in (position, rate, "command", "command_rate", "time") if name}
-    x, u = ({"variable": name, "scale": scales[name]} for name in (position, "command"))
-    found: list[Primitive] = [
-        *(Power(order=n, **x) for n in (1, 2, 3)), Magnitude(**x),
-        *(DeadBand(width=w, **x) for w in WIDTHS), *(Play(width=w, **x) for w in WIDTHS), Largest(**x), Smallest(**x),
-        *(LowPass(time=float(t), **x) for t in TIMES),
-        *(Power(order=n, **u) for n in (1, 2, 4)),
-        *(LowPass(time=float(t), order=2, **u) for t in TIMES),
-        Power(variable="command_rate", scale=scales["command_rate"]),
-        Power(variable="time", scale=scales["time"]),
-    ]  # fmt: skip
-    if rate is not None:
-        v = {"variable": rate, "scale": scales[rate]}
+    names = [name for name in along[0] if any(np.ptp(signals[name]) > 0 for signals in along)]
+    given = {name: {"variable": name, "scale": _rms([signals[name] for signals in along])} for name in names}
+    found: list[Primitive] = []
+    if position in given:
+        x = given[position]
+        found += [*(Power(order=n, **x) for n in (1, 2, 3)), Magnitude(**x), Largest(**x), Smallest(**x)]
+        found += [kind(width=w, **x) for kind in (DeadBand, Play) for w in WIDTHS]
+        found += [LowPass(time=float(t), **x) for t in TIMES]
+    if RATE in given:
+        v = given[RATE]
         found += [Power(**v), Magnitude(**v), SignedSquare(**v)]
-    return tuple(term for term in found if term.scale > 0)
+    if "command" in given:
+        u = given["command"]
+        found += [*(Power(order=n, **u) for n in (1, 2, 4)), *(LowPass(time=float(t), order=2, **u) for t in TIMES)]
+    found += [Power(**given[name]) for name in ("command_rate", "time") if name in given]
+    return tuple(found)
 
 
-def _scale(series: Sequence[Mapping[str, np.ndarray]], name: str) -> float:
-    """Rms."""
-    whole = np.concatenate([signals[name] for signals in series])
-    return float(np.sqrt(np.mean(whole**2)))
+def _rms(pieces: Sequence[Array]) -> float:
+    return float(np.sqrt(np.mean(np.concatenate(pieces) ** 2)))
 
 
-def evaluated(
-    terms: Sequence[Primitive], signals: Mapping[str, np.ndarray], sample_time: float
-) -> np.ndarray:
-    """Values of functions along one experiment.
+def evaluated(terms: Sequence[Primitive], signals: Signals, sample_time: float) -> Array:
+    """Values of functions along one part.
 
     Parameters
     ----------
@@ -87,20 +127,18 @@ def evaluated(
         Memories, which start at rest, by implicit Euler steps with one Newton update each.
     """
     names = tuple(dict.fromkeys(term.variable for term in terms))
-    sampled = ca.SX.sym("s", len(names))
-    memory = ca.SX.sym("m", len(terms))
-    values, nexts, rests = [], [], []
+    sampled, memory = ca.SX.sym("s", len(names)), ca.SX.sym("m", len(terms))
+    values, later, rests = [], [], []
     for number, term in enumerate(terms):
         s, m = sampled[names.index(term.variable)] / term.scale, memory[number]
         shape = term.shape_parameter.value if term.shape_parameter is not None else 0.0
-        after = m
         if term.remembers:
             rate = term.rate(s, m, shape, sample_time)
-            after = m + sample_time * rate / (1 - sample_time * ca.jacobian(rate, m))
-        nexts.append(after)
-        values.append(term.value(s, after, shape))
+            m = m + sample_time * rate / (1 - sample_time * ca.jacobian(rate, m))
+        later.append(m)
+        values.append(term.value(s, m, shape))
         rests.append(term.at_rest(s) if term.remembers else 0.0)
-    step = ca.Function("step", [memory, sampled], [ca.vertcat(*nexts), ca.vertcat(*values)])
+    step = ca.Function("step", [memory, sampled], [ca.vertcat(*later), ca.vertcat(*values)])
     start = ca.Function("start", [sampled], [ca.vertcat(*rests)])
     rows = np.array([signals[name] for name in names])
     found = step.mapaccum(rows.shape[1])(start(rows[:, 0]), rows)[1]

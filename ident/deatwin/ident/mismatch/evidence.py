@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -16,7 +16,16 @@ from deatwin.plant.recording import Experiment
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["CandidateSummary", "Drawn", "Evidence", "Step", "readings", "tracks"]
+    from deatwin.ident.mismatch.advice import Advice
+    from deatwin.ident.mismatch.detect import Detection
+    from deatwin.ident.mismatch.verify import Verification
+
+    from deatwin.ident.mismatch.advice import Advice
+    from deatwin.ident.mismatch.detect import Detection
+    from deatwin.ident.mismatch.gate import Gate
+    from deatwin.ident.mismatch.verify import Verification
+
+__all__ = ["CandidateSummary", "Drawn", "Evidence", "readings", "tracks"]
 
 FEWEST = 16
 """Samples of a record that can be located in time and frequency."""
@@ -24,7 +33,7 @@ Readings = tuple[tuple[np.ndarray, ...], ...]
 
 
 class Drawn(Protocol):
-    """A result that draws itself."""
+    """The result of a step that draws itself."""
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw it.
@@ -38,14 +47,6 @@ class Drawn(Protocol):
         -------
         matplotlib Axes
         """
-        ...
-
-
-class Step(Drawn, Protocol):
-    """The result of one step of a diagnosis."""
-
-    def to_dict(self) -> dict[str, Any]:
-        """Its part of ``diagnosis.json``."""
         ...
 
 
@@ -93,10 +94,16 @@ class Evidence:
         Its parameters that ended on a bound.
     noise_source : str
         Where the noise is known from.
-    checked : Drawn or None
+    checked : Gate or None
         State of the recordings.
-    detection, location, discovery, advice, verification : Step or None
-        Results of the steps that were taken.
+    detection : Detection or None
+        Whether anything is missing.
+    location, discovery : Drawn or None
+        Where in the plant, and the free form.
+    advice : Advice or None
+        The next experiment.
+    verification : Verification or None
+        The explanation on unseen data, where there is one.
     """
 
     experiments: tuple[Experiment, ...]
@@ -109,12 +116,12 @@ class Evidence:
     base_model: CalibratedPlant
     at_bound: tuple[str, ...] = ()
     noise_source: str = ""
-    checked: Drawn | None = None
-    detection: Step | None = None
-    location: Step | None = None
-    discovery: Step | None = None
-    advice: Step | None = None
-    verification: Step | None = None
+    checked: Gate | None = None
+    detection: Detection | None = None
+    location: Drawn | None = None
+    discovery: Drawn | None = None
+    advice: Advice | None = None
+    verification: Verification | None = None
 
 
 def readings(plant: Plant, experiments: Sequence[Experiment]) -> Readings:

@@ -104,9 +104,11 @@ def _unknown(diagnosis: Diagnosis) -> str:
 
 
 def _disturbance(diagnosis: Diagnosis) -> str:
+    origin = diagnosis.detect.get("origin")
+    back = "" if origin is None else f", of which {100 * origin['share']:.0f} % comes back with the command"
     return (
         "The mismatch does not repeat with input and state, so it is a disturbance and no missing physics of the "
-        f"plant: {_left(diagnosis)}, with {_noise(diagnosis)}."
+        f"plant: {_left(diagnosis)}, with {_noise(diagnosis)}{back}."
     )
 
 
@@ -151,7 +153,7 @@ def _left(diagnosis: Diagnosis) -> str:
 
 def _within(diagnosis: Diagnosis) -> str:
     own = f"{_amplitude(diagnosis.model_error, diagnosis)} of the plant's own model error"
-    return f"which {_noise(diagnosis)} and {own} account for"
+    return f"with {_noise(diagnosis)} and {own}"
 
 
 def _gain(diagnosis: Diagnosis) -> str:
@@ -200,18 +202,23 @@ def _resolving(parameter: Interval) -> int:
     width = parameter.high - parameter.low
     if width <= 0 or parameter.value == 0:
         return 3
-    return int(np.clip(2 - np.floor(np.log10(width / abs(parameter.value))), 3, 6))
+    return int(np.clip(1 - np.floor(np.log10(width / abs(parameter.value))), 3, 6))
 
 
 def _next(diagnosis: Diagnosis) -> str:
     """What the advised experiment would decide."""
     advised = diagnosis.next_experiment
-    if advised is None or advised.get("file") is None or advised.get("confusion_after") is None:
+    if advised is None:
         return ""
+    if advised["file"] is None:
+        measure = advised.get("measure")
+        return "" if measure is None else f"; no input that the rig bears tells them apart, so measure {measure}"
+    mass = advised.get("added_mass_g")
+    load = "" if mass is None else f" with {number(mass)} g added"
     before, after = (number(100 * advised[which], 2) for which in ("confusion_before", "confusion_after"))
     return (
-        f"; {number(advised['seconds'])} s of the input in {advised['file']} would lower the risk of confusing them "
-        f"from {before} to {after} %"
+        f"; {number(advised['seconds'])} s of the input in {advised['file']}{load} would lower the risk of confusing "
+        f"them from {before} to {after} %"
     )
 
 

@@ -62,6 +62,11 @@ class Primitive(ABC):
     remembers: ClassVar[bool] = False
 
     @property
+    def degree(self) -> int:
+        """By which power of its factor it grows where the signal grows by a factor, and widths with it."""
+        return 1
+
+    @property
     def shape_parameter(self) -> Parameter | None:
         """The parameter that gives it its shape; None if it has none."""
         return None
@@ -142,6 +147,10 @@ class Power(Primitive):
 
     kind: ClassVar[str] = "power"
 
+    @property
+    def degree(self) -> int:
+        return self.order
+
     def value(self, signal: Symbol, memory: Symbol, shape: Symbol) -> Symbol:
         return signal**self.order
 
@@ -173,6 +182,10 @@ class SignedSquare(Primitive):
     """
 
     kind: ClassVar[str] = "signed_square"
+
+    @property
+    def degree(self) -> int:
+        return 2
 
     def value(self, signal: Symbol, memory: Symbol, shape: Symbol) -> Symbol:
         return signal * ca.fabs(signal)
@@ -223,6 +236,10 @@ class LowPass(Primitive):
     kind: ClassVar[str] = "low_pass"
     shape: ClassVar[str] = "time"
     remembers: ClassVar[bool] = True
+
+    @property
+    def degree(self) -> int:
+        return self.order
 
     @property
     def shape_parameter(self) -> Parameter:
@@ -351,7 +368,8 @@ def primitive_from(data: Mapping[str, Any]) -> Primitive:
     own = dict(data)
     kind = own.pop("kind", None)
     if kind not in PRIMITIVES:
-        raise RigError(f"there is no primitive {kind!r}{nearest(str(kind), PRIMITIVES)} (known: {', '.join(PRIMITIVES)})")
+        known = ", ".join(PRIMITIVES)
+        raise RigError(f"there is no primitive {kind!r}{nearest(str(kind), PRIMITIVES)} (known: {known})")
     try:
         found = PRIMITIVES[kind](**own)
         if not found.scale > 0:

@@ -336,10 +336,10 @@ def narx(track: Track) -> Correction:
         if run.status.ok and run.rms_error < least:
             best, least = found, run.rms_error
     judged = _as_recording(track.judged)
-    run = None if best is None else best.simulate(judged)
-    if run is None or not run.status.ok:
+    free = None if best is None else best.simulate(judged)
+    if free is None or not free.status.ok:
         return Correction(predicted=np.zeros(judged.n_samples), failure="its free run diverges")
-    return Correction(predicted=run.outputs[0])
+    return Correction(predicted=free.outputs[0])
 
 
 def _as_recording(track: Track) -> Recording:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from itertools import combinations
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from deatwin.plant.effects import effect_named
 from deatwin.plant.errors import DataError, nearest
 from deatwin.scenarios.concealed_physics.excitations import RICH
 from deatwin.scenarios.concealed_physics.key import KEY, OUTSIDE, TIES
+from deatwin.scenarios.concealed_physics.mechanisms import log_uniform
 from deatwin.scenarios.concealed_physics.reach import reach
 from deatwin.scenarios.concealed_physics.specimens import Specimen, make
 from deatwin.scenarios.concealed_physics.specs import CaseSpec
@@ -57,7 +59,7 @@ def case_specs(size: str, seed: int) -> tuple[CaseSpec, ...]:
     rng = np.random.default_rng([seed, len(size)])
     clean, effects, outside, pairs, ties = SIZES[size]
     several = [
-        *_clean(clean), *(_few_effects(effects, rng) if size == "tiny" else _effects(effects)), *_outside(outside, rng),
+        *_clean(clean), *(_few_effects if size == "tiny" else _effects)(effects, rng), *_outside(outside, rng),
         *_pairs(pairs, rng), *_ties(ties, rng),
     ]  # fmt: skip
     # A block of seeds for each study.
@@ -77,7 +79,7 @@ def pairable() -> tuple[tuple[str, str], ...]:
     return tuple((a, b) for a, b in combinations(seen, 2) if family[a] is not family[b])
 
 
-Given = dict[str, object]
+Given = dict[str, Any]
 
 
 def _clean(count: int) -> Iterator[Given]:
@@ -85,10 +87,12 @@ def _clean(count: int) -> Iterator[Given]:
         yield {"name": f"clean-{k + 1:03d}", "kind": "clean", "effects": (), "truth": (), "target_ratio": 0.0}
 
 
-def _effects(each: int) -> Iterator[Given]:
+def _effects(each: int, rng: np.random.Generator) -> Iterator[Given]:
+    """Up the ladder of each effect; the least noise where the ratio is to be highest, so that more of it is reached."""
     for name, names in KEY.items():
-        for k in range(each):
-            yield _effect(name, names[0], f"{k + 1:02d}", LADDER[k % len(LADDER)])
+        noises = sorted((log_uniform(rng, *NOISE_SHARES) for _ in range(each)), reverse=True)
+        for k, (ratio, noise) in enumerate(zip(sorted(LADDER * (each // len(LADDER))), noises, strict=True)):
+            yield {**_effect(name, names[0], f"{k + 1:02d}", ratio), "noise_share": round(noise, 4)}
 
 
 def _few_effects(count: int, rng: np.random.Generator) -> Iterator[Given]:
@@ -110,7 +114,7 @@ def _outside(count: int, rng: np.random.Generator) -> Iterator[Given]:
     for k in range(count):
         yield {
             "name": f"outside-{k + 1:02d}", "kind": "outside", "effects": (names[k % len(names)],), "truth": (),
-            "target_ratio": _between(rng, OUTSIDE_RATIOS),
+            "target_ratio": log_uniform(rng, *OUTSIDE_RATIOS),
         }  # fmt: skip
 
 
@@ -120,7 +124,7 @@ def _pairs(count: int, rng: np.random.Generator) -> Iterator[Given]:
         pair = possible[number]
         yield {
             "name": f"pair-{k + 1:02d}", "kind": "pair", "effects": pair, "truth": tuple(KEY[n][0] for n in pair),
-            "target_ratio": _between(rng, PAIR_RATIOS),
+            "target_ratio": log_uniform(rng, *PAIR_RATIOS),
         }  # fmt: skip
 
 
@@ -129,7 +133,7 @@ def _ties(count: int, rng: np.random.Generator) -> Iterator[Given]:
         waveform, rivals, mechanism, _ = TIES[k % len(TIES)]
         yield {
             "name": f"tie-{k + 1:02d}", "kind": "tie", "effects": (mechanism,), "truth": (KEY[mechanism][0],),
-            "rivals": rivals, "target_ratio": _between(rng, TIE_RATIOS), "excitation": waveform, "rich": False,
+            "rivals": rivals, "target_ratio": log_uniform(rng, *TIE_RATIOS), "excitation": waveform, "rich": False,
         }  # fmt: skip
 
 
@@ -137,12 +141,8 @@ def _recorded(given: Given, rng: np.random.Generator) -> Given:
     """How a case is recorded, where that is left open."""
     drawn: Given = {
         "excitation": str(rng.choice(RICH)), "records": int(rng.choice([1, 2])),
-        "noise_share": round(_between(rng, NOISE_SHARES), 4),
+        "noise_share": round(log_uniform(rng, *NOISE_SHARES), 4),
     }  # fmt: skip
     if given["kind"] == "tie":
         drawn["records"] = 1
     return {**drawn, **given}
-
-
-def _between(rng: np.random.Generator, ends: tuple[float, float]) -> float:
-    return float(np.exp(rng.uniform(*np.log(ends))))

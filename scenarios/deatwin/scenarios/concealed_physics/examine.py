@@ -124,9 +124,12 @@ def _essence(diagnosis: Diagnosis) -> dict[str, Any]:
     """The parts of a diagnosis that are counted."""
     data = diagnosis.to_dict()
     kept = ("verdict", "noise", "model_error", "detect", "causes", "set", "indistinguishable", "sentence", "fit",
-            "free_form", "warnings")  # fmt: skip
-    advice = data["next_experiment"]
-    return {**{name: data[name] for name in kept}, "next_experiment": dict(advice) if advice else None}
+            "free_form", "warnings", "next_experiment")  # fmt: skip
+    tried = diagnosis.evidence.candidates if diagnosis.evidence is not None else ()
+    return {
+        **{name: data[name] for name in kept},
+        "tried": [{"effects": list(c.effects), "fitted": c.fitted, "unseen": c.unseen, "d2": c.d2} for c in tried],
+    }
 
 
 def _parameters(diagnosis: Diagnosis, specimen: Specimen) -> list[dict[str, Any]]:
@@ -142,7 +145,7 @@ def _parameters(diagnosis: Diagnosis, specimen: Specimen) -> list[dict[str, Any]
 
 def _baselines(plant: Plant, specimen: Specimen) -> dict[str, Any]:
     track = track_of(plant, specimen.whole, len(specimen.whole.recordings) - len(specimen.check.recordings))
-    found = {}
+    found: dict[str, Any] = {}
     for name, learn in BASELINES.items():
         try:
             correction = learn(track)
@@ -177,12 +180,13 @@ def _squares(plant: Plant, parts: Sequence[Part]) -> float:
 
 def _advised(spec: CaseSpec, specimen: Specimen, diagnosis: Diagnosis) -> dict[str, Any] | None:
     """What a second diagnosis says when the advised experiment is there as well; of ties only."""
-    advice = getattr(diagnosis, "advice", None)
-    commands = getattr(advice, "experiment", None)
-    if spec.kind != "tie" or commands is None:
+    advice = diagnosis.evidence.advice if diagnosis.evidence is not None else None
+    if spec.kind != "tie" or advice is None:
         return None
+    if advice.experiment is None:
+        return {"failure": advice.sentence}
     try:
-        more = specimen.record(commands, spec.seed + 1)
+        more = specimen.record(advice.experiment, spec.seed + 1)
     except SimulationError as error:
         return {"failure": str(error)}
     again = diagnose(specimen.plant, (*specimen.experiments, more), jobs=1, seed=spec.seed)

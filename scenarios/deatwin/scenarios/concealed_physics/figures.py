@@ -258,6 +258,7 @@ def _errors(study: Opened) -> tuple[Drawing, str]:
 def _draw_errors(axes: Axes, study: Opened) -> list[tuple[object, ...]]:
     cases = [c for c in study.of("effect", ratio=1.0) if "oracle" in c.errors]
     rows: list[tuple[object, ...]] = []
+    top = 2.0
     shown = [name for name in MADE_BY if name != "oracle"]
     for place, name in enumerate(shown):
         found = [(c.name, c.errors[name] / c.errors["oracle"]) for c in cases if name in c.errors]
@@ -266,6 +267,7 @@ def _draw_errors(axes: Axes, study: Opened) -> list[tuple[object, ...]]:
             continue
         ratios = np.array([ratio for _, ratio in found])
         low, middle, high = np.quantile(ratios, (0.05, 0.5, 0.95))
+        top = max(top, float(ratios.max()))
         colour = AFTER if name == "diagnosis" else BEFORE if name == "base" else MEASURED
         axes.plot([low, high], [place, place], color=colour, linewidth=5, alpha=0.3, solid_capstyle="butt")
         axes.plot(ratios, np.full(ratios.size, place + 0.2), "|", color=colour, markersize=5, alpha=0.6)
@@ -274,7 +276,6 @@ def _draw_errors(axes: Axes, study: Opened) -> list[tuple[object, ...]]:
                       fontsize="small")  # fmt: skip
     axes.axvline(1.0, color=INK, linestyle=":", linewidth=0.9)
     axes.set_xscale("log")
-    top = max((float(row[2]) for row in rows), default=2.0)
     ticks = [t for t in (0.5, 0.8, 1, 1.5, 2, 3, 5, 10, 20, 50, 100) if t <= 1.3 * top]
     axes.set_xticks(ticks, [f"{t:g}" for t in ticks])
     axes.minorticks_off()

@@ -10,7 +10,9 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
-__all__ = ["KEY", "OUTSIDE", "REASONS", "TIES", "accepted", "canonical", "to_dict"]
+from deatwin.scenarios.concealed_physics.reach import REACH, VISIBLE
+
+__all__ = ["KEY", "OUTSIDE", "REASONS", "TIES", "accepted", "canonical", "invisible", "to_dict"]
 
 KEY: Mapping[str, tuple[str, ...]] = MappingProxyType({
     "power_law_creep": ("creep",),
@@ -53,12 +55,12 @@ REASONS: Mapping[str, str] = MappingProxyType({
 """Why a second name is right."""
 
 OUTSIDE: Mapping[str, str] = MappingProxyType({
-    "crossover_dead_zone": "a gap in the middle of a static curve: saturations act at its ends, curvatures nowhere sharply",
+    "crossover_dead_zone": "a gap in the middle of a static curve: saturations act at its ends, curvatures not sharply",
     "charging_heat": "softening by the square of the voltage's steps, not by voltage, stretch or time",
     "gain_wander": "random: no effect of the catalogue is",
     "interference_bursts": "random bursts: no tone, no step",
     "one_way_damper": "viscous drag in one direction only: the catalogue's damping is even",
-    "capacitive_crosstalk": "the reading follows changes of the command itself; the catalogue's sensor sees the motion only",
+    "capacitive_crosstalk": "the reading follows the command's changes; the catalogue's sensor sees the motion only",
     "clock_skew": "a lag that grows with time: the catalogue's delay is constant",
 })  # fmt: skip
 """Mechanisms outside the catalogue, and why none of its effects describes them."""
@@ -70,7 +72,8 @@ TIES: tuple[tuple[str, tuple[str, ...], str, str], ...] = (
      "as above"),
     ("slow_sine", ("electrode_rc", "delay", "sensor_lag"), "ladder_electrode",
      "as above"),
-    ("slow_sine", ("sensor_curvature", "permittivity_stretch", "strain_stiffening", "cubic_stiffness"), "crooked_optics",
+    ("slow_sine", ("sensor_curvature", "permittivity_stretch", "strain_stiffening", "cubic_stiffness"),
+     "crooked_optics",
      "one slow sine: static curves with one free coefficient each differ in harmonics that the noise hides"),
     ("one_level", ("sensor_drift", "permittivity_drift", "prestretch_relaxation"), "warming_sensor",
      "one level: what shifts the zero and what changes the gain both move the mean once, monotonically"),
@@ -122,11 +125,17 @@ def canonical(mechanism: str) -> str | None:
     return names[0] if names else None
 
 
+def invisible() -> frozenset[str]:
+    """Effects of the catalogue whose mechanism reached no visible ratio at its largest size, where it was measured."""
+    return frozenset(KEY[name][0] for name, value in REACH.items() if name in KEY and value < VISIBLE)
+
+
 def to_dict() -> dict[str, Any]:
     """The whole key as plain data, for a hash of it."""
     return {
         "key": {name: list(names) for name, names in KEY.items()},
         "reasons": dict(REASONS),
         "outside": dict(OUTSIDE),
+        "reach": dict(REACH),
         "ties": [[waveform, list(names), mechanism, why] for waveform, names, mechanism, why in TIES],
     }

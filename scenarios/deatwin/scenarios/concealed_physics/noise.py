@@ -48,7 +48,8 @@ class SensorNoise:
         -------
         SensorNoise
         """
-        return cls(rms=rms, coloured=rng.uniform(0.1, 0.5), pole=rng.uniform(0.3, 0.85), step=rms * rng.uniform(0.1, 1.0))
+        step = rms * rng.uniform(0.1, 1.0)
+        return cls(rms=rms, coloured=rng.uniform(0.1, 0.5), pole=rng.uniform(0.3, 0.85), step=step)
 
     def added(self, values: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """Readings as they are recorded.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
-__all__ = ["REACH", "VISIBLE", "invisible", "reach"]
+__all__ = ["REACH", "VISIBLE", "reach"]
 
 VISIBLE = 0.3
 """Structural residual over noise from which on a mechanism counts as visible: the lowest rung of the ladder."""
@@ -26,8 +26,3 @@ def reach(mechanism: str) -> float:
         Infinite where it was not measured.
     """
     return REACH.get(mechanism, float("inf"))
-
-
-def invisible() -> frozenset[str]:
-    """Mechanisms that reach no visible ratio at their largest size."""
-    return frozenset(name for name, value in REACH.items() if value < VISIBLE)

@@ -31,18 +31,16 @@ class Rigging:
         Of the rig file and published values, on the reduced rig.
     actual : Plant
         Of the film that is there, on the fine rig.
+    reduced : Plant
+        Of the same film, on the reduced rig.
     before : tuple of pairs of float
         What happened before the experiment: command in V and how long it was held, s.
     """
 
     nominal: Plant
     actual: Plant
+    reduced: Plant
     before: tuple[tuple[float, float], ...]
-
-    @property
-    def reduced(self) -> Plant:
-        """The film that is there, on the reduced rig."""
-        return self.actual.with_rig(replace(self.actual.rig, resolution="reduced"))
 
 
 def drawn_rig(rng: np.random.Generator) -> Rigging:
@@ -74,6 +72,9 @@ def drawn_rig(rng: np.random.Generator) -> Rigging:
     nominal = Plant(rig=rig)
     values = {name: nominal.parameters[name].value * (1 + FILM_ERROR * rng.uniform(-1, 1)) for name in FITTED}
     reading = ReadingTime.START_OF_HOLD if rng.random() < READ_AT_START else ReadingTime.END_OF_HOLD
-    fine = replace(rig, ball=ball, reading=reading, resolution="fine", elements=ELEMENTS)
+    there = replace(rig, ball=ball, reading=reading)
+    fine = replace(there, resolution="fine", elements=ELEMENTS)
     before = ((rng.uniform(0.5, 2.0), rng.uniform(5.0, 30.0)), (0.0, rng.uniform(60.0, 600.0)))
-    return Rigging(nominal=nominal, actual=Plant(rig=fine, values=values), before=before)
+    return Rigging(
+        nominal=nominal, actual=Plant(rig=fine, values=values), reduced=Plant(rig=there, values=values), before=before
+    )

@@ -128,7 +128,8 @@ def integrate(
     mass = np.asarray(equations.mass(values, equations.constants)).ravel() * scale[:n_x]
     # A state's row is divided by its mass, so that all rows are of one size.
     rows = np.concatenate([1 / np.where(mass > 0, mass, 1.0), np.ones(scale.size - n_x)])
-    known = [rest.d, values, equations.constants, np.concatenate([mass, np.zeros(scale.size - n_x)]) * rows, scale, rows]
+    masses = np.concatenate([mass, np.zeros(scale.size - n_x)]) * rows
+    known = [rest.d, values, equations.constants, masses, scale, rows]
     arrays = [np.ascontiguousarray(a, dtype=float) for a in known]
     plant = _Plant(*map(_address, arrays), tolerance, SHORTEST, SAFETY, SHRINK, GROW, CONSISTENT)
     outputs, at_rest, ended, steps = np.zeros(reads.size), ctypes.c_double(), ctypes.c_double(), ctypes.c_longlong()
@@ -177,7 +178,8 @@ def _kernel(equations: Equations) -> ctypes.CDLL:
     }  # fmt: skip
     tables = [
         _table("ROW", rows), _table("COLUMN", columns), _table("PLACE", place), *_lists("LOWER", lower),
-        *_lists("UPPER", upper), _table("AT", AT), _table("SLOPES_AT", SLOPES), _table("MIX", MIX), _table("PASSED", PASSED),
+        *_lists("UPPER", upper), _table("AT", AT), _table("SLOPES_AT", SLOPES), _table("MIX", MIX),
+        _table("PASSED", PASSED),
     ]  # fmt: skip
     defined = [f"#define {name} {value}" for name, value in numbers.items()]
     march = Path(__file__).with_name("rosenbrock.c").read_text(encoding="utf-8")

@@ -30,9 +30,10 @@ CLEAR = 1.04
 """The film bears this many times the highest command."""
 LOWER, RETRIES = 0.93, 12
 """What the highest command is multiplied by where the film does not bear it, and how often."""
-NEAR = 0.1
-"""How near to the target a ratio is to come; from there on nothing is corrected."""
-CORRECTIONS = 4
+NEAR, CORRECTIONS = 0.1, 4
+"""How near to its target a ratio to first order is to come, and how many corrections are made for that."""
+WITHIN, REFITS = 0.2, 4
+"""The same for the ratio after a full refit."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -52,7 +53,7 @@ class Specimen:
     ratio : float
         Structural residual of all mechanisms together over the noise; 0 where there are none.
     ratios : mapping of str to float
-        Of each mechanism alone, to first order of the refit.
+        Of each mechanism alone.
     noise : float
         Rms of the sensor's noise, m.
     model_rest : float or None
@@ -179,16 +180,18 @@ def _made(spec: CaseSpec, rigging: Rigging, whole: Experiment, rng: np.random.Ge
     readings = bare.readings(whole)
     noise = SensorNoise.drawn(rng, float(f"{spec.noise_share * np.std(np.concatenate(readings[:count])):.2g}"))
     nominal = rigging.nominal.with_rig(replace(rigging.nominal.rig, noise=noise.rms))
-    apparatus, ratios, ratio, rest = replace(bare, noise=noise), {}, 0.0, None
+    apparatus, ratio, rest = replace(bare, noise=noise), 0.0, None
+    ratios: dict[str, float] = {}
     if spec.effects:
-        sizing = _Sizing.of(rigging, replace(bare, noise=noise), whole, readings)
+        sizing = _Sizing.of(rigging, apparatus, whole, readings)
         apparatus, readings, ratios = sizing.concealed(spec, rng)
-        ratio, rest = sizing.scale.ratio(readings[:count]), sizing.scale.rest
+        ratio = next(iter(ratios.values())) if len(ratios) == 1 else sizing.scale.ratio(readings[:count])
+        rest = sizing.scale.rest
     recorded = apparatus.noisy(whole, readings, rng).recordings
     return Specimen(
-        plant=nominal, experiments=(Experiment(recordings=recorded[:count]),), check=Experiment(recordings=recorded[count:]),
-        truth=spec.truth, ratio=ratio, ratios=ratios, noise=noise.rms, model_rest=rest, noise_free=readings,
-        apparatus=apparatus,
+        plant=nominal, experiments=(Experiment(recordings=recorded[:count]),),
+        check=Experiment(recordings=recorded[count:]), truth=spec.truth, ratio=ratio, ratios=ratios, noise=noise.rms,
+        model_rest=rest, noise_free=readings, apparatus=apparatus,
     )  # fmt: skip
 
 
@@ -206,7 +209,7 @@ class _Sizing:
         fitted = Experiment(recordings=whole.recordings[:-1])
         setting = Setting(
             seconds=fitted.end, commands=np.concatenate([r.inputs[0] for r in fitted.recordings]),
-            displacement=np.concatenate(clean[:-1]), gain=rigging.nominal.rig.gain,
+            displacement=np.concatenate(clean[:-1]), gain=rigging.nominal.parameters["gain"].value,
         )  # fmt: skip
         scale = StructuralScale.of(rigging.reduced, fitted, clean[:-1], bare.noise.rms)
         return cls(bare=bare, whole=whole, scale=scale, setting=setting)
@@ -215,24 +218,39 @@ class _Sizing:
         self, spec: CaseSpec, rng: np.random.Generator
     ) -> tuple[Apparatus, tuple[np.ndarray, ...], dict[str, float]]:
         """The apparatus with all mechanisms of a case, its readings, and the ratio of each mechanism alone."""
-        mechanisms, ratios, readings = [], {}, ()
+        mechanisms: list[Mechanism] = []
+        ratios: dict[str, float] = {}
+        readings: tuple[np.ndarray, ...] = ()
         for name in spec.effects:
-            mechanism, readings, ratios[name] = self.sized(mechanism_named(name).drawn(rng, self.setting), spec.target_ratio)
+            drawn = mechanism_named(name).drawn(rng, self.setting)
+            mechanism, readings, ratios[name] = self.sized(drawn, spec.target_ratio)
             mechanisms.append(mechanism)
         apparatus = self.bare.with_mechanisms(*mechanisms)
         return apparatus, apparatus.readings(self.whole) if len(mechanisms) > 1 else readings, ratios
 
     def sized(self, mechanism: Mechanism, target: float) -> tuple[Mechanism, tuple[np.ndarray, ...], float]:
         """A mechanism of the strength that a ratio needs, or its largest; the readings with it; and the ratio."""
+        aim = target
+        for _ in range(REFITS):
+            mechanism, readings, guess = self._guessed(mechanism, aim)
+            ratio = self.scale.ratio(readings[:-1])
+            if abs(ratio / target - 1) < WITHIN or (mechanism.size >= mechanism.largest and ratio < target):
+                break
+            # A base plant that is moved far gives way more than to first order.
+            aim = guess * float(np.clip(target / ratio, 0.2, 8.0))
+        return mechanism, readings, ratio
+
+    def _guessed(self, mechanism: Mechanism, aim: float) -> tuple[Mechanism, tuple[np.ndarray, ...], float]:
+        """The same to first order of the refit."""
         tried: list[tuple[float, float]] = []
         while True:
             readings = self.bare.with_mechanisms(mechanism).readings(self.whole)
-            ratio = self.scale.guess(readings[:-1])
-            tried.append((mechanism.size, ratio))
-            at_end = mechanism.size >= mechanism.largest and ratio <= target
-            if abs(ratio / target - 1) < NEAR or at_end or len(tried) > CORRECTIONS:
-                return mechanism, readings, ratio
-            mechanism = mechanism.sized(_next_size(tried, target))
+            guess = self.scale.guess(readings[:-1])
+            tried.append((mechanism.size, guess))
+            at_end = mechanism.size >= mechanism.largest and guess <= aim
+            if abs(guess / aim - 1) < NEAR or at_end or len(tried) > CORRECTIONS:
+                return mechanism, readings, guess
+            mechanism = mechanism.sized(_next_size(tried, aim))
 
 
 def _next_size(tried: list[tuple[float, float]], target: float) -> float:

@@ -62,7 +62,8 @@ class CaseSpec:
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
-            raise DataError(f"unknown kind of case {self.kind!r}{nearest(self.kind, KINDS)} (known: {', '.join(KINDS)})")
+            known = ", ".join(KINDS)
+            raise DataError(f"unknown kind of case {self.kind!r}{nearest(self.kind, KINDS)} (known: {known})")
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data, ready for JSON."""
@@ -86,7 +87,8 @@ class CaseSpec:
         DataError
             If a field is missing or unknown.
         """
+        given: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in data.items()}
         try:
-            return cls(**{k: tuple(v) if isinstance(v, list) else v for k, v in data.items()})
+            return cls(**given)
         except TypeError as error:
             raise DataError(f"malformed case: {error}") from None

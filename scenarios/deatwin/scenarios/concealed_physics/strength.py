@@ -104,11 +104,18 @@ class StructuralScale:
         Returns
         -------
         float
+
+        Raises
+        ------
+        SimulationError
+            If the base plant cannot be simulated there.
         """
         same, shifted = self._left(readings)
         plant = self.form.plant if same <= shifted else _read_otherwise(self.form.plant)
         refitted = calibrate(plant, [_part(self.experiment, readings)], tolerance=TOLERANCE)
-        return _rms(refitted.residuals - self.form.residuals) / self.noise if refitted.status.ok else np.nan
+        if not refitted.status.ok:
+            raise SimulationError(f"no refit of the base plant: {refitted.status.value}")
+        return _rms(refitted.residuals - self.form.residuals) / self.noise
 
     def _left(self, readings: Sequence[np.ndarray]) -> tuple[float, float]:
         """What the refits of the base plant leave with its own reading time and with the other, m."""
@@ -124,7 +131,8 @@ class StructuralScale:
     @cached_property
     def _advance(self) -> np.ndarray:
         """Readings of the base plant minus those of the same plant with the other reading time, shape (n,), m."""
-        part = _part(self.experiment, np.split(self.clean, np.cumsum([r.n_samples for r in self.experiment.recordings])[:-1]))
+        ends = np.cumsum([r.n_samples for r in self.experiment.recordings])
+        part = _part(self.experiment, np.split(self.clean, ends[:-1]))
         other = simulated(_read_otherwise(self.form.plant), [part])
         if other is None:
             raise SimulationError("the base plant cannot be simulated")

@@ -43,15 +43,15 @@ class HeldOut:
         In words.
     experiment : Experiment
         From rest, or through what goes before.
-    counted : slice
-        Samples of its last record that count; the others lead in.
+    first : int
+        Sample of its last record from which on it counts; those before lead in.
     rival : DataSet, or None
         The same for a NARX: learned from what the plant was fitted to, judged on what counts here.
     """
 
     name: str
     experiment: Experiment
-    counted: slice = slice(None)
+    first: int = 0
     rival: DataSet | None = None
 
     def readings(self, plant: Plant) -> Array:
@@ -67,17 +67,17 @@ class HeldOut:
         ndarray, shape (n,)
             SI.
         """
-        return plant.simulate(self.experiment).require().outputs[-1][0, self.counted]
+        return plant.simulate(self.experiment).require().outputs[-1][0, self.first :]
 
     @property
     def measured(self) -> Array:
         """Readings where it counts, shape (n,), SI."""
-        return self.experiment.recordings[-1].outputs[0, self.counted]
+        return self.experiment.recordings[-1].outputs[0, self.first :]
 
     @property
     def timepts(self) -> Array:
         """Their clock times, shape (n,), s."""
-        return self.experiment.recordings[-1].timepts[self.counted]
+        return self.experiment.recordings[-1].timepts[self.first :]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

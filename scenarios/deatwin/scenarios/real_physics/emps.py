@@ -1,17 +1,41 @@
-"""EMPS: a carriage on a ball screw, recorded under its controller, taken without dry friction."""
+"""EMPS: a carriage on a ball screw, recorded under its controller, taken without dry friction.
+
+The recordings are public (Janot, Gautier & Brunot 2019) and read where the user keeps them. The first 13 s of the
+estimation record are diagnosed; its remainder, and the validation record with its pulses, judge.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
 
 from deatwin.plant.builder import Builder
 from deatwin.plant.effects.base import Place
 from deatwin.plant.effects.sizes import Sizes
+from deatwin.plant.errors import DataError
+from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter, Scale
+from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.rigs.base import ReadingTime, Rig, StartProcedure
+from deatwin.scenarios.real_data.records import Candidates, DataSet
+from deatwin.scenarios.real_physics.case import Case, HeldOut, Law, tell
+from deatwin.scenarios.stories import Setting, data_folder
 
-__all__ = ["ControlledCarriage"]
+__all__ = ["ControlledCarriage", "case", "run"]
+
+Array = NDArray[np.float64]
+FITTED = 13_000
+"""Samples: two strokes out and back."""
+FILES = ("DATA_EMPS.mat", "DATA_EMPS_PULSES.mat")
+STEP = 10
+"""Samples of 1 ms from one of a black box to its next."""
+SMOOTH = 25.0
+"""Hz, up to which the recording is differentiated."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,7 +54,7 @@ class ControlledCarriage(Rig):
     output_name: ClassVar[str] = "position"
     output_unit: ClassVar[str] = "m"
     sizes: ClassVar[Sizes] = Sizes(
-        motion=0.1, force=50.0, period=0.1, command=0.1, command_unit="m", reading=20e-6, reading_unit="m", body="carriage"
+        motion=0.1, force=50.0, period=0.02, command=0.1, command_unit="m", reading=20e-6, body="carriage"
     )
 
     @property
@@ -56,7 +80,131 @@ class ControlledCarriage(Rig):
         wanted = build.parameter("position_gain") * behind - velocity
         voltage = build.watch("voltage", build.parameter("velocity_gain") * wanted + build.channel("pulse_V", 0.0))
         drive = build.parameter("motor") * voltage + build.parameter("offset")
-        force = build.place(Place.BALL, "force", -build.parameter("viscosity") * velocity)
+        viscous = -build.parameter("viscosity") * velocity
+        force = build.place(Place.BALL, "force", viscous)
+        build.watch("missing", force - viscous)
         build.rate(position, velocity)
         build.rate(velocity, drive + force, mass=build.parameter("mass"))
         return build.place(Place.SENSOR, "reading", position)
+
+
+def run(setting: Setting) -> Mapping[str, Any]:
+    """Diagnose the opening of the estimation record, and run free over the rest and over the validation record.
+
+    Parameters
+    ----------
+    setting : Setting
+        Folder, data and the like.
+
+    Returns
+    -------
+    mapping
+        Verdict, causes, errors, and a sentence.
+
+    Raises
+    ------
+    DataError
+        If the recordings are absent.
+    """
+    return tell(setting, case(data_folder(setting.data, "emps").parent))
+
+
+def case(root: Path) -> Case:
+    """The recordings and the plant.
+
+    Parameters
+    ----------
+    root : path
+        Folder of all public recordings.
+
+    Returns
+    -------
+    Case
+
+    Raises
+    ------
+    DataError
+        If one is absent.
+    """
+    files = tuple(root / "emps" / name for name in FILES)
+    estimation, validation = (_recording(file) for file in files)
+    pulsed = HeldOut(
+        name="The validation record, with force pulses", experiment=Experiment(recordings=(validation,)),
+        rival=_black_box(estimation, validation, files, 0),
+    )  # fmt: skip
+    rest = HeldOut(
+        name="The rest of the estimation record", experiment=Experiment(recordings=(estimation,)), first=FITTED,
+        rival=_black_box(estimation, estimation, files, FITTED),
+    )  # fmt: skip
+    return Case(
+        name="emps", title="EMPS", documented=("coulomb_friction",), plant=Plant(rig=ControlledCarriage()),
+        fitted=(Experiment(recordings=(estimation.section(0, FITTED),)),), held_out=(pulsed, rest), unit="µm",
+        scale=1e-6, files=files, law=lambda amended: _law(amended, validation, files[1]),
+        notes=(
+            f"Diagnosed: the first {FITTED / 1000:g} s of the estimation record, from rest, at 1 kHz. Judged: the "
+            "validation record, in which force pulses disturb the carriage, and the rest of the estimation record.",
+            "The controller is in the loop: the reference goes in, the position comes out, and friction shows in the "
+            "micrometres by which the stiff controller lets it. The plant has the controller's gains from the file, "
+            "viscous friction and a force offset; the position gain stays free, since the controller's own delay is "
+            "left out. The reference is held at the middle of each sample.",
+            "The pulses are called newtons in the file; the recorded motor voltage jumps by 5 V with each, and the "
+            "carriage by 5 V over the gains, so they act as volts at the motor, and the plant takes them so.",
+            "Black boxes get the reference's velocity and predict the deviation from the reference, 100 times a "
+            "second; they have one input, and so know nothing of the pulses.",
+        ),
+    )  # fmt: skip
+
+
+def _recording(file: Path) -> Recording:
+    from scipy.io import loadmat
+
+    if not file.is_file():
+        raise DataError(f"{file}: no such file; --data or DEATWIN_DATA must name the folder of public recordings")
+    data: Mapping[str, Array] = loadmat(file)
+    reference, position = data["qg"].ravel(), data["qm"].ravel()
+    extras = {"pulse_V": data["pulses_N"].ravel().astype(float)} if "pulses_N" in data else {}
+    return Recording.from_arrays(
+        np.append((reference[1:] + reference[:-1]) / 2, reference[-1]), position, 1e-3, input_names=("reference",),
+        output_names=("position",), input_units=("m",), output_units=("m",), extras=extras,
+        provenance={"file": file.name},
+    )  # fmt: skip
+
+
+def _black_box(train: Recording, test: Recording, files: tuple[Path, ...], first: int) -> DataSet:
+    """Velocity of the reference in, deviation from it out: the position is the reference plus the deviation."""
+
+    def deviation(record: Recording) -> Recording:
+        reference, position = record.inputs[0], record.outputs[0]
+        velocity = np.gradient(reference, record.sample_time)
+        return Recording.from_arrays(
+            velocity[::STEP], (position - reference)[::STEP], STEP * record.sample_time, input_names=("velocity",),
+            output_names=("deviation",), input_units=("m/s",), output_units=("m",),
+        )  # fmt: skip
+
+    return DataSet(
+        name=f"emps_{first}", title="EMPS", unit="µm", scale=1e-6, files=files, note="",
+        train=deviation(train.section(0, FITTED)), test=deviation(test.section(first, test.n_samples)),
+        candidates=Candidates(output_lags=2, input_lags=(0, 1, 2), degree=3, max_terms=12),
+    )  # fmt: skip
+
+
+def _law(amended: Plant, judged: Recording, file: Path) -> Law:
+    """What the recorded motor voltage, which holds the pulses, has left after inertia, viscosity and offset."""
+    from scipy.io import loadmat
+    from scipy.signal import butter, filtfilt
+
+    step, p = judged.sample_time, {name: q.value for name, q in amended.parameters.items()}
+    volts, position = loadmat(file)["vir"].ravel(), judged.outputs[0]
+    low = butter(2, 2 * SMOOTH * step)
+    position, volts = (filtfilt(*low, x) for x in (position, volts))
+    velocity = np.gradient(position, step)
+    force = p["mass"] * np.gradient(velocity, step) + p["viscosity"] * velocity - p["motor"] * volts - p["offset"]
+    inside = slice(200, -200)
+    signals = amended.simulate(Experiment(recordings=(judged,))).require().watched[0]
+    return Law(
+        state="velocity (m/s)", force="force on the carriage (N)", measured=(velocity[inside], force[inside]),
+        modelled=(signals["velocity"], signals["missing"]),
+        caption="Held-out recording: inertia and viscous friction less the recorded motor force, all up to "
+        f"{SMOOTH:g} Hz; no part of this is used by the fit, which sees positions only. Amended plant: the force of "
+        "the effect that was built in.",
+    )  # fmt: skip

@@ -60,8 +60,8 @@ def held_out(case: Case, trial: Trial) -> tuple[Drawing, Columns]:
         legend_above(figure, bottom, 3)
         drawing = Drawing.of(
             figure, "held_out", f"{case.title}: {trial.held_out.name}",
-            "Free runs over a recording on which nothing was fitted or chosen. Above: all of it; below: the ochre part, "
-            "around the largest error of the base plant.",
+            "Free runs over a recording on which nothing was fitted or chosen. Above: all of it; below: the ochre "
+            "part, around the largest error of the base plant.",
         )  # fmt: skip
     columns = {"time_s": time, "recording": measured, "base": base, "amended": amended}
     return drawing, {name: values[near] for name, values in columns.items()}

@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from deatwin.ident.mismatch.layout import Stretch, laid_out, stretches_of_true
+from deatwin.scenarios.report.drawing import Drawing
 from deatwin.scenarios.report.svg import COLOURS, draw, inline
-from deatwin.scenarios.report.tracks import Track, envelope, tracks
+from deatwin.scenarios.report.tracks import envelope
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
     from deatwin.ident.mismatch import Diagnosis
 
@@ -27,44 +28,10 @@ ZOOM_SHARE, ZOOM_SAMPLES = 1 / 30, 250
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Drawing:
-    """A figure of the report.
-
-    Parameters
-    ----------
-    name, title, caption : str
-        What it is called and what it shows.
-    svg : str
-        The picture.
-    data : str
-        Name of the CSV file with its data.
-    """
-
-    name: str
-    title: str
-    caption: str
-    svg: str
-    data: str
-
-    @classmethod
-    def of(cls, figure: Figure, name: str, title: str, caption: str) -> Drawing:
-        """Return a drawn figure with its data in ``figures/NAME.csv``.
-
-        Parameters
-        ----------
-        figure : matplotlib Figure
-            As drawn.
-        name, title, caption : str
-            What it is called and what it shows.
-        """
-        return cls(name=name, title=title, caption=caption, svg=inline(figure, name, title), data=f"figures/{name}.csv")
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
 class _View:
     """What all figures are drawn from."""
 
-    tracks: tuple[Track, ...]
+    tracks: tuple[Stretch, ...]
     amendment: str
     unit: str
     reading: str
@@ -95,20 +62,20 @@ def drawings(diagnosis: Diagnosis) -> tuple[list[Drawing], dict[str, dict[str, A
     dict of str to dict of str to ndarray
         Columns of each CSV file.
     """
-    laid_out = tracks(diagnosis)
-    if not laid_out or diagnosis.evidence is None:
+    if diagnosis.evidence is None:
         return [], {}
-    record = diagnosis.evidence.experiments[0].recordings[0]
     unit = diagnosis.output["unit"]
+    tracks = laid_out(diagnosis.evidence, unit)
+    record = diagnosis.evidence.experiments[0].recordings[0]
     shown = "µm" if unit == "um" else unit
     input_unit = f" ({record.input_units[0]})" if record.input_units[0] else ""
     view = _View(
-        tracks=laid_out,
-        amendment=_amendment(diagnosis) if laid_out[0].amended is not None else "",
+        tracks=tracks,
+        amendment=_amendment(diagnosis) if tracks[0].amended is not None else "",
         unit=shown,
         reading=f"{diagnosis.output['name']} ({shown})" if shown else diagnosis.output["name"],
         command=f"{record.input_names[0].replace('_', ' ')}{input_unit}",
-        time="time (s)" if laid_out[-1].experiment == 1 else "time, experiments one after another (s)",
+        time="time (s)" if tracks[-1].experiment == 1 else "time, experiments one after another (s)",
         noise=diagnosis.noise,
         located=diagnosis.locate,
     )
@@ -149,7 +116,7 @@ def _residual(view: _View) -> Drawing:
 def _shade(axes: Axes, view: _View) -> None:
     label = "unseen"
     for track in view.tracks:
-        for first, last in _runs(track.unseen):
+        for first, last in stretches_of_true(track.unseen):
             end = track.axis[last - 1] + track.sample_time
             axes.axvspan(track.axis[first], end, color=MEASURED, alpha=0.14, linewidth=0, label=label)
             label = "_unseen"
@@ -161,12 +128,6 @@ def _shade(axes: Axes, view: _View) -> None:
         strength = 0.32 * min(1.0, max(0.1, float(window["score"])))
         axes.axvspan(window["from_s"], window["to_s"], color=MARK, alpha=strength, linewidth=0, label=label)
         label = "_located"
-
-
-def _runs(flags: Array) -> list[tuple[int, int]]:
-    """First and last-plus-one of each run of true samples."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
-    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
 def _frequency(view: _View, columns: Sequence[Array]) -> Drawing:
@@ -265,9 +226,9 @@ def _zoom(view: _View) -> Drawing:
     return Drawing(name="zoom", title="A closer look", caption=caption, svg=svg, data="figures/time.csv")
 
 
-def _worst(candidates: Sequence[Track]) -> tuple[Track, int, int]:
-    """Track, first and last-plus-one sample of the stretch with the largest residual, of the unseen part."""
-    best: tuple[float, Track, int, int] | None = None
+def _worst(candidates: Sequence[Stretch]) -> tuple[Stretch, int, int]:
+    """Stretch, first and last-plus-one sample of the stretch with the largest residual, of the unseen part."""
+    best: tuple[float, Stretch, int, int] | None = None
     has_unseen = any(track.unseen.any() for track in candidates)
     for track in candidates:
         n = track.measured.size

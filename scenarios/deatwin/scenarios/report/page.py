@@ -13,6 +13,7 @@ from deatwin.scenarios.folder import ResultFolder
 from deatwin.scenarios.provenance import versions
 from deatwin.scenarios.report.figures import drawings
 from deatwin.scenarios.report.quantities import three_digits, with_interval
+from deatwin.scenarios.report.steps import noise_source, parameters, step_drawings, verification
 from deatwin.scenarios.report.svg import COLOURS
 
 if TYPE_CHECKING:
@@ -68,7 +69,11 @@ def write_report(folder: ResultFolder, diagnosis: Diagnosis, origin: Origin) -> 
     page = environment.get_template("diagnosis.html.j2").render(
         diagnosis=diagnosis,
         unit="µm" if unit == "um" else unit,
-        figures=figures,
+        figures={figure.name: figure for figure in figures},
+        steps=step_drawings(diagnosis),
+        noise_source=noise_source(diagnosis),
+        parameters=parameters(diagnosis),
+        verified=verification(diagnosis.verification),
         causes=_causes(diagnosis),
         candidates=_candidates(diagnosis),
         located=_located(diagnosis.locate),
@@ -113,6 +118,7 @@ def _candidates(diagnosis: Diagnosis) -> list[dict[str, Any]]:
             "effects": " + ".join(c.effects) or "none: the calibrated plant",
             "fitted": float(unit.from_si(np.array(c.fitted))),
             "unseen": float(unit.from_si(np.array(c.unseen))),
+            "d2": c.d2,
             "chosen": set(c.effects) == chosen,
         }
         for c in evidence.candidates

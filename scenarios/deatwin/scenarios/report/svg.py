@@ -24,6 +24,7 @@ COLOURS = {
 }
 """Role to the colour that matplotlib is given, and what stands for it in light and in dark."""
 
+_GREY = re.compile(r"#([0-9a-f]{2})\1\1\b")
 _SETTINGS: dict[Any, Any] = {
     "svg.fonttype": "none",  # text stays text: small, selectable, in the page's own font
     "svg.hashsalt": "deatwin",
@@ -93,10 +94,17 @@ def inline(figure: Figure, name: str, title: str) -> str:
     text = _source(figure)
     for role, (written, _, _) in COLOURS.items():
         text = text.replace(written, f"var(--{role})")
+    text = _GREY.sub(_adaptive, text)
     text = re.sub(r'\bid="', f'id="{name}-', text)
     text = re.sub(r'(url\(|href=")#', rf"\g<1>#{name}-", text)
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
     return re.sub(r'<svg [^>]*?(viewBox="[^"]*")[^>]*>', rf'<svg \1 role="img" aria-label="{title}">', text, count=1)
+
+
+def _adaptive(grey: re.Match[str]) -> str:
+    """A plain grey as a mixture of ink and page, so that it is as faint in the dark as in the light."""
+    ink = round(100 * (1 - int(grey.group(1), 16) / 255))
+    return f"color-mix(in srgb, var(--ink) {ink}%, var(--page))"
 
 
 def standalone(figure: Figure) -> str:

@@ -64,7 +64,8 @@ def made_up(verdict: Verdict, *causes: Cause, unit: str = "um", size: float = 1.
     rivals = ("delay",) if verdict is Verdict.AMBIGUOUS else ()
     diagnosis = Diagnosis(
         output={"name": "displacement", "unit": unit}, verdict=verdict, noise=2.0 * size, model_error=1.1873 * size,
-        detect={"p_value": 1e-9, "excess": 4.1 * size, "smallest_detectable": {"creep": 0.4 * size, "leakage": None}},
+        detect=fields.pop("detect", {"p_value": 1e-9, "excess": 4.1 * size,
+                                     "smallest_detectable": {"creep": 0.4 * size, "leakage": None}}),
         locate={"time": [{"from_s": 118.0, "to_s": 240.0, "score": 0.9}], "frequency": [], "region": [], "place": [],
                 "response": None},
         sentence="", causes=causes, names=(*(c.effect for c in causes), *rivals),
@@ -97,6 +98,13 @@ FAULTS = tuple(
     for e, r in ((1, 1), (1, 2), (2, 1), (2, 2))
 )  # fmt: skip
 ADVICE = {"file": "next_input.csv", "seconds": 120.0, "confusion_before": 0.3014, "confusion_after": 0.0193}
+NO_INPUT = {"file": None, "seconds": None, "confusion_before": 0.3, "confusion_after": None, "waveform": None,
+            "added_mass_g": None, "measure": "the current"}  # fmt: skip
+DETECTED = {"p_value": 0.0025, "excess": 4.1, "smallest_detectable": {}, "practical": 0.52, "moved": 141.0,
+            "noise_source": "sheet", "repeatability": None,
+            "statistics": [{"name": "variance", "value": 4.2, "where": "", "score": 9.0, "p_value": 0.0025}],
+            "origin": {"by": "repeats", "share": 0.0412, "low": 0.0, "high": 0.1, "left": 4.0,
+                       "conclusion": "disturbance"}}  # fmt: skip
 REFUTED = {"holds": False, "failures": ["creep backwards in time does as well"], "gain_low": -0.2, "ablation": [],
            "shams": [], "transfer": []}  # fmt: skip
 DIAGNOSES = {
@@ -108,11 +116,14 @@ DIAGNOSES = {
     "three causes": made_up(Verdict.NAMED, CREEP, JUMP, RC),
     "ambiguous": made_up(Verdict.AMBIGUOUS, CREEP),
     "ambiguous, two and advice": made_up(Verdict.AMBIGUOUS, CREEP, RC, next_experiment=ADVICE),
+    "ambiguous, heavier": made_up(Verdict.AMBIGUOUS, JUMP, next_experiment={**ADVICE, "added_mass_g": 4.5}),
+    "ambiguous for good": made_up(Verdict.AMBIGUOUS, CREEP, next_experiment=NO_INPUT),
     "unknown": made_up(Verdict.UNKNOWN),
     "unknown, refuted": made_up(Verdict.UNKNOWN, verification=REFUTED),
     "unknown, free form": replace(made_up(Verdict.UNKNOWN), free_form={"place": "film", "terms": ["v", "x v"]},
                                   fit=made_up(Verdict.NAMED, CREEP).fit),
     "disturbance": made_up(Verdict.DISTURBANCE),
+    "disturbance, known": made_up(Verdict.DISTURBANCE, detect=DETECTED),
     "data_fault": made_up(Verdict.DATA_FAULT, faults=FAULTS),
     "data_fault, one experiment": made_up(Verdict.DATA_FAULT, faults=FAULTS[:2]),
     "not_testable": made_up(Verdict.NOT_TESTABLE),

@@ -13,7 +13,7 @@ from deatwin.ident.mismatch.gate import gate, split
 from deatwin.ident.mismatch.shams import ShamKind, _Court, backwards, phase_randomised, sham_effects
 from deatwin.ident.mismatch.transfer import Transfer
 from deatwin.ident.mismatch.verify import Ablation, Verification, shares_explained, verify
-from deatwin.plant import Creep, Diaphragm, Experiment, PermittivityDrift, Plant, Recording, SensorDrift
+from deatwin.plant import Creep, Diaphragm, Experiment, PermittivityDrift, Plant, Recording
 from deatwin.plant.effects.catalogue import catalogue, effect_named
 from deatwin.plant.excitation import band_limited_noise, random_holds
 from deatwin.plant.integrator.compiled import compiler
@@ -41,6 +41,7 @@ def bench_of(*effects, seed: int = 0) -> Bench:
                  stated_error=1e-6, expected_error=1e-6)  # fmt: skip
 
 
+@cache
 def fitted_with(bench: Bench, *effects) -> Candidate:
     """The plant with effects, fitted from the true parameters."""
     plant = NOMINAL.with_values(VALUES).with_effects(*effects)
@@ -65,8 +66,8 @@ def shams_of(effect, seed: int):
 @pytest.mark.parametrize(
     "effect",
     [
-        Creep(modulus=50e3, time=20.0), effect_named("delay"), effect_named("hysteresis"), effect_named("electrode_loss"),
-        effect_named("permittivity_drift"), effect_named("sensor_drift"), effect_named("sensor_lag"),
+        Creep(modulus=50e3, time=20.0), effect_named("hysteresis"), effect_named("electrode_loss"),
+        effect_named("sensor_drift"),
     ],
     ids=lambda effect: effect.name,
 )  # fmt: skip
@@ -112,8 +113,8 @@ def test_an_effect_without_memory_has_no_backward_sham():
 
 @needs_compiler
 def test_what_happened_backwards_is_not_the_effect():
-    """The readings hold the effect's own sham, and a little of the effect: the sham must win."""
-    effect = Creep(modulus=50e3, time=20.0)
+    """The readings hold half of the effect and all of its own sham: the sham must win."""
+    effect = effect_named("hysteresis")
     bench = bench_of(seed=0)
     plant = NOMINAL.with_values(VALUES)
     experiment = bench.everything[0].experiment
@@ -125,24 +126,24 @@ def test_what_happened_backwards_is_not_the_effect():
     back = [y[::-1] for y in reversed(change(backwards(experiment)))]
     spoilt = Experiment(
         recordings=tuple(
-            replace(record, outputs=record.outputs + 0.4 * own + 2.0 * sham)
+            replace(record, outputs=record.outputs + 0.5 * own + sham)
             for record, own, sham in zip(experiment.recordings, change(experiment), back, strict=True)
         )
     )
     fitted, _, everything = split(gate(NOMINAL, (spoilt,)))
     base = calibrate(plant, fitted)
-    shams = {s.kind: s for s in sham_effects(base, effect, 1e-14, fitted, everything, np.random.default_rng(0))}
+    shams = {s.kind: s for s in sham_effects(base, effect, 1e-16, fitted, everything, np.random.default_rng(0))}
     assert shams[ShamKind.BACKWARDS].share > 1.0
     assert not shams[ShamKind.BACKWARDS].rejected
 
 
 @needs_compiler
 def test_the_wrong_sign_is_noticed():
-    effect = SensorDrift(change=-40e-6, time=30.0)
-    bench = bench_of(effect, seed=1)
-    base = fitted_with(bench).calibration
-    gain = float(np.mean(fitted_with(bench).unseen ** 2)) - NOISE**2
-    wrong = replace(effect, change=40e-6)
+    effect = effect_named("sensor_drift")
+    bench = bench_of(effect, seed=0)
+    without = fitted_with(bench)
+    base, gain = without.calibration, float(np.mean(without.unseen**2)) - NOISE**2
+    wrong = replace(effect, change=-effect.change)
     for named, rejected in ((effect, True), (wrong, False)):
         found = sham_effects(base, named, gain, bench.fitted, bench.everything, np.random.default_rng(0))
         assert {s.kind: s for s in found}[ShamKind.OPPOSITE].rejected is rejected
@@ -197,10 +198,10 @@ def test_two_causes_are_each_needed():
     found = verify(base, answer, np.random.default_rng(0), bench, (base, one))
     assert found.holds, found.failures
     assert [a.effect for a in found.ablations] == ["creep", "permittivity_drift"]
-    # Without creep it is the candidate that was given; without the drift it was fitted here.
+    # Without creep it is the candidate that was given; without the drift it was fitted here, a special case of both.
     assert found.ablations[0].unseen == pytest.approx(np.sqrt(np.mean(one.unseen**2)))
-    other = fitted_with(bench, effects[0])
-    assert found.ablations[1].unseen == pytest.approx(np.sqrt(np.mean(other.unseen**2)), rel=0.02)
+    assert answer.calibration.rms < found.ablations[1].fitted < base.calibration.rms
+    assert found.ablations[1].unseen > found.unseen_after + found.ablations[1].gain_low > found.unseen_after
     assert {(s.effect, s.kind) for s in found.shams} == {(e.name, kind) for e in effects for kind in ShamKind}
     assert [t.part for t in found.transfers][2:] == ["lowest amplitudes", "middle amplitudes", "highest amplitudes"]
     assert len(found.transfers) == 5

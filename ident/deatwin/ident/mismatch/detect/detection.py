@@ -11,6 +11,7 @@ import numpy as np
 from deatwin.ident.mismatch.detect.law import LEVEL, Law
 from deatwin.ident.mismatch.detect.leftover import Leftover, leftover_of
 from deatwin.ident.mismatch.detect.origin import Origin, OriginEvidence, origin_of
+from deatwin.ident.mismatch.detect.power import Power
 from deatwin.ident.mismatch.detect.statistics import GROUPS, Scores
 from deatwin.ident.mismatch.noise import NoiseFloor, noise_level
 from deatwin.ident.mismatch.repeats import Repeatability, find_repeats, repeatability
@@ -252,7 +253,7 @@ def detect_in(
     law = Law(left, rng, draws)
     scores = law.battery(left.residual[None])
     groups = law.groups(scores)[0]
-    practical = max(left.model_error, np.sqrt(PRACTICAL_SHARE) * left.noise)
+    practical = float(max(left.model_error, np.sqrt(PRACTICAL_SHARE) * left.noise))
     pieces = [left.residual[r] for r in left.records]
     commands = [left.commands[r] for r in left.records]
     repeats = find_repeats(commands, left.sample_time)
@@ -278,16 +279,15 @@ def _size(left: Leftover) -> float:
 
 def _statistics(law: Law, left: Leftover, scores: Scores, groups: np.ndarray) -> tuple[Statistic, ...]:
     names = law.battery.names
-    rms = float(np.sqrt(np.mean(left.residual**2) / left.floor))
     ratio, linear = int(np.argmax(scores.ratios[0])), int(np.argmax(np.abs(law.correlations(scores)[0])))
     apart = np.abs(scores.spectra[0] - law.spectrum)
     squared = int(np.argmax(np.abs(scores.squared[0])))
-    root, square = np.sqrt(left.residual.size), float(np.std(left.residual**2) / left.floor)
+    root = np.sqrt(left.residual.size)
     rows = (
         (float(np.exp(scores.ratios[0, ratio])), "unseen part" if ratio else "fitted part"),
         (float(apart.max()), f"{law.battery.frequencies[np.argmax(apart)]:.3g} Hz"),
-        (float(scores.linear[0, linear]) / (root * rms), names[linear]),
-        (float(scores.squared[0, squared]) / (root * square), names[squared]),
+        (float(scores.linear[0, linear] / root), names[linear]),
+        (float(scores.squared[0, squared] / root), names[squared]),
     )
     return tuple(
         Statistic(name=name, value=value, where=where, score=float(score),
@@ -301,7 +301,7 @@ def _seen(
 ) -> tuple[dict[str, float | None], bool]:
     """The smallest size of each effect, at the shape that is seen best, and whether any is physical."""
     smallest: dict[str, float | None] = {}
-    visible = not known
+    visible, power = not known, Power(law)
     for footprint in known:
         effect = footprint.effect
         smallest.setdefault(effect.name, None)
@@ -310,10 +310,10 @@ def _seen(
         rest = law.refit(whole[None])[0][left.fitted]
         if np.linalg.norm(rest) <= 1e-6 * np.linalg.norm(whole):
             continue
-        strength = law.smallest(rest, practical)
+        strength = power.smallest(rest, practical)
         if strength is None:
             continue
-        rms, before = strength * float(np.sqrt(np.mean(footprint.change**2))), smallest[effect.name]
+        rms, before = float(strength * np.sqrt(np.mean(footprint.change**2))), smallest[effect.name]
         smallest[effect.name] = rms if before is None else min(before, rms)
         own = next(p for p in effect.describe() if p.name == effect.strength)
         visible = visible or own.lower <= strength <= own.upper or own.lower <= -strength <= own.upper

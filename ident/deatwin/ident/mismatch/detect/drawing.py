@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -75,13 +76,15 @@ def _correlations(detection: Detection, axes: Axes) -> None:
     axes.axhline(0.0, color="0.5", linewidth=0.8)
     for chosen, colour in ((~outside, "C0"), (outside, "C3")):
         axes.vlines(places[chosen], 0.0, curves.correlations[chosen], color=colour, linewidth=1.5)
-    firsts = [k for k in places if k == 0 or groups[k] != groups[k - 1]]
-    axes.set_xticks([k for k in firsts], [groups[k].replace("^2", "²").replace("^3", "³") for k in firsts],
-                    fontsize="small")  # fmt: skip
-    for k in firsts[1:]:
+    edges = [0, *(k for k in places[1:] if groups[k] != groups[k - 1]), len(groups)]
+    middles = [(a + b - 1) / 2 for a, b in pairwise(edges)]
+    written = [groups[k].replace("time", "t").replace("^2", "²").replace("^3", "³") for k in edges[:-1]]
+    axes.set_xticks(middles, written)
+    axes.tick_params(axis="x", length=0)
+    for k in edges[1:-1]:
         axes.axvline(k - 0.5, color="0.8", linewidth=0.6)
     reach = 1.15 * max(1.3 * curves.bound, float(np.abs(curves.correlations).max()))
     axes.set_ylim(-reach, reach)
-    axes.set_xlabel("regressor, its lags from left to right")
-    axes.set_ylabel("correlation of the residual, standard deviations")
+    axes.set_xlabel("regressor; its lags from left to right")
+    axes.set_ylabel("correlation, standard deviations")
     axes.legend(fontsize="small", loc="upper right")

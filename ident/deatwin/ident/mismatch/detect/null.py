@@ -6,12 +6,11 @@ up to first order: e* - J J+ e*.
 The noise has the level of the floor and the colour of the residual above the band in which the plant moves: white, or
 autoregressive of the order that Schwarz' criterion chooses, by Whittle's likelihood [1]_.
 
-The model error is a smooth random function of the simulated reading and of its past: polynomials of low degree in the
-reading and in the reading passed through a lag, with lags from a few samples to a tenth of the record, the variance of
-a term falling by half with each degree. That is what a refitted reduced plant leaves of a finer one: the static part
-of the error is taken up by the parameters, and what remains is slow, smooth in the motion and remembers it. After the
-refit it has the stated mean square on average over draws; a single draw may have twice as much, as a smooth function
-of few freedoms has.
+The model error is a smooth random function of the simulated reading and of its past: a polynomial of low degree in the
+reading and in the reading passed through a lag, from two samples to a tenth of the record long, the variance of a term
+falling by half with each degree. That is what a refitted reduced plant leaves of a finer one: the static part of the
+error is taken up by the parameters, and what remains is smooth in the motion and remembers it. After the refit its mean
+square is the stated one on average; a single draw may have half or twice as much, as nobody knows it better.
 
 References
 ----------
@@ -39,8 +38,10 @@ QUIET_BAND = 0.6
 """which is at most this share of the Nyquist frequency."""
 SEGMENT_SAMPLES = 256
 DEGREE = 4
-MEMORIES = 4
-"""Number of lags of the model error's memory."""
+MEMORIES = 6
+"""Number of lags of the model error's memory, of which a draw has one."""
+FREEDOMS = 4
+"""Of the chi-squared law of a draw's mean square."""
 CHUNK = 2_000_000
 """Numbers that are drawn at once."""
 BURN_IN = 200
@@ -100,28 +101,39 @@ def null_residuals(
     """
     n = left.residual.size
     filtering, deviation = colour(left)
-    terms = _error_after(left, refit)
+    error = _ModelError(left, refit) if left.model_error > 0.0 else None
     size = max(1, CHUNK // n)
     for begin in range(0, draws, size):
         count = min(size, draws - begin)
         white = rng.standard_normal((count, n + BURN_IN))
         noise = left.noise * deviation * lfilter([1.0], filtering, white, axis=1)[:, BURN_IN:]
         drawn = refit(noise)
-        if terms is not None:
-            drawn += rng.standard_normal((count, terms.shape[1])) @ terms.T
+        if error is not None:
+            drawn += error.draw(rng, count)
         yield drawn
 
 
-def _error_after(left: Leftover, refit: Refit) -> np.ndarray | None:
-    """Terms of the model error after the refit, scaled to its mean square on the fitted part; None if there is none."""
-    if left.model_error == 0.0:
-        return None
-    terms = refit(error_terms(left).T).T
-    power = float(np.mean(np.sum(terms[left.fitted] ** 2, axis=1)))
-    return terms * (left.model_error / np.sqrt(power)) if power > 0 else None
+class _ModelError:
+    """Model errors after the refit."""
+
+    def __init__(self, left: Leftover, refit: Refit) -> None:
+        terms, self._memory = error_terms(left)
+        self._terms = refit(terms.T)
+        self._average = left.fitted / left.fitted.sum()
+        self._rms = left.model_error
+
+    def draw(self, rng: np.random.Generator, count: int) -> np.ndarray:
+        """Model errors, shape (count, n), SI."""
+        chosen = rng.integers(1, MEMORIES + 1, size=(count, 1))
+        weights = rng.standard_normal((count, self._memory.size))
+        weights *= (self._memory == 0) | (self._memory == chosen)
+        errors = weights @ self._terms
+        power = errors**2 @ self._average
+        wanted = self._rms**2 * rng.chisquare(FREEDOMS, count) / FREEDOMS
+        return np.asarray(errors * np.sqrt(wanted / np.maximum(power, 1e-300))[:, None])
 
 
-def error_terms(left: Leftover) -> np.ndarray:
+def error_terms(left: Leftover) -> tuple[np.ndarray, np.ndarray]:
     """Terms whose sum with standard normal weights is a model error before the refit.
 
     Parameters
@@ -131,20 +143,22 @@ def error_terms(left: Leftover) -> np.ndarray:
 
     Returns
     -------
-    ndarray, shape (n, k)
+    terms : ndarray, shape (n, k)
         Without scale.
+    memory : ndarray of int, shape (k,)
+        Number of the lag that a term needs, from 1; 0 for a static one.
     """
     reading = _standardised(left.readings)
     longest = max(r.stop - r.start for r in left.records)
     columns = [2.0 ** (-degree / 2) * _legendre(reading, degree) for degree in range(1, DEGREE + 1)]
-    for lag in np.geomspace(4, max(8, longest / 10), MEMORIES):
+    memory = [0] * DEGREE
+    for number, lag in enumerate(np.geomspace(2, max(8, longest / 10), MEMORIES), start=1):
         past = np.concatenate([_lagged(reading[r], lag) for r in left.records])
-        columns += [
-            2.0 ** (-(one + other) / 2) * _legendre(reading, one) * _legendre(past, other)
-            for one in range(DEGREE)
-            for other in range(1, DEGREE + 1 - one)
-        ]
-    return np.stack(columns, axis=1)
+        for one in range(DEGREE):
+            for other in range(1, DEGREE + 1 - one):
+                columns.append(2.0 ** (-(one + other) / 2) * _legendre(reading, one) * _legendre(past, other))
+                memory.append(number)
+    return np.stack(columns, axis=1), np.array(memory)
 
 
 def colour(left: Leftover) -> tuple[np.ndarray, float]:

@@ -219,7 +219,7 @@ def _predictors(left: Leftover) -> np.ndarray:
     drive = np.concatenate([np.gradient(command[r]) if command[r].size > 1 else 0 * command[r] for r in left.records])
     usual = max(float(np.std(rate)), 1e-300)
     plays = [_play(reading, width * float(np.ptp(reading))) for width in PLAYS]
-    columns = [error_terms(left), *(x[:, None] for x in (
+    columns = [error_terms(left)[0], *(x[:, None] for x in (
         rate, np.abs(rate), rate * np.abs(rate), np.tanh(10 * rate / usual), drive, np.abs(drive), command, command**2,
         *plays, *(reading - play for play in plays),
     ))]  # fmt: skip

@@ -33,8 +33,8 @@ class Scores:
     Parameters
     ----------
     linear : ndarray, shape (b, r)
-        Amplitude of each residual along each regressor, in units of the floor.
-    squared : ndarray, shape (b, s)
+        Correlation of each residual with each regressor, times the square root of the number of samples.
+    squared : ndarray, shape (b, r)
         The same of its square.
     ratios : ndarray, shape (b, 1 or 2)
         Logarithm of the mean square over the floor, of the fitted and of the unseen part.
@@ -76,7 +76,7 @@ class Battery:
     def __init__(self, left: Leftover) -> None:
         self.left = left
         self.names, columns = _regressors(left)
-        self.regressors = columns / np.sqrt(columns.shape[0] * left.floor)
+        self.regressors = columns / np.sqrt(columns.shape[0])
         parts = [part for part in (left.fitted, ~left.fitted) if part.any()]
         self._averages = np.stack([part / part.sum() for part in parts], axis=1)
         self.lines = next_fast_len(left.residual.size, real=True)
@@ -94,9 +94,11 @@ class Battery:
         Scores
         """
         squares = residuals**2
+        power = squares.mean(axis=1, keepdims=True)
+        scatter = np.sqrt(np.maximum((squares**2).mean(axis=1, keepdims=True) - power**2, 1e-300))
         return Scores(
-            linear=residuals @ self.regressors,
-            squared=squares @ self.regressors / np.sqrt(self.left.floor),  # regressors have no mean, so squares may
+            linear=residuals @ self.regressors / np.sqrt(power),
+            squared=squares @ self.regressors / scatter,  # the regressors have no mean, so the squares may have one
             ratios=np.log(squares @ self._averages / self.left.floor),
             spectra=self._cumulated(residuals),
         )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-__all__ = ["discoveries"]
+__all__ = ["FALSE_DISCOVERIES", "discoveries"]
 
 FALSE_DISCOVERIES = 0.05
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.signal import welch
@@ -11,8 +12,12 @@ from scipy.stats import chi2
 
 from deatwin.ident.mismatch.locate.discoveries import discoveries
 from deatwin.ident.mismatch.locate.track import Track
+from deatwin.plant.drawing import axes_or_new
 
-__all__ = ["Band", "locate_frequency"]
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["Band", "Bands", "locate_frequency"]
 
 SEGMENT_SECONDS = 20.0
 LOUD = 2.0
@@ -36,7 +41,60 @@ class Band:
     excess_dB: float
 
 
-def locate_frequency(tracks: Sequence[Track], noise: float) -> tuple[Band, ...]:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Bands:
+    """The bands of frequency that hold the mismatch; it is iterated over them.
+
+    Parameters
+    ----------
+    bands : tuple of Band
+        In order of frequency.
+    frequency : ndarray, shape (n,)
+        Of the lines of the residual's spectrum, Hz.
+    ratio : ndarray, shape (n,)
+        Power of each line over that of the sensor's noise.
+    """
+
+    bands: tuple[Band, ...]
+    frequency: np.ndarray
+    ratio: np.ndarray
+
+    def __iter__(self) -> Iterator[Band]:
+        return iter(self.bands)
+
+    def __len__(self) -> int:
+        return len(self.bands)
+
+    def to_dict(self) -> list[dict[str, Any]]:
+        """The bands as a diagnosis file has them."""
+        return [asdict(band) for band in self.bands]
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the residual's spectrum over the noise's, the bands shaded.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Where to; new ones by default.
+
+        Returns
+        -------
+        matplotlib Axes
+        """
+        ax = axes_or_new(ax)
+        ax.plot(self.frequency[1:], 10 * np.log10(np.maximum(self.ratio[1:], 1e-3)), color="C0", linewidth=0.8)
+        ax.axhline(0.0, color="0.4", linewidth=0.8, linestyle="--", label="sensor noise")
+        for band in self.bands:
+            low = max(band.from_Hz, float(self.frequency[1]) / 2)
+            ax.axvspan(low, band.to_Hz, color="C1", alpha=0.3, linewidth=0)
+        ax.set_xscale("log")
+        ax.set_xlabel("frequency (Hz)")
+        ax.set_ylabel("residual over sensor noise (dB)")
+        ax.legend(loc="upper right")
+        return ax
+
+
+def locate_frequency(tracks: Sequence[Track], noise: float) -> Bands:
     """Bands in which the residual's spectrum lies above white sensor noise.
 
     Welch's estimate over segments of twenty seconds, averaged over records; each line is tested against the
@@ -52,7 +110,7 @@ def locate_frequency(tracks: Sequence[Track], noise: float) -> tuple[Band, ...]:
 
     Returns
     -------
-    tuple of Band
+    Bands
         Neighbouring lines joined; in order of frequency.
 
     References
@@ -85,7 +143,7 @@ def locate_frequency(tracks: Sequence[Track], noise: float) -> tuple[Band, ...]:
                 excess_dB=float(10 * np.log10(np.mean(ratio[run]))),
             )
         )
-    return tuple(bands)
+    return Bands(bands=tuple(bands), frequency=frequency, ratio=ratio)
 
 
 def _runs(lines: np.ndarray) -> list[np.ndarray]:

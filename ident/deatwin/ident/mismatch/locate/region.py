@@ -2,18 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.stats import norm
 
 from deatwin.ident.mismatch.locate.discoveries import discoveries
 from deatwin.ident.mismatch.locate.track import Track
+from deatwin.plant.drawing import axes_or_new
 
-__all__ = ["Region", "locate_region"]
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["BRANCH", "SINCE_REST", "Bin", "Region", "Regions", "locate_region"]
 
 BINS = 12
+BRANCH, SINCE_REST = "branch", "time_since_rest"
+"""Signals that are made from a track's own: 1 where the reading rises and -1 where it falls; and the time since the
+command last stood still, s."""
+STILL_SECONDS = 1.0
+"""A command that has not moved for so long rests."""
+RATE = "_rate"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,8 +46,96 @@ class Region:
     high: float
     mean_residual: float
 
+    def to_dict(self) -> dict[str, Any]:
+        """The region as a diagnosis file has it."""
+        return {"signal": self.signal, "from": self.low, "to": self.high, "mean_residual": self.mean_residual}
 
-def locate_region(tracks: Sequence[Track], unit: float) -> tuple[Region, ...]:
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Bin:
+    """Mean residual in one bin of a signal.
+
+    Parameters
+    ----------
+    signal : str
+        Name of the signal.
+    number : int
+        Of the bin.
+    low, high : float
+        Ends of the bin, in the signal's unit.
+    mean, deviation : float
+        Of the residual, and the standard error of its mean, in the report's unit.
+    count : int
+        Samples.
+    p_value : float
+        Of a mean of zero.
+    """
+
+    signal: str
+    number: int
+    low: float
+    high: float
+    mean: float
+    deviation: float
+    count: int
+    p_value: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Regions:
+    """The ranges of the operating signals that hold the mismatch; it is iterated over them.
+
+    Parameters
+    ----------
+    regions : tuple of Region
+        The largest mean residual first.
+    bins : tuple of Bin
+        All that were tested, signal by signal.
+    """
+
+    regions: tuple[Region, ...]
+    bins: tuple[Bin, ...]
+
+    def __iter__(self) -> Iterator[Region]:
+        return iter(self.regions)
+
+    def __len__(self) -> int:
+        return len(self.regions)
+
+    def to_dict(self) -> list[dict[str, Any]]:
+        """The regions as a diagnosis file has them."""
+        return [region.to_dict() for region in self.regions]
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the mean residual over each signal, from its lowest to its highest value, with two standard errors.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Where to; new ones by default.
+
+        Returns
+        -------
+        matplotlib Axes
+        """
+        ax = axes_or_new(ax)
+        for name in dict.fromkeys(one.signal for one in self.bins):
+            bins = [one for one in self.bins if one.signal == name]
+            low, span = bins[0].low, bins[-1].high - bins[0].low
+            at = [((one.low + one.high) / 2 - low) / span for one in bins]
+            ax.errorbar(
+                at, [one.mean for one in bins], [2 * one.deviation for one in bins], marker="o", markersize=3,
+                linewidth=1, capsize=2, label=f"{name.replace('_', ' ')}: {low:.3g} to {low + span:.3g}",
+            )  # fmt: skip
+        ax.axhline(0.0, color="0.4", linewidth=0.8, linestyle="--")
+        ax.set_xlim(-0.05, 1.05)
+        ax.set_xlabel("signal, from its lowest to its highest value")
+        ax.set_ylabel("mean residual")
+        ax.legend(fontsize="small")
+        return ax
+
+
+def locate_region(tracks: Sequence[Track], unit: float) -> Regions:
     """Ranges of the operating signals in which the residual's mean is not zero.
 
     Each signal is cut into bins of equal counts; the mean over a bin is tested with one independent value a
@@ -51,45 +150,85 @@ def locate_region(tracks: Sequence[Track], unit: float) -> tuple[Region, ...]:
 
     Returns
     -------
-    tuple of Region
+    Regions
         Neighbouring bins whose means have one sign joined; the largest mean first.
     """
     residual = np.concatenate([t.residual for t in tracks]) / unit
     # Clocks of several experiments overlap: seconds of different records are different seconds.
     seconds = np.concatenate([np.floor(t.timepts) + 1e9 * k for k, t in enumerate(tracks)])
-    found = []
-    for signal in tracks[0].signals:
-        values = np.concatenate([t.signals[signal] for t in tracks])
-        edges = np.unique(np.quantile(values, np.linspace(0, 1, BINS + 1)))
-        if edges.size < 3:
-            continue
-        index = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, edges.size - 2)
-        for number in range(edges.size - 1):
-            inside = index == number
-            mean, p = _mean_test(residual[inside], seconds[inside])
-            found.append((signal, number, float(edges[number]), float(edges[number + 1]), mean, int(inside.sum()), p))
-    passed = discoveries(np.array([row[-1] for row in found]))
+    operating = [_signals(track) for track in tracks]
+    bins = [
+        one
+        for name in operating[0]
+        for one in _bins(name, np.concatenate([signals[name] for signals in operating]), residual, seconds)
+    ]
+    passed = discoveries(np.array([one.p_value for one in bins]))
     regions: list[Region] = []
     last, weight = ("", -2), 0
-    for (signal, number, low, high, mean, count, _), good in zip(found, passed, strict=True):
+    for one, good in zip(bins, passed, strict=True):
         if not good:
             continue
-        joins = last == (signal, number - 1) and regions[-1].mean_residual * mean > 0
-        if joins:
+        mean, low, count = one.mean, one.low, one.count
+        if last == (one.signal, one.number - 1) and regions[-1].mean_residual * mean > 0:
             merged = regions.pop()
             mean = (weight * merged.mean_residual + count * mean) / (weight + count)
             low = merged.low
             count += weight
-        regions.append(Region(signal=signal, low=low, high=high, mean_residual=mean))
-        last, weight = (signal, number), count
-    return tuple(sorted(regions, key=lambda r: -abs(r.mean_residual)))
+        regions.append(Region(signal=one.signal, low=low, high=one.high, mean_residual=mean))
+        last, weight = (one.signal, one.number), count
+    return Regions(regions=tuple(sorted(regions, key=lambda r: -abs(r.mean_residual))), bins=tuple(bins))
 
 
-def _mean_test(values: np.ndarray, seconds: np.ndarray) -> tuple[float, float]:
-    """Mean, and its two-sided p-value from the scatter of the means of whole seconds."""
+def _signals(track: Track) -> Mapping[str, np.ndarray]:
+    """The track's signals, the branch of the motion, and the time since the command stood still."""
+    made = {}
+    rate = next((values for name, values in track.signals.items() if name.endswith(RATE)), None)
+    if rate is not None:
+        made[BRANCH] = np.where(rate > 0, 1.0, -1.0)
+    command = next(iter(track.signals.values()), None)
+    if command is not None and len(track.signals) > 1:
+        made[SINCE_REST] = _since_rest(command, track.sample_time)
+    return {**track.signals, **made}
+
+
+def _since_rest(command: np.ndarray, sample_time: float) -> np.ndarray:
+    """Time since a command last rested; since the beginning of the record before it ever did, s."""
+    samples = np.arange(command.size)
+    moved = np.concatenate([[True], np.diff(command) != 0])
+    still = samples - np.maximum.accumulate(np.where(moved, samples, 0))
+    resting = still * sample_time >= STILL_SECONDS
+    return sample_time * (samples - np.maximum.accumulate(np.where(resting, samples, 0)))
+
+
+def _bins(name: str, values: np.ndarray, residual: np.ndarray, seconds: np.ndarray) -> list[Bin]:
+    """Bins of equal counts, or one for each value where a signal has few."""
+    distinct = np.unique(values)
+    if 1 < distinct.size <= BINS:
+        between = (distinct[1:] + distinct[:-1]) / 2
+        edges = np.concatenate([distinct[:1], between, distinct[-1:]])
+    else:
+        edges = np.unique(np.quantile(values, np.linspace(0, 1, BINS + 1)))
+    if edges.size < 3:
+        return []
+    index = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, edges.size - 2)
+    found = []
+    for number in range(edges.size - 1):
+        inside = index == number
+        mean, deviation, p_value = _mean_test(residual[inside], seconds[inside])
+        found.append(
+            Bin(
+                signal=name, number=number, low=float(edges[number]), high=float(edges[number + 1]), mean=mean,
+                deviation=deviation, count=int(inside.sum()), p_value=p_value,
+            )
+        )  # fmt: skip
+    return found
+
+
+def _mean_test(values: np.ndarray, seconds: np.ndarray) -> tuple[float, float, float]:
+    """Mean, its standard error and its two-sided p-value from the scatter of the means of whole seconds."""
     _, inverse = np.unique(seconds, return_inverse=True)
     means = np.bincount(inverse, weights=values) / np.bincount(inverse)
     if means.size < 3:
-        return float(values.mean()), 1.0
+        return float(values.mean()) if values.size else 0.0, 0.0, 1.0
     deviation = means.std(ddof=1) / np.sqrt(means.size) + 1e-300
-    return float(values.mean()), float(2 * norm.sf(abs(means.mean()) / deviation))
+    return float(values.mean()), float(deviation), float(2 * norm.sf(abs(means.mean()) / deviation))

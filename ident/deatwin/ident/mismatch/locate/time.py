@@ -1,19 +1,30 @@
-"""When the mismatch is."""
+"""When the mismatch is: from when to when, how it grows, and whether it comes back."""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.stats import norm
 
-from deatwin.ident.mismatch.locate.track import Track
+from deatwin.ident.mismatch.locate.discoveries import FALSE_DISCOVERIES
+from deatwin.ident.mismatch.locate.track import SI, Track, Unit
+from deatwin.plant.drawing import axes_or_new
 
-__all__ = ["Window", "locate_time"]
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["Times", "Window", "locate_time"]
 
 WINDOW_SECONDS = 2.0
 MOST_PIECES = 5
+FEWEST_SECONDS = 5
+"""Of a window in which a trend can be seen."""
+COMES_BACK = 0.5
+"""Autocorrelation at which a mismatch is called periodic."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,14 +37,72 @@ class Window:
         Clock times, s.
     score : float
         Its share of the mismatch's energy.
+    slope : float
+        At which the residual grows there, SI per s; 0 where the growth is not significant.
     """
 
     from_s: float
     to_s: float
     score: float
+    slope: float = 0.0
 
 
-def locate_time(tracks: Sequence[Track], floor: float) -> tuple[Window, ...]:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Times:
+    """The stretches of the clock that hold the mismatch; it is iterated over them.
+
+    Parameters
+    ----------
+    windows : tuple of Window
+        In order of time.
+    period_s : float or None
+        At which the mismatch comes back, s; None where it does not.
+    tracks : tuple of Track
+        The residuals, to be drawn.
+    """
+
+    windows: tuple[Window, ...]
+    period_s: float | None
+    tracks: tuple[Track, ...]
+
+    def __iter__(self) -> Iterator[Window]:
+        return iter(self.windows)
+
+    def __len__(self) -> int:
+        return len(self.windows)
+
+    def to_dict(self) -> list[dict[str, Any]]:
+        """The windows as a diagnosis file has them; slopes in SI."""
+        return [asdict(window) for window in self.windows]
+
+    def plot(self, ax: Axes | None = None, *, unit: Unit = SI) -> Axes:
+        """Draw the residuals over the clock, the windows shaded by their scores.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Where to; new ones by default.
+        unit : tuple of str and float
+            Name of the residual's unit, and its SI size.
+
+        Returns
+        -------
+        matplotlib Axes
+        """
+        ax = axes_or_new(ax)
+        name, size = unit
+        for track in self.tracks:
+            ax.plot(track.timepts, track.residual / size, color="C0", linewidth=0.5)
+        for window in self.windows:
+            ax.axvspan(window.from_s, window.to_s, color="C1", alpha=0.1 + 0.4 * window.score, linewidth=0)
+        ax.set_xlabel("time (s)")
+        ax.set_ylabel(f"residual ({name})")
+        if self.period_s is not None:
+            ax.set_title(f"comes back every {self.period_s:.3g} s", fontsize="medium")
+        return ax
+
+
+def locate_time(tracks: Sequence[Track], floor: float) -> Times:
     """Stretches of time that hold the mismatch, cut where the residual's level or size changes.
 
     The residual is taken in windows of two seconds; dynamic programming cuts the sequence of their means and
@@ -50,15 +119,15 @@ def locate_time(tracks: Sequence[Track], floor: float) -> tuple[Window, ...]:
 
     Returns
     -------
-    tuple of Window
-        In order of time; their scores add up to one.
+    Times
+        Windows in order of time, whose scores add up to one; a trend within one is tested by whole seconds.
 
     References
     ----------
     Killick, Fearnhead & Eckley, J. Am. Stat. Assoc. 107 (2012) 1590, doi:10.1080/01621459.2012.737745 (optimal
     partitioning, eq. 3).
     """
-    pieces: list[tuple[float, float, float]] = []
+    pieces: list[tuple[float, float, float, float]] = []
     for track in tracks:
         size = max(2, min(round(WINDOW_SECONDS / track.sample_time), track.residual.size // 8))
         count = track.residual.size // size
@@ -70,9 +139,45 @@ def locate_time(tracks: Sequence[Track], floor: float) -> tuple[Window, ...]:
             excess = float(np.mean(track.residual[first * size : stop] ** 2) - floor)
             if excess > 0:
                 begin = float(track.timepts[first * size])
-                pieces.append((begin, float(track.timepts[stop - 1]) + track.sample_time, excess))
-    energy = sum((end - begin) * excess for begin, end, excess in pieces)
-    return tuple(Window(from_s=b, to_s=e, score=float((e - b) * x / energy)) for b, e, x in pieces)
+                slope = _slope(track, first * size, stop)
+                pieces.append((begin, float(track.timepts[stop - 1]) + track.sample_time, excess, slope))
+    energy = sum((end - begin) * excess for begin, end, excess, _ in pieces)
+    windows = tuple(
+        Window(from_s=b, to_s=e, score=float((e - b) * x / energy), slope=slope) for b, e, x, slope in pieces
+    )
+    return Times(windows=windows, period_s=_period(tracks) if windows else None, tracks=tuple(tracks))
+
+
+def _slope(track: Track, first: int, stop: int) -> float:
+    """Trend of the residual in a window, by least squares on the means of whole seconds; 0 if not significant."""
+    size = max(1, round(1.0 / track.sample_time))
+    count = (stop - first) // size
+    if count < FEWEST_SECONDS:
+        return 0.0
+    means = track.residual[first : first + count * size].reshape(count, size).mean(axis=1)
+    times = np.arange(count) - (count - 1) / 2
+    slope = float(times @ means / (times @ times))
+    left = means - means.mean() - slope * times
+    deviation = float(np.sqrt(left @ left / (count - 2) / (times @ times)))
+    significant = norm.sf(abs(slope) / max(deviation, 1e-300)) < FALSE_DISCOVERIES / 2
+    return slope / (size * track.sample_time) if significant else 0.0
+
+
+def _period(tracks: Sequence[Track]) -> float | None:
+    """Lag of the highest peak of the longest residual's autocorrelation, where that is clearly a peak."""
+    track = max(tracks, key=lambda t: t.residual.size)
+    n = track.residual.size
+    centred = track.residual - track.residual.mean()
+    correlation = np.fft.irfft(np.abs(np.fft.rfft(centred, 2 * n)) ** 2)[: n // 2]
+    if not correlation[0] > 0:
+        return None
+    # Without the taper that the shorter overlap gives.
+    correlation = correlation / correlation[0] * n / (n - np.arange(n // 2))
+    below = np.flatnonzero(correlation < 0)
+    if below.size == 0:
+        return None
+    at = int(below[0] + np.argmax(correlation[below[0] :]))
+    return at * track.sample_time if correlation[at] > COMES_BACK else None
 
 
 def _few_change_points(features: np.ndarray) -> list[int]:

@@ -7,7 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-__all__ = ["Track"]
+__all__ = ["SI", "Track", "Unit"]
+
+Unit = tuple[str, float]
+"""Name of a unit, and its SI size."""
+SI: Unit = ("SI", 1.0)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -14,9 +14,16 @@ from deatwin.scenarios.concealed_physics.mechanisms import (
     outside,
     sensor,
 )
-from deatwin.scenarios.concealed_physics.mechanisms.base import Drive, Mechanism, PlantMechanism, Reading, Setting
+from deatwin.scenarios.concealed_physics.mechanisms.base import (
+    Drive,
+    Mechanism,
+    PlantMechanism,
+    Reading,
+    Setting,
+    log_uniform,
+)
 
-__all__ = ["MECHANISMS", "Drive", "Mechanism", "PlantMechanism", "Reading", "Setting", "mechanism_named"]
+__all__ = ["MECHANISMS", "Drive", "Mechanism", "PlantMechanism", "Reading", "Setting", "log_uniform", "mechanism_named"]
 
 _MODULES = (film, electrical, mechanical, sensor, environment, outside)
 MECHANISMS: Mapping[str, type[Mechanism]] = MappingProxyType({
@@ -45,5 +52,4 @@ def mechanism_named(name: str) -> type[Mechanism]:
     try:
         return MECHANISMS[name]
     except KeyError:
-        known = ", ".join(MECHANISMS)
-        raise RigError(f"there is no concealed mechanism {name!r}{nearest(name, MECHANISMS)} (known: {known})") from None
+        raise RigError(f"there is no concealed mechanism {name!r}{nearest(name, MECHANISMS)}") from None

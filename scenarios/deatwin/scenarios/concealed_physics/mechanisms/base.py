@@ -12,10 +12,27 @@ import numpy as np
 from deatwin.plant.effects.base import Effect, Family
 from deatwin.plant.parameters import Parameter
 
-__all__ = ["BUILT_IN", "Drive", "Mechanism", "PlantMechanism", "Reading", "Setting"]
+__all__ = ["BUILT_IN", "Drive", "Mechanism", "PlantMechanism", "Reading", "Setting", "log_uniform"]
 
 BUILT_IN = 1e12
 """No parameter is beyond this: ranges are the diagnosis' business, not nature's."""
+
+
+def log_uniform(rng: np.random.Generator, lower: float, upper: float) -> float:
+    """A number whose logarithm is uniformly distributed.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Source of the number.
+    lower, upper : float
+        Ends of its range, above 0.
+
+    Returns
+    -------
+    float
+    """
+    return float(np.exp(rng.uniform(np.log(lower), np.log(upper))))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -135,7 +152,7 @@ class Mechanism(ABC):
         """What it writes into the plant's equations."""
         return ()
 
-    def commanded(self, drive: Drive, rng: np.random.Generator) -> Drive:  # noqa: ARG002
+    def commanded(self, drive: Drive, rng: np.random.Generator) -> Drive:
         """What acts, of what was wished.
 
         Parameters
@@ -151,7 +168,7 @@ class Mechanism(ABC):
         """
         return drive
 
-    def read(self, reading: Reading, rng: np.random.Generator) -> np.ndarray:  # noqa: ARG002
+    def read(self, reading: Reading, rng: np.random.Generator) -> np.ndarray:
         """What is read, of what there is to be read.
 
         Parameters

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from deatwin.plant.effects.base import Place
-from deatwin.scenarios.concealed_physics.mechanisms.base import Drive, Mechanism, PlantMechanism, Setting
+from deatwin.scenarios.concealed_physics.mechanisms.base import Drive, Mechanism, PlantMechanism, Setting, log_uniform
 
 __all__ = [
     "CrackedElectrode", "GroundShift", "HardClip", "LadderElectrode", "RateLimit", "SlowDipoles", "SpaceCharge",
@@ -41,12 +41,14 @@ class SlowDipoles(PlantMechanism):
     largest: ClassVar[float] = 0.2
     place: ClassVar[Place] = Place.DRIVE
     signal: ClassVar[str] = "squared_voltage"
-    spread: ClassVar[tuple[tuple[float, float], ...]] = ((0.1, 0.12), (0.4, 0.24), (1.5, 0.32), (6.0, 0.22), (30.0, 0.1))
+    spread: ClassVar[tuple[tuple[float, float], ...]] = (
+        (0.1, 0.12), (0.4, 0.24), (1.5, 0.32), (6.0, 0.22), (30.0, 0.1)
+    )  # fmt: skip
     """Time against the centre's, and part of the share."""
 
     @classmethod
     def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
-        return cls(share=cls.largest * rng.uniform(0.1, 0.3), centre=float(np.exp(rng.uniform(np.log(5.0), np.log(40.0)))))
+        return cls(share=cls.largest * rng.uniform(0.1, 0.3), centre=log_uniform(rng, 5.0, 40.0))
 
     def rewrite(self, signal: Any, build: Any) -> Any:
         share, centre = self.symbols(build)
@@ -82,7 +84,7 @@ class SpaceCharge(PlantMechanism):
 
     @classmethod
     def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
-        return cls(share=cls.largest * rng.uniform(0.1, 0.3), time=float(np.exp(rng.uniform(np.log(10.0), np.log(120.0)))))
+        return cls(share=cls.largest * rng.uniform(0.1, 0.3), time=log_uniform(rng, 10.0, 120.0))
 
     def rewrite(self, signal: Any, build: Any) -> Any:
         share, time = self.symbols(build)
@@ -229,7 +231,7 @@ class RateLimit(PlantMechanism):
 
     @classmethod
     def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
-        return cls(slowness=cls.largest * rng.uniform(0.1, 0.3), ratio=float(np.exp(rng.uniform(np.log(0.2), np.log(1.5)))))
+        return cls(slowness=cls.largest * rng.uniform(0.1, 0.3), ratio=log_uniform(rng, 0.2, 1.5))
 
     def rewrite(self, signal: Any, build: Any) -> Any:
         slowness, ratio = self.symbols(build)

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from deatwin.plant.effects.base import Place
-from deatwin.scenarios.concealed_physics.mechanisms.base import Mechanism, PlantMechanism, Reading, Setting
+from deatwin.scenarios.concealed_physics.mechanisms.base import Mechanism, PlantMechanism, Reading, Setting, log_uniform
 
 __all__ = ["MainsHum", "ThermostatSwing"]
 
@@ -84,7 +84,7 @@ class MainsHum(Mechanism):
     @classmethod
     def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
         return cls(
-            amplitude=cls.largest * rng.uniform(0.1, 0.3), frequency=float(np.exp(rng.uniform(np.log(0.05), np.log(15.0)))),
+            amplitude=cls.largest * rng.uniform(0.1, 0.3), frequency=log_uniform(rng, 0.05, 15.0),
             phase=rng.uniform(-np.pi, np.pi),
         )  # fmt: skip
 

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from deatwin.plant.effects.base import Place
-from deatwin.scenarios.concealed_physics.mechanisms.base import PlantMechanism, Setting
+from deatwin.scenarios.concealed_physics.mechanisms.base import PlantMechanism, Setting, log_uniform
 
 __all__ = [
     "AgeingPermittivity", "ChainDamage", "DilutedPermittivity", "ExponentialStiffening", "LogarithmicRelaxation",
@@ -28,7 +28,7 @@ class PowerLawCreep(PlantMechanism):
 
     Four linear elements in the logarithmic area strain :math:`a = \ln(\lambda_1\lambda_2)` of each point,
     :math:`\tfrac32\mu w_k(a - \theta_k)^2` with :math:`\tau_k\dot\theta_k = a - \theta_k` and
-    :math:`w_k \propto \tau_k^{-n}`, at times evenly spread over two decades.
+    :math:`w_k \propto \tau_k^{-n}`, at times evenly spread over one and a half decades.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ class PowerLawCreep(PlantMechanism):
     largest: ClassVar[float] = 60e3
     place: ClassVar[Place] = Place.FILM
     signal: ClassVar[str] = "film"
-    spread: ClassVar[tuple[float, ...]] = (1.0, 4.6, 21.5, 100.0)
+    spread: ClassVar[tuple[float, ...]] = (1.0, 3.2, 10.0, 32.0)
 
     @classmethod
     def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
@@ -126,18 +126,19 @@ class ChainDamage(PlantMechanism):
 
     @classmethod
     def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
-        return cls(damage=cls.largest * rng.uniform(0.1, 0.3), energy=float(np.exp(rng.uniform(np.log(2e3), np.log(2e4)))))
+        return cls(damage=cls.largest * rng.uniform(0.1, 0.3), energy=log_uniform(rng, 2e3, 2e4))
 
     def rewrite(self, signal: Any, build: Any) -> Any:
         damage, scale = self.symbols(build)
-        modulus, lost = build.parameter("shear_modulus"), ca.SX(0)
+        modulus, lost, flat = build.parameter("shear_modulus"), ca.SX(0), signal.rest_stretch
         for number, point in enumerate(signal.points):
             first, second = point.stretches
             density = modulus / 2 * (first**2 + second**2 + 1 / (first * second) ** 2 - 3)
             largest = build.state(f"largest_energy_{number}", scale=1e5, start=density)
+            build.guess(largest, build.own("shear_modulus") / 2 * (2 * flat**2 + flat**-4 - 3))
             # Only upwards, within a few milliseconds.
             build.rate(largest, ca.fmax(density - largest, 0.0), mass=4e-3)
-            beyond = largest - build.at_rest(f"energy_at_rest_{number}", density)
+            beyond = ca.fmax(largest - build.at_rest(f"energy_at_rest_{number}", density), 0.0)
             lost += damage * (1 - ca.exp(-beyond / scale)) * point.volume * density
         return replace(signal, elastic=signal.elastic - lost)
 
@@ -169,7 +170,7 @@ class ExponentialStiffening(PlantMechanism):
 
     def rewrite(self, signal: Any, build: Any) -> Any:
         modulus, b = self.symbols(build)
-        mounted = 2 * signal.rest_stretch**2 + signal.rest_stretch**-4
+        mounted = build.constant("mounted_invariant", 2 * signal.rest_stretch**2 + signal.rest_stretch**-4)
 
         def density(first: Any, second: Any) -> Any:
             x = first**2 + second**2 + 1 / (first * second) ** 2 - mounted
@@ -232,9 +233,10 @@ class DilutedPermittivity(PlantMechanism):
 
     def rewrite(self, signal: Any, build: Any) -> Any:
         (exponent,) = self.symbols(build)
+        mounted = build.constant("mounted_area", signal.rest_stretch**2)
         pairs = zip(signal.points, signal.capacitances, strict=True)
         diluted = [
-            c * (p.stretches[0] * p.stretches[1] / signal.rest_stretch**2) ** -exponent if p.active else c
+            c * (p.stretches[0] * p.stretches[1] / mounted) ** -exponent if p.active else c
             for p, c in pairs
         ]
         return replace(signal, capacitances=diluted)

@@ -43,13 +43,14 @@ class StopOperators(PlantMechanism):
 
     @classmethod
     def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
-        return cls(force=cls.largest * rng.uniform(0.1, 0.3), widest=np.ptp(setting.displacement) * rng.uniform(0.1, 0.3))
+        widest = float(np.ptp(setting.displacement)) * rng.uniform(0.1, 0.3)
+        return cls(force=cls.largest * rng.uniform(0.1, 0.3), widest=widest)
 
     def rewrite(self, signal: Any, build: Any) -> Any:
         force, widest = self.symbols(build)
         velocity, held = build.signal("velocity"), ca.SX(0)
         for k, ratio in enumerate(self.spread):
-            share = build.state(f"stop_{k}", scale=1.0, start=0.0)
+            share = build.state(f"stop_{k}", scale=10.0, start=0.0)
             near = ca.fmin(ca.fmax((ca.fabs(share) - 0.95) / 0.05, 0.0), 1.0)
             free = ca.if_else(velocity * share < 0, 1.0, 1 - near)
             build.rate(share, velocity * free, mass=widest * ratio)
@@ -94,7 +95,7 @@ class BristleFriction(PlantMechanism):
     def rewrite(self, signal: Any, build: Any) -> Any:
         force, bend = self.symbols(build)
         velocity = build.signal("velocity")
-        share = build.state("bristles", scale=1.0, start=0.0)
+        share = build.state("bristles", scale=50.0, start=0.0)  # a percent of friction is no error
         grip = 1 + 0.25 * ca.exp(-((velocity / 1e-3) ** 2))
         bending = velocity - ca.fabs(velocity) * share / grip
         build.rate(share, bending, mass=bend)

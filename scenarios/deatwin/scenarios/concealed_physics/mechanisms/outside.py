@@ -8,7 +8,14 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from deatwin.plant.effects.base import Place
-from deatwin.scenarios.concealed_physics.mechanisms.base import Drive, Mechanism, PlantMechanism, Reading, Setting
+from deatwin.scenarios.concealed_physics.mechanisms.base import (
+    Drive,
+    Mechanism,
+    PlantMechanism,
+    Reading,
+    Setting,
+    log_uniform,
+)
 
 __all__ = [
     "CapacitiveCrosstalk", "ChargingHeat", "ClockSkew", "CrossoverDeadZone", "GainWander", "InterferenceBursts",
@@ -110,7 +117,7 @@ class GainWander(Mechanism):
 
     @classmethod
     def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
-        return cls(deviation=cls.largest * rng.uniform(0.1, 0.3), time=float(np.exp(rng.uniform(np.log(0.5), np.log(6.0)))))
+        return cls(deviation=cls.largest * rng.uniform(0.1, 0.3), time=log_uniform(rng, 0.5, 6.0))
 
     def commanded(self, drive: Drive, rng: np.random.Generator) -> Drive:
         kept = np.exp(-np.diff(drive.times, prepend=drive.times[0]) / self.time)
@@ -205,11 +212,12 @@ class CapacitiveCrosstalk(Mechanism):
     @classmethod
     def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
         sign = rng.choice([-1.0, 1.0])
-        return cls(coupling=sign * cls.largest * rng.uniform(0.1, 0.3), time=float(np.exp(rng.uniform(np.log(0.1), np.log(1.0)))))
+        return cls(coupling=sign * cls.largest * rng.uniform(0.1, 0.3), time=log_uniform(rng, 0.1, 1.0))
 
     def read(self, reading: Reading, rng: np.random.Generator) -> np.ndarray:
         kept = np.exp(-np.median(np.diff(reading.times)) / self.time)
-        steps, coupled, here = np.diff(reading.commands, prepend=reading.commands[0]), np.empty(reading.values.size), 0.0
+        steps = np.diff(reading.commands, prepend=reading.commands[0])
+        coupled, here = np.empty(steps.size), 0.0
         for k in range(steps.size):
             here = kept * here + steps[k]
             coupled[k] = here

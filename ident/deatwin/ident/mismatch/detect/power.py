@@ -1,0 +1,77 @@
+"""How large an effect must be to be detected: the statistics of drawn residuals to which it is added."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from deatwin.ident.mismatch.detect.law import Law
+
+__all__ = ["Power"]
+
+SURE = 0.9
+"""Share of the draws in which an effect must be detected."""
+FACTOR, STEPS, HALVINGS = 1.5, 40, 6
+
+
+class Power:
+    """Detection of an effect by its size and its correlations on the fitted part; the rest can only add to it.
+
+    Parameters
+    ----------
+    law : Law
+        Of residuals under which nothing is missing.
+    """
+
+    def __init__(self, law: Law) -> None:
+        self._law = law
+        fitted = law.left.fitted
+        self._share = float(fitted.mean())
+        self._inside = law.kept[:, fitted]
+        self._square = np.mean(self._inside**2, axis=1)
+        self._outside = np.mean(law.kept**2, axis=1) - self._share * self._square
+        self._along = law.kept @ law.battery.regressors
+
+    def smallest(self, change: np.ndarray, practical: float) -> float | None:
+        """Strength at which an effect is detected nine times in ten.
+
+        Parameters
+        ----------
+        change : ndarray, shape (m,)
+            Of the fitted part's residual after the refit, for unit strength, SI.
+        practical : float
+            Rms that counts, SI.
+
+        Returns
+        -------
+        float or None
+            None where the refit takes up all of it.
+        """
+        power = float(np.mean(change**2))
+        if power == 0.0:
+            return None
+        cross = self._inside @ change / change.size
+        along = self._law.battery.regressors[self._law.left.fitted].T @ change
+
+        def caught(strength: float) -> bool:
+            square = self._square + 2 * strength * cross + strength**2 * power
+            return float(np.mean(self._detected(square, self._along + strength * along, practical))) >= SURE
+
+        lowest = 0.1 * self._law.left.noise / np.sqrt(power)
+        high = next((lowest * FACTOR**k for k in range(STEPS) if caught(lowest * FACTOR**k)), None)
+        if high is None:
+            return None
+        low = high / FACTOR
+        for _ in range(HALVINGS):
+            middle = (low + high) / 2
+            low, high = (low, middle) if caught(middle) else (middle, high)
+        return float(high)
+
+    def _detected(self, square: np.ndarray, along: np.ndarray, practical: float) -> np.ndarray:
+        """For each draw, given the fitted part's mean square and the amplitudes along the regressors."""
+        law = self._law
+        linear = along / np.sqrt(self._share * square + self._outside)[:, None]
+        ratio = (np.log(square / law.left.floor) - law.ratios[0][0]) / law.ratios[1][0]
+        largest = np.abs((linear - law.linear[0]) / law.linear[1]).max(axis=1)
+        scores = (np.stack([ratio, largest], axis=1) - law.moments[0, [0, 2]]) / law.moments[1, [0, 2]]
+        size = np.sqrt(np.maximum(square - law.left.noise**2, 0.0))
+        return np.asarray((scores.max(axis=1) >= law.critical) & (size >= practical))

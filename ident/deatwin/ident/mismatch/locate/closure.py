@@ -1,0 +1,210 @@
+"""The closure test: is what enters at a place a repeatable function of the signals there?
+
+Several places of one input and one output take up a residual equally well, each with a course of its own. At the right
+one that course is a simple function of the signal there and of its past, and the same function in all records. So for
+each place a few of the `features` are chosen on one part of the recordings, by orthogonal matching pursuit through the
+plant's linearised answers to them, beside the base parameters; the residual of the other part judges.
+
+References
+----------
+Pati, Rezaiifar, Krishnaprasad, "Orthogonal matching pursuit", Proc. 27th Asilomar Conference (1993) 40-44,
+doi:10.1109/ACSSC.1993.342465.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+
+from deatwin.ident.greybox.filter_linear import Linear
+from deatwin.ident.mismatch.locate.features import features
+
+__all__ = ["Closure", "Regression", "closure", "closure_p_value", "regressions"]
+
+Array = NDArray[np.float64]
+
+MOST_FEATURES = 4
+FOLDS = 12
+"""Stretches into which the recordings are cut; every second one learns, the others judge, and the other way round."""
+STEPS = 1500
+"""Means of samples on which features are chosen: so many at most."""
+INDEPENDENT = 1e-3
+"""Share of a feature's answer that must be new for it to be chosen."""
+SHIFTS = 99
+STEADY = 1e-6
+"""Keeps columns of length one apart where two parameters do the same."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Regression:
+    """A residual, and what may explain it at one place.
+
+    Parameters
+    ----------
+    residual : ndarray, shape (n,)
+        Measured minus simulated, means of some samples, SI.
+    parameters : ndarray, shape (n, n_p)
+        Answers to the base parameters, each of length one.
+    answers : ndarray, shape (n, n_features)
+        To the features, each of length one.
+    fold : ndarray of int, shape (n,)
+        Number of the stretch.
+    readings : int
+        Samples in a mean.
+    """
+
+    residual: Array
+    parameters: Array
+    answers: Array
+    fold: NDArray[np.int_]
+    readings: int
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Closure:
+    """How well a function of the signals at a place predicts the residual where it was not learned.
+
+    Parameters
+    ----------
+    losses : ndarray, shape (n,)
+        Squared errors of the prediction, SI.
+    closed : ndarray, shape (n,)
+        The same without any function, of the base parameters alone.
+    count : int
+        Features of the function.
+    """
+
+    losses: Array
+    closed: Array
+    count: int
+
+    @property
+    def explained(self) -> float:
+        """R² against the base parameters alone; negative where the function is not repeatable."""
+        return float(1 - self.losses.mean() / max(float(self.closed.mean()), 1e-300))
+
+
+def regressions(linears: Sequence[Linear]) -> tuple[Regression, ...]:
+    """The regression of each place.
+
+    Parameters
+    ----------
+    linears : sequence of Linear
+        The plant along the recordings.
+
+    Returns
+    -------
+    tuple of Regression
+        One for each opening of the linearisation.
+    """
+    size = -(-sum(int(linear.counted.sum()) for linear in linears) // STEPS)
+    residual = np.concatenate([_means(linear.residual[linear.counted], size) for linear in linears])
+    parameters = np.concatenate([_means(linear.parameter_response()[linear.counted], size) for linear in linears])
+    fold = np.arange(residual.size) * FOLDS // residual.size
+    found = []
+    for number, opening in enumerate(linears[0].openings):
+        pieces = [linear.response(number, features(linear, opening)) for linear in linears]
+        answers = [_means(piece[linear.counted], size) for piece, linear in zip(pieces, linears, strict=True)]
+        found.append(
+            Regression(
+                residual=residual, parameters=_of_length_one(parameters),
+                answers=_of_length_one(np.concatenate(answers)), fold=fold, readings=size,
+            )
+        )  # fmt: skip
+    return tuple(found)
+
+
+def closure(regression: Regression) -> Closure:
+    """Learn on one part, judge on the other, and the other way round.
+
+    Parameters
+    ----------
+    regression : Regression
+        Of a place.
+
+    Returns
+    -------
+    Closure
+        With the number of features that predicts best.
+    """
+    losses = np.empty((MOST_FEATURES + 1, regression.residual.size))
+    for odd in (0, 1):
+        learn = regression.fold % 2 == odd
+        chosen = _pursuit(regression.residual[learn], regression.parameters[learn], regression.answers[learn])
+        columns = np.hstack([regression.parameters, regression.answers[:, chosen]])
+        for count, weights in enumerate(_nested_fits(columns[learn], regression.residual[learn], len(chosen))):
+            errors = regression.residual[~learn] - columns[~learn, : weights.size] @ weights
+            losses[count, ~learn] = errors**2
+        losses[len(chosen) + 1 :, ~learn] = losses[len(chosen), ~learn]
+    count = int(np.argmin(losses.mean(axis=1)))
+    return Closure(losses=losses[count], closed=losses[0], count=count)
+
+
+def closure_p_value(regressions_: Sequence[Regression], rng: np.random.Generator) -> float:
+    """Chance that a residual which has nothing to do with the signals would close as well, at whichever place.
+
+    The residual is turned round by random times against signals and parameters, which keeps its own correlation.
+
+    Parameters
+    ----------
+    regressions_ : sequence of Regression
+        Of all places.
+    rng : numpy.random.Generator
+        Draws the times.
+
+    Returns
+    -------
+    float
+        Of at least 1/(1 + 99).
+    """
+    observed = max(closure(regression).explained for regression in regressions_)
+    n = regressions_[0].residual.size
+    reached = 0
+    for shift in rng.integers(n // 10, n - n // 10, SHIFTS):
+        turned = [replace(r, residual=np.roll(r.residual, shift)) for r in regressions_]
+        reached += max(closure(regression).explained for regression in turned) >= observed
+    return (1 + reached) / (1 + SHIFTS)
+
+
+def _pursuit(residual: Array, parameters: Array, answers: Array) -> list[int]:
+    """Features in the order in which each takes most from what is left."""
+    across = np.linalg.qr(parameters)[0]
+    left, new = residual - across @ (across.T @ residual), answers - across @ (across.T @ answers)
+    lengths = np.linalg.norm(answers, axis=0)
+    chosen: list[int] = []
+    for _ in range(MOST_FEATURES):
+        length = np.linalg.norm(new, axis=0)
+        fresh = length > INDEPENDENT * lengths
+        gains = np.where(fresh, np.abs(new.T @ left) / np.where(fresh, length, 1.0), 0.0)
+        best = int(np.argmax(gains))
+        if not gains[best] > 0:
+            break
+        chosen.append(best)
+        direction = new[:, best] / length[best]
+        left = left - direction * (direction @ left)
+        new = new - direction[:, None] * (direction @ new)
+    return chosen
+
+
+def _nested_fits(columns: Array, target: Array, count: int) -> list[Array]:
+    """Least squares on all columns but the last `count`, and on one more at a time."""
+    first = columns.shape[1] - count
+    steady = np.vstack([columns, STEADY * np.eye(columns.shape[1])])
+    q, r = np.linalg.qr(steady)
+    seen = q[: target.size].T @ target
+    return [solve_triangular(r[:k, :k], seen[:k]) for k in range(first, columns.shape[1] + 1)]
+
+
+def _means(values: Array, size: int) -> Array:
+    """Means of so many samples each; those left over at the end are left out."""
+    count = values.shape[0] // size
+    return np.asarray(values[: count * size].reshape(count, size, *values.shape[1:]).mean(axis=1))
+
+
+def _of_length_one(columns: Array) -> Array:
+    lengths = np.linalg.norm(columns, axis=0)
+    return columns / np.where(lengths > 0, lengths, 1.0)

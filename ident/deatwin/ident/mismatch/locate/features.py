@@ -1,0 +1,86 @@
+"""What a quantity that enters a plant may be a function of: the signal at its place, its rate, its past, the clock."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from deatwin.ident.greybox.filter_linear import Linear
+from deatwin.ident.greybox.filter_openings import Opening
+from deatwin.plant.effects.base import Place
+
+__all__ = ["features"]
+
+Array = NDArray[np.float64]
+
+TIMES = 8
+"""Time constants of the low passes, from two samples to a third of the record."""
+HINGES = (0.5, 0.75, 0.9, 0.97)
+"""Quantiles of a signal at which a characteristic may bend."""
+PLAYS = (0.01, 0.03, 0.1, 0.3)
+"""Half widths of the play operators, as shares of the signal's range."""
+STEEP = (0.1, 0.5)
+"""Rates, in standard deviations, over which friction turns its sign."""
+
+
+def features(linear: Linear, opening: Opening) -> Array:
+    """Courses of which what enters at a place may be a combination.
+
+    What enters at the drive can know the command only, with its past; what enters elsewhere, the motion with its past,
+    as the reading shows it: polynomials and hinges of that signal, low passes of it and of its square, and their
+    squares, play operators (rate-independent memory), friction and drag of its rate; and the clock.
+
+    Parameters
+    ----------
+    linear : Linear
+        The plant along a record.
+    opening : Opening
+        Where something enters.
+
+    Returns
+    -------
+    ndarray, shape (n, n_features)
+        Numbers without unit; of the free run.
+    """
+    rig = linear.plant.rig
+    name = rig.input_name if opening.place == Place.DRIVE.value else rig.output_name
+    values = linear.states[name]
+    signal = values / max(float(np.abs(values).max()), 1e-300)
+    times = np.geomspace(2.0, max(signal.size / 3, 4.0), TIMES)
+    clock = np.arange(signal.size)[:, None]
+    columns = [
+        np.ones((signal.size, 1)),
+        1 - np.exp(-clock / times[TIMES // 2 :]),
+        signal[:, None] ** np.arange(1, 4),
+        np.maximum(signal[:, None] - np.quantile(signal, HINGES), 0.0),
+        *(_past(signal, time) for time in times),
+        np.stack([_play(signal, share * np.ptp(signal)) for share in PLAYS], axis=1),
+        _of_rate(signal),
+    ]
+    return np.hstack(columns)
+
+
+def _past(signal: Array, time: float) -> Array:
+    """Low pass of a signal, of its square, and the square of the first; `time` in samples."""
+    kept = np.exp(-1 / time)
+    first, second = (
+        lfilter([1 - kept], [1.0, -kept], course - course[0]) + course[0] for course in (signal, signal**2)
+    )
+    return np.stack([first, second, first**2], axis=1)
+
+
+def _play(signal: Array, width: float) -> Array:
+    """The play operator: it follows a signal that pulls it along by either end of a slot."""
+    moved, at = [], float(signal[0])
+    for value in signal.tolist():
+        at = min(max(at, value - width), value + width)
+        moved.append(at)
+    return np.array(moved)
+
+
+def _of_rate(signal: Array) -> Array:
+    rate = np.gradient(signal)
+    rate = rate / max(float(rate.std()), 1e-300)
+    friction = [np.tanh(rate / steep) for steep in STEEP]
+    return np.stack([rate, rate * np.abs(rate), *friction], axis=1)

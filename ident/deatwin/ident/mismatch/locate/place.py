@@ -1,0 +1,206 @@
+"""In which part of the plant the mismatch is: each place is opened to something unknown, in turn."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.stats import chi2
+
+from deatwin.ident.frequency.comparison.equality import holm
+from deatwin.ident.greybox.filter import Floor, linearise, open_place, places
+from deatwin.ident.greybox.filter_linear import Linear, without_repeats
+from deatwin.ident.greybox.filter_openings import STATE, Opening
+from deatwin.ident.mismatch.locate.closure import Closure, closure, closure_p_value, regressions
+from deatwin.plant.drawing import axes_or_new
+from deatwin.plant.effects.base import Place
+from deatwin.plant.model import Plant
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from deatwin.ident.mismatch.bench import Bench
+    from deatwin.ident.mismatch.candidate import Candidate
+
+__all__ = ["OpenedPlace", "Places", "locate_place"]
+
+BLOCKS = 48
+"""Stretches of the recordings in which two places are compared."""
+TOGETHER = 2.0
+"""A place belongs to the answer while its loss is within so many standard errors of the best one's."""
+REPEATABLE = 0.05
+
+
+@dataclass(frozen=True, kw_only=True)
+class OpenedPlace:
+    """What opening one place does.
+
+    Parameters
+    ----------
+    place, signal : str
+        Where something may enter.
+    gain : float
+        Log likelihood with a wandering quantity there, against none.
+    p_value : float
+        Of that gain (it is at the bound of its range), corrected for the number of places.
+    explained : float
+        Share of the residual's mean square, beyond what base parameters take up, that a function of the signals there
+        predicts where it was not learned; negative where the function is not repeatable.
+    score : float
+        The same as a share of what is not sensor noise, 0 to 1.
+    among_best : bool
+        Whether the recordings do not tell this place from the best one.
+    """
+
+    place: str
+    signal: str
+    gain: float
+    p_value: float
+    explained: float
+    score: float
+    among_best: bool
+
+    def to_dict(self) -> dict[str, Any]:
+        """The place as a diagnosis file has it."""
+        return {
+            "place": self.place, "score": self.score, "signal": self.signal, "log_likelihood_gain": self.gain,
+            "p_value": self.p_value, "explained": self.explained, "among_best": self.among_best,
+        }  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class Places:
+    """Places by how well something that enters there explains the mismatch.
+
+    Parameters
+    ----------
+    opened : tuple of OpenedPlace
+        All that were opened, the best first.
+    closure_p_value : float
+        Chance that a residual which has nothing to do with the signals would close as well at any place.
+    """
+
+    opened: tuple[OpenedPlace, ...]
+    closure_p_value: float
+
+    @property
+    def repeatable(self) -> bool:
+        """Whether the mismatch is a repeatable function of the signals anywhere."""
+        return self.closure_p_value < REPEATABLE
+
+    @property
+    def among_best(self) -> tuple[str, ...]:
+        """The places that the recordings do not tell apart, the best first; empty where nothing is repeatable."""
+        return tuple(dict.fromkeys(o.place for o in self.opened if o.among_best)) if self.repeatable else ()
+
+    def to_dict(self) -> list[dict[str, Any]]:
+        """The places as a diagnosis file has them: each with its best signal, the best first."""
+        best: dict[str, dict[str, Any]] = {}
+        for one in self.opened:
+            best.setdefault(one.place, one.to_dict())
+        return list(best.values())
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the score of each signal, those that cannot be told from the best one filled.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Where to; new ones by default.
+
+        Returns
+        -------
+        matplotlib Axes
+        """
+        ax = axes_or_new(ax)
+        names = [f"{o.place}: {o.signal.replace('_', ' ')}" for o in self.opened]
+        best = [o.among_best and self.repeatable for o in self.opened]
+        for mask, style, label in (
+            (best, {"color": "C0"}, "not told from the best"),
+            ([not b for b in best], {"color": "none", "edgecolor": "C0"}, "worse"),
+        ):
+            rows = [k for k, chosen in enumerate(mask) if chosen]
+            if rows:
+                ax.barh(rows, [self.opened[k].score for k in rows], label=label, **style)  # type: ignore[arg-type]
+        ax.set_yticks(range(len(names)), names)
+        ax.invert_yaxis()
+        ax.set_xlim(0, 1)
+        ax.set_xlabel("share of the mismatch predicted by a function of the signals there")
+        ax.legend(loc="lower right")
+        return ax
+
+
+def locate_place(base: Candidate, bench: Bench, rng: np.random.Generator) -> Places:
+    """Open one place of the plant after the other.
+
+    Two questions are asked of each. How much likelier are the readings if something wanders there? And is what enters
+    a repeatable function of the signals there? The second ranks the places, since with one input and one output the
+    first is answered alike by several.
+
+    Parameters
+    ----------
+    base : Candidate
+        The calibrated base plant.
+    bench : Bench
+        Recordings.
+    rng : numpy.random.Generator
+        Of the test of repeatability.
+
+    Returns
+    -------
+    Places
+
+    Raises
+    ------
+    SimulationError
+        If the plant cannot be simulated on the recordings.
+
+    References
+    ----------
+    Self & Liang, J. Am. Stat. Assoc. 82 (1987) 605-610 (law of a likelihood ratio at a bound).
+    """
+    plant = base.calibration.plant
+    linears = without_repeats(linearise(plant, bench.everything, _openings(plant)))
+    floor = Floor.of(linears, base.noise)
+    gains = _gains(linears, floor)
+    # Half of the law is a point mass at zero, the other half is chi-squared with one degree of freedom.
+    p_values = holm([float(0.5 * chi2.sf(2 * gain, 1)) if gain > 0 else 1.0 for gain in gains])
+    problems = regressions(linears)
+    closures = [closure(problem) for problem in problems]
+    best = min(closures, key=lambda c: float(c.losses.mean()))
+    explicable = 1 - floor.noise**2 / problems[0].readings / max(float(best.closed.mean()), 1e-300)
+    found = [
+        OpenedPlace(
+            place=opening.place, signal=opening.signal, gain=gain, p_value=float(p), explained=one.explained,
+            score=float(np.clip(one.explained / max(explicable, one.explained, 1e-300), 0.0, 1.0)),
+            among_best=_as_good(one, best),
+        )
+        for opening, gain, p, one in zip(linears[0].openings, gains, p_values, closures, strict=True)
+    ]  # fmt: skip
+    return Places(
+        opened=tuple(sorted(found, key=lambda o: -o.explained)),
+        closure_p_value=closure_p_value(problems, rng),
+    )
+
+
+def _openings(plant: Plant) -> tuple[Opening, ...]:
+    """Signals, where the rig declares some besides command and reading; else parameters and states as well."""
+    offered = places(plant)
+    signals = [o for o in offered if o.place not in (Place.PARAMETER.value, STATE)]
+    declared = {o.place for o in signals} - {Place.DRIVE.value, Place.SENSOR.value}
+    return tuple(signals) if declared else offered
+
+
+def _gains(linears: Sequence[Linear], floor: Floor) -> list[float]:
+    opened = [open_place(linears, floor, opening) for opening in linears[0].openings]
+    closed = open_place(linears, floor, None).log_likelihood
+    return [max(0.0, one.log_likelihood - closed) for one in opened]
+
+
+def _as_good(one: Closure, best: Closure) -> bool:
+    worse = one.losses - best.losses
+    count = min(BLOCKS, worse.size)
+    means = np.array([piece.mean() for piece in np.array_split(worse, count)])
+    return bool(means.mean() <= TOGETHER * means.std(ddof=1) / np.sqrt(count))

@@ -1,0 +1,173 @@
+"""Which few functions stand for a residual: sparse regression, its stability under resampling, its false discoveries.
+
+The only module that knows pysindy, and of it only the forward regression by orthogonal least squares. Sums of products
+over blocks of samples hold all that a regression needs, so that a resampled record costs as many rows as columns.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.mismatch.losses import BLOCK_SAMPLES, evidence
+
+__all__ = ["Stable", "stable_terms"]
+
+Array = NDArray[np.float64]
+
+MOST_TERMS = 4
+RESAMPLES = 60
+INCLUSION = 0.9
+"""Share of the resampled records in which a term must be chosen."""
+ALIAS = 0.85
+"""Columns that are correlated more than this count as one: the readings can hardly tell them apart."""
+NOTHING_OWN = 1e-2
+"""A column of which the nuisances leave less than this share has nothing of its own."""
+PERMUTATIONS = 40
+FALSE_DISCOVERIES = 0.1
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stable:
+    """A term that is chosen again and again.
+
+    Parameters
+    ----------
+    column : int
+        Its number.
+    inclusion : float
+        Share of the resampled records in which it, or one that can hardly be told from it, was chosen.
+    """
+
+    column: int
+    inclusion: float
+
+
+def stable_terms(
+    columns: Array, target: Array, nuisances: Array, rng: np.random.Generator
+) -> tuple[Stable, ...]:
+    """Choose a few columns that make up a target.
+
+    Runs of neighbouring blocks of samples are drawn with replacement, and each record made so chooses its own columns.
+    What is chosen in nine of ten is kept, if it gains more evidence than chance gives: of the terms that gain as
+    much, at most one in ten may come from a target that was shifted against the columns.
+
+    Parameters
+    ----------
+    columns : ndarray, shape (n, k)
+        Functions along the samples, any unit.
+    target : ndarray, shape (n,)
+        In order.
+    nuisances : ndarray, shape (n, m)
+        What may be in the target besides, in any amount.
+    rng : numpy.random.Generator
+        Source of resampling and shifts.
+
+    Returns
+    -------
+    tuple of Stable
+        At most four, those chosen most often first.
+
+    References
+    ----------
+    Meinshausen & Bühlmann, "Stability selection", J. R. Stat. Soc. B 72 (2010) 417.
+    """
+    basis = np.linalg.qr(nuisances / np.maximum(np.linalg.norm(nuisances, axis=0), 1e-300))[0]
+    own = columns - basis @ (basis.T @ columns)
+    size, whole = np.linalg.norm(own, axis=0), np.linalg.norm(columns, axis=0)
+    unit = own * np.where(size > NOTHING_OWN * whole, 1 / np.maximum(size, 1e-300), 0.0)
+
+    blocks = _blocks(unit, _freed(target, basis))
+    chosen = [_forward(np.tensordot(_drawn(len(blocks), rng), blocks, 1), len(blocks)) for _ in range(RESAMPLES)]
+    kept = _stable(chosen, np.abs(unit.T @ unit) > ALIAS)
+    if not kept:
+        return ()
+    gains = _gains(blocks.sum(axis=0), [term.column for term in kept], len(blocks))
+    margin = target.size // 10
+    shifted = [np.roll(target, s) for s in rng.integers(margin, target.size - margin, size=PERMUTATIONS)]
+    chance: list[float] = []
+    for other in shifted:
+        products = _blocks(unit, _freed(other, basis)).sum(axis=0)
+        chance += _gains(products, _forward(products, len(blocks)), len(blocks))
+
+    def false_discoveries(gain: float) -> float:
+        return sum(g >= gain for g in chance) / PERMUTATIONS / sum(g >= gain for g in gains)
+
+    return tuple(t for t, gain in zip(kept, gains, strict=True) if false_discoveries(gain) <= FALSE_DISCOVERIES)
+
+
+def _freed(target: Array, basis: Array) -> Array:
+    """What nuisances cannot make of a target, of length 1."""
+    left = target - basis @ (basis.T @ target)
+    return left / max(float(np.linalg.norm(left)), 1e-300)
+
+
+def _stable(chosen: Sequence[Sequence[int]], aliases: NDArray[np.bool_]) -> list[Stable]:
+    """Of each group of aliases that is chosen often enough, the one that is chosen most."""
+    number = len(aliases)
+    own = np.array([sum(j in support for support in chosen) for j in range(number)])
+    shared = np.array([sum(aliases[j, list(support)].any() for support in chosen) for j in range(number)])
+    kept: list[Stable] = []
+    for j in np.argsort(-own, kind="stable"):
+        taken = [term.column for term in kept]
+        inclusion = float(shared[j] / len(chosen))
+        if own[j] > 0 and inclusion >= INCLUSION and not aliases[j, taken].any() and len(kept) < MOST_TERMS:
+            kept.append(Stable(column=int(j), inclusion=inclusion))
+    return kept
+
+
+def _forward(products: Array, count: int) -> tuple[int, ...]:
+    """Choose columns one after another, as many as the evidence of so many blocks supports."""
+    from pysindy import FROLS
+
+    rows = _rows_of(products)
+    size = np.linalg.norm(rows[:, :-1], axis=0)
+    usable = np.flatnonzero(size > 1e-6 * size.max(initial=0.0))
+    steps = min(MOST_TERMS, usable.size - 1)
+    if steps < 1:
+        return ()
+    optimizer = FROLS(max_iter=steps, alpha=1e-10, normalize_columns=True, unbias=False)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # it finds few rows for so many columns: they are sums
+        optimizer.fit(rows[:, usable], rows[:, -1:])
+    supports = [tuple(int(j) for j in usable[np.flatnonzero(c[0])]) for c in optimizer.history_[: steps + 1]]
+    return max(supports, key=lambda support: _evidence(products, support, count))
+
+
+def _gains(products: Array, support: Sequence[int], count: int) -> list[float]:
+    """Evidence that each term of a support adds to the others."""
+    whole = _evidence(products, support, count)
+    return [whole - _evidence(products, [k for k in support if k != j], count) for j in support]
+
+
+def _evidence(products: Array, support: Sequence[int], count: int) -> float:
+    """Of a least-squares fit of the target by a support."""
+    picked = list(support)
+    inner, cross = products[np.ix_(picked, picked)], products[picked, -1]
+    explained = cross @ np.linalg.lstsq(inner, cross, rcond=1e-10)[0] if picked else 0.0
+    return evidence(np.full(count, max(products[-1, -1] - explained, 1e-300)), len(picked))
+
+
+def _blocks(unit: Array, target: Array) -> Array:
+    """Sums of products of the columns and, last, the target over blocks of samples, shape (b, k + 1, k + 1)."""
+    length = max(1, min(BLOCK_SAMPLES, target.size // 8))
+    count = target.size // length
+    parts = np.hstack([unit, target[:, None]])[: count * length].reshape(count, length, -1)
+    return np.asarray(np.einsum("bij,bik->bjk", parts, parts))
+
+
+def _drawn(count: int, rng: np.random.Generator) -> NDArray[np.int_]:
+    """How often each block is drawn, in runs of as many as the square root of their number."""
+    run = max(1, round(np.sqrt(count)))
+    starts = rng.integers(0, count, size=-(-count // run))
+    return np.bincount(((starts[:, None] + np.arange(run)) % count).ravel()[:count], minlength=count)
+
+
+def _rows_of(products: Array) -> Array:
+    """As many rows as columns, with these sums of products."""
+    values, vectors = np.linalg.eigh(products)
+    return np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T)

@@ -1,0 +1,215 @@
+"""Effects at other sizes: a change of units changes no physics."""
+
+import pickle
+from dataclasses import dataclass, replace
+from enum import Enum
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+
+from deatwin.plant import (
+    CoulombFriction,
+    Creep,
+    CubicStiffness,
+    Effect,
+    Experiment,
+    Family,
+    Hysteresis,
+    Parameter,
+    Plant,
+    Recording,
+    Rig,
+    StartProcedure,
+    catalogue,
+)  # fmt: skip
+from deatwin.plant.builder import Builder
+from deatwin.plant.effects.base import Place
+from deatwin.plant.effects.sizes import Sizes
+
+DIAPHRAGM = Sizes()
+MOTION, FORCE, TIME, COMMAND = 250.0, 3e4, 0.2, 40.0
+"""Of a plant beside the diaphragm's: lengths, forces, times and commands are so many times larger."""
+LARGE = Sizes(
+    motion=MOTION * DIAPHRAGM.motion, force=FORCE * DIAPHRAGM.force, period=TIME * DIAPHRAGM.period,
+    command=COMMAND * DIAPHRAGM.command, motion_unit="V", force_unit="V/s2", command_unit="A", body="mass",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mass(Rig):
+    """A mass between spring and damper, in units that are `length`, `push`, `duration` and `order` times smaller."""
+
+    sample_time: float = 0.02
+    noise: float = 0.0
+    length: float = 1.0
+    push: float = 1.0
+    duration: float = 1.0
+    order: float = 1.0
+
+    kind: ClassVar[str] = "mass of any size"
+    input_name: ClassVar[str] = "command"
+    input_unit: ClassVar[str] = "V"
+    output_name: ClassVar[str] = "displacement"
+    output_unit: ClassVar[str] = "m"
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        speed = self.length / self.duration
+        return (
+            Parameter(name="mass", value=3e-3 * self.push * self.duration / speed, unit="kg", lower=0, upper=1e9),
+            Parameter(name="damping", value=0.05 * self.push / speed, unit="N s/m", lower=0.0, upper=1e9),
+            Parameter(name="stiffness", value=30.0 * self.push / self.length, unit="N/m", lower=0.0, upper=1e9),
+            Parameter(name="gain", value=6e-3 * self.push / self.order, unit="N/V", lower=0.0, upper=1e9),
+        )
+
+    @property
+    def start(self) -> StartProcedure:
+        return StartProcedure(rest_command=0.0, ramp=0.0, hold=0.0)
+
+    def write(self, build: Builder) -> Any:
+        position = build.watch("displacement", build.state("position", scale=1e-3 * self.length))
+        velocity = build.watch("velocity", build.state("velocity", scale=0.05 * self.length / self.duration))
+        command = build.place(Place.DRIVE, "command", build.command)
+        force = build.place(Place.BALL, "force", -build.parameter("damping") * velocity)
+        build.rate(position, velocity)
+        build.rate(
+            velocity, build.parameter("gain") * command - build.parameter("stiffness") * position + force,
+            mass=build.parameter("mass"),
+        )  # fmt: skip
+        return build.place(Place.SENSOR, "reading", position)
+
+
+@pytest.fixture(autouse=True)
+def without_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
+    """So small a plant runs faster than it compiles."""
+    monkeypatch.setenv("DEATWIN_COMPILER", "")
+
+
+def readings(rig: Mass, commands: np.ndarray, *effects: Effect) -> np.ndarray:
+    record = Recording.from_arrays(commands, np.zeros(len(commands)), rig.sample_time)
+    return Plant(rig=rig, effects=effects).simulate(Experiment(recordings=(record,))).require().outputs[0][0]
+
+
+ON_A_MASS = [e for e in catalogue() if Plant(rig=Mass()).accepts(e)]
+
+
+@pytest.mark.parametrize("effect", ON_A_MASS, ids=lambda e: e.name)
+def test_a_change_of_units_changes_no_reading(effect: Effect) -> None:
+    # Whatever the law: the readings of the same system in other units are those readings, times the unit of length.
+    commands = 2.0 + 1.5 * np.sin(0.4 * np.arange(120)) * np.sin(0.06 * np.arange(120))
+    large = Mass(sample_time=0.02 * TIME, length=MOTION, push=FORCE, duration=TIME, order=COMMAND)
+    here = readings(Mass(), commands, effect)
+    there = readings(large, COMMAND * commands, LARGE.of(effect))
+    # The equations of a sample are solved to 1e-10 of the scale; kinks of friction lose some digits.
+    assert np.abs(there / MOTION - here).max() < 1e-6 * np.abs(here).max()
+    if effect.name not in ("sensor_jump", "sensor_saturation", "end_stop", "resonance"):  # at these sizes unseen
+        assert np.abs(here - readings(Mass(), commands)).max() > 1e-4 * np.abs(here).max()
+
+
+def test_the_catalogue_of_a_mass_is_not_empty() -> None:
+    assert {"cubic_stiffness", "coulomb_friction", "hysteresis", "delay", "sensor_lag"} <= {e.name for e in ON_A_MASS}
+
+
+def test_units_are_those_of_the_plant() -> None:
+    (cubic,) = LARGE.of(CubicStiffness()).describe()
+    friction, distance = LARGE.of(Hysteresis()).describe()
+    assert (cubic.unit, friction.unit, distance.unit) == ("1/(V2 s2)", "V/s2", "V")
+    assert distance.value == pytest.approx(MOTION * 30e-6)
+    assert distance.upper == pytest.approx(MOTION * 1e-3)
+
+
+def test_hertz_stay_hertz() -> None:
+    tone = next(e for e in catalogue() if e.name == "periodic_disturbance")
+    units = {p.name: p.unit for p in LARGE.of(tone).describe()}
+    assert units["frequency"] == "Hz"
+    assert units["phase"] == "rad"
+
+
+def test_a_sensor_may_read_something_else_than_the_motion() -> None:
+    sizes = replace(LARGE, reading=20.0, reading_unit="N")
+    jump = next(e for e in catalogue() if e.name == "sensor_jump")
+    change, _ = sizes.of(jump).describe()
+    assert change.unit == "N"
+    assert change.value == pytest.approx(20e-6 * 20.0 / DIAPHRAGM.motion)
+
+
+def test_what_acts_on_a_film_stays_as_it_is() -> None:
+    creep = Creep()
+    assert LARGE.of(creep) is creep
+
+
+def test_an_effect_of_a_plant_is_not_enlarged_twice() -> None:
+    cubic = LARGE.of(CubicStiffness())
+    assert LARGE.of(cubic) is cubic
+
+
+def test_the_sentence_speaks_of_what_moves() -> None:
+    assert LARGE.of(CoulombFriction()).wording.startswith("The mass ")
+
+
+@pytest.mark.parametrize("effect", ON_A_MASS, ids=lambda e: e.name)
+def test_worker_processes_get_the_same_effect(effect: Effect) -> None:
+    large = LARGE.of(effect)
+    again = pickle.loads(pickle.dumps(large))
+    assert again == large
+    assert type(again) is type(large)
+    assert again.describe() == large.describe()
+
+
+def test_starts_are_looked_for_in_the_time_of_the_plant() -> None:
+    # A line at 1.7 Hz, 0.8 V, in a record of the plant's own clock.
+    timepts = 0.05 * np.arange(2000)
+    tone = next(e for e in catalogue() if e.name == "periodic_disturbance")
+    found = LARGE.of(tone).starts(timepts, 0.8 * np.cos(2 * np.pi * 1.7 * timepts))
+    assert any(abs(e.frequency - 1.7) < 1e-3 for e in found)
+
+
+def test_a_rig_offers_the_catalogue_at_its_sizes() -> None:
+    @dataclass(frozen=True, kw_only=True)
+    class Circuit(Mass):
+        sizes: ClassVar[Sizes] = LARGE
+
+    assert [e.name for e in Circuit().effects()] == [e.name for e in catalogue()]
+    assert CubicStiffness() in Mass().effects()
+    assert LARGE.of(CubicStiffness()) in Circuit().effects()
+
+
+class Tank(Enum):
+    """A place that no film actuator has."""
+
+    BRIM = "brim"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Spill(Effect):
+    """A share of the force is lost there."""
+
+    share: float = 0.5
+
+    name: ClassVar[str] = "spill"
+    family: ClassVar[Family] = Family.ENVIRONMENT
+    place: ClassVar[Tank] = Tank.BRIM
+    signal: ClassVar[str] = "gain"
+    strength: ClassVar[str] = "share"
+    wording: ClassVar[str] = "A share of {share} is spilt"
+
+    def describe(self) -> tuple[Parameter, ...]:
+        return (Parameter(name="share", value=self.share, unit="1", lower=0.0, upper=1.0),)
+
+    def rewrite(self, signal: Any, build: Builder) -> Any:
+        return signal * (1 - self.own("share", build))
+
+
+def test_a_rig_may_have_places_of_its_own() -> None:
+    @dataclass(frozen=True, kw_only=True)
+    class Leaky(Mass):
+        kind: ClassVar[str] = "leaky"
+
+        def write(self, build: Builder) -> Any:
+            return build.place(Tank.BRIM, "gain", Mass.write(self, build))
+
+    commands = np.sin(0.1 * np.arange(50))
+    whole, half = readings(Leaky(), commands), readings(Leaky(), commands, Spill())
+    assert half == pytest.approx(whole / 2)
+    assert not Plant(rig=Mass()).accepts(Spill())
