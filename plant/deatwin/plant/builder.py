@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from enum import Enum
 from typing import Any
 
 import casadi as ca
@@ -42,7 +43,7 @@ class Builder:
         self._constants: list[tuple[Symbol, np.ndarray]] = []
         self._watched: dict[str, Symbol] = {}
         self._shared: dict[str, Any] = {}
-        self._offered: set[tuple[Place, str]] = set()
+        self._offered: set[tuple[Enum, str]] = set()
         self._past: list[Symbol] = []
         self._channels: dict[str, tuple[Symbol, float]] = {}
         self.command = ca.SX.sym("command")
@@ -221,12 +222,12 @@ class Builder:
         self._held[name] = (symbol, value)
         return symbol
 
-    def place(self, place: Place, name: str, signal: Any) -> Any:
+    def place(self, place: Enum, name: str, signal: Any) -> Any:
         """Offer a signal to the effects that act on it.
 
         Parameters
         ----------
-        place : Place
+        place : Place, or a member of another Enum
             Where in the plant the signal lives.
         name : str
             Name of the signal.

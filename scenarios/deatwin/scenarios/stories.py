@@ -102,6 +102,22 @@ STORIES: Mapping[str, Story] = MappingProxyType({
             line="measured pulls of VHB 4910: a hyperelastic strip lacks a relaxation",
         ),
         Story(
+            name="silverbox", minutes=1.5, module="deatwin.scenarios.real_physics.silverbox",
+            line="a measured oscillator, described as linear: the cubic spring is found",
+        ),
+        Story(
+            name="emps", minutes=1.5, module="deatwin.scenarios.real_physics.emps",
+            line="a measured drive in closed loop, described with viscous friction: dry friction is found",
+        ),
+        Story(
+            name="cascaded-tanks", minutes=1, module="deatwin.scenarios.real_physics.cascaded_tanks",
+            line="two measured tanks, described without their brim: the overflow is found",
+        ),
+        Story(
+            name="bouc-wen", minutes=2, module="deatwin.scenarios.real_physics.bouc_wen",
+            line="the Bouc-Wen benchmark, described as linear: the hysteresis is found",
+        ),
+        Story(
             name="thesis-data", minutes=0.5, module="deatwin.scenarios.thesis_data",
             line="the thesis' six actuators: recordings, drifts, figures 2.5 to 2.8",
         ),

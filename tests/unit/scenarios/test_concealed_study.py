@@ -414,13 +414,14 @@ def residual_dynamics(count: int = 4000, cut: int = 3000) -> Track:
 def test_baselines_learn_a_residual_with_known_dynamics() -> None:
     track = residual_dynamics()
     judged = track.judged.residual
-    left = {learn: float(np.std(judged - learn(track).predicted)) for learn in (sparse_dynamics, narx, gaussian_process)}
+    found = {learn: learn(track) for learn in (sparse_dynamics, narx, gaussian_process)}
+    left = {learn: float(np.std(judged - correction.predicted)) for learn, correction in found.items()}
     # Both kinds of dynamics hold the true ones: little more than the noise of 0.005 may be left. A Gaussian process of
     # a few hundred lagged samples only comes near: it must take out three quarters of the variance.
     assert left[sparse_dynamics] < 1.5 * 0.005
     assert left[narx] < 1.5 * 0.005
     assert left[gaussian_process] < 0.5 * float(np.std(judged))
-    assert sparse_dynamics(track).term in ("e", "x^2")  # the only two that the rate of the residual has
+    assert found[sparse_dynamics].term in ("e", "x^2")  # the only two that the rate of the residual has
 
 
 def test_every_term_of_the_sparse_dynamics_stands_for_some_effect_of_the_catalogue() -> None:

@@ -42,11 +42,11 @@ Array = NDArray[np.float64]
 
 STEPS = 1500
 """Steps of the filter in which amplitude and memory are found: samples are joined until there are no more."""
-MEMORIES = 4
+MEMORIES = 5
 """Memories that are tried, from one step to three times the record."""
 SHARES = (0.1, 0.5, 2.0)
 """Amplitudes that are tried, by the rms that they make in the reading against that of the residual."""
-REFINEMENTS = 20
+REFINEMENTS = 25
 """Likelihoods for the refinement of amplitude and memory."""
 
 
@@ -241,18 +241,23 @@ def open_place(linears: Sequence[Linear], floor: Floor, opening: Opening | None)
         return best  # the reading does not see this place
     first = max(tried, key=lambda o: o.log_likelihood)
 
-    def value(logs: Array) -> float:
-        amplitude, memory = np.exp(np.clip(logs, -600, 600))
+    # Readings tell the intensity a²/T well and the memory badly: along these axes the likelihood is no narrow ridge.
+    def process(axes: Array) -> tuple[float, float]:
+        return float(np.exp(axes[0] + axes[1] / 2)), float(np.exp(axes[1]))
+
+    def value(axes: Array) -> float:
+        amplitude, memory = process(axes)
         return -filter_likelihood(joined, floor, opening, amplitude=amplitude, memory=memory).log_likelihood
 
-    limits = [(None, None), (np.log(interval / 10), np.log(30 * duration))]
-    start = np.log([first.amplitude, first.memory])
-    simplex = start + np.array([[0.0, 0.0], [0.7, 0.0], [0.0, 1.0]])
+    start = np.array([np.log(first.amplitude) - np.log(first.memory) / 2, np.log(first.memory)])
     found = minimize(
-        value, start, method="Nelder-Mead", bounds=limits,
-        options={"initial_simplex": simplex, "maxfev": REFINEMENTS, "fatol": 0.05, "xatol": 0.05},
+        value, start, method="Nelder-Mead", bounds=[(None, None), (np.log(interval / 10), np.log(30 * duration))],
+        options={
+            "initial_simplex": start + np.array([[0.0, 0.0], [0.5, 0.0], [0.0, -1.0]]), "maxfev": REFINEMENTS,
+            "fatol": 0.05, "xatol": 0.05,
+        },
     )  # fmt: skip
-    amplitude, memory = (float(v) for v in np.exp(found.x))
+    amplitude, memory = process(found.x)
     refined = filter_likelihood(joined, floor, opening, amplitude=amplitude, memory=memory)
     return max((best, first, refined), key=lambda o: o.log_likelihood)
 
@@ -379,7 +384,7 @@ def _filtered(linear: Linear, floor: Floor, opening: Opening | None, amplitude: 
     start[:error, :error] = spread @ spread.T
     weight = np.sqrt(linear.counts)
     model = StateSpace(
-        rows=rows * weight[:, None], noise_variance=floor.noise**2, start=np.zeros(m), start_cov=start,
+        rows=rows * weight[:, None], noise_variance=np.array(floor.noise**2), start=np.zeros(m), start_cov=start,
         transition=transition[:-1], process_cov=process,
     )  # fmt: skip
     return kalman_filter(model, linear.residual * weight)

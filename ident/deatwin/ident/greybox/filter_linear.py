@@ -268,7 +268,7 @@ def _linearised(plant: Plant, part: Part, openings: tuple[Opening, ...], step: _
     signals = dict(zip(plant.equations.signals, run.watched if run.watched is not None else (), strict=True))
     unknowns = dict(zip((*equations.states, *equations.coordinates), np.vstack([x.T, z.T]), strict=True))
     return Linear(
-        plant=plant, openings=openings, timepts=timeline.start + timeline.sample_time * np.arange(1, n + 1),
+        plant=plant, openings=openings, timepts=timeline.start + timeline.sample_time * np.arange(1.0, n + 1),
         residual=residual, transition=slopes[:, :, columns.start], by_parameter=by_parameter * slope,
         rows=reading_slopes[:, columns.start], rows_by_parameter=rows_by_parameter * slope,
         start_by_parameter=rest.x_p[:, columns.free] * slope, entering=entering, rows_entering=rows_entering,

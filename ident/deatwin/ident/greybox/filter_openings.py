@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from enum import Enum
 from typing import Any
 
 import casadi as ca
+import numpy as np
 
 from deatwin.plant.builder import Builder
 from deatwin.plant.effects.base import Effect, Place
@@ -23,7 +25,8 @@ COMMAND = (Place.DRIVE.value, "command")
 READING = (Place.SENSOR.value, "reading")
 STIFFNESS, PERMITTIVITY = "stiffness", "permittivity"
 """What may wander in a film: factors on the energy of its network and on its permittivity."""
-ORDER = (*(place.value for place in (Place.DRIVE, Place.BALL, Place.FILM, Place.SENSOR, Place.PARAMETER)), STATE)
+LAST = (Place.SENSOR.value, Place.PARAMETER.value, STATE)
+"""Places that stand behind those that the rig declares between drive and sensor, in this order."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,9 +36,9 @@ class Opening:
     Parameters
     ----------
     place : str
-        ``"drive"``, ``"ball"``, ``"film"``, ``"sensor"``: d is added to a signal that the rig offers there (to 1,
-        as a factor, where the signal is a film); ``"parameter"``: to a free parameter; ``"state"``: to a state,
-        once a sample.
+        ``"drive"``, ``"ball"``, ``"film"``, ``"sensor"`` or another that the rig declares: d is added to a signal that
+        it offers there (to 1, as a factor, where the signal is a film); ``"parameter"``: to a free parameter;
+        ``"state"``: to a state, once a sample.
     signal : str
         Name of the signal, the parameter or the state.
     """
@@ -68,7 +71,7 @@ def places(plant: Plant) -> tuple[Opening, ...]:
         *(Opening(place=Place.PARAMETER.value, signal=name) for name in plant.parameters.free),
         *(Opening(place=STATE, signal=name) for name in plant.equations.states),
     ]
-    return tuple(sorted(found, key=lambda opening: ORDER.index(opening.place)))
+    return tuple(sorted(found, key=lambda o: LAST.index(o.place) + 1 if o.place in LAST else 0))
 
 
 def opened_equations(plant: Plant, openings: Sequence[Opening], ghosts: Sequence[str]) -> Equations:
@@ -106,14 +109,18 @@ class _Listener(Builder):
         super().__init__(parameters, effects)
         self.heard: list[tuple[str, str]] = []
 
-    def place(self, place: Place, name: str, signal: Any) -> Any:
+    def place(self, place: Enum, name: str, signal: Any) -> Any:
         signal = super().place(place, name, signal)
         if isinstance(signal, AnyFilm):
             factors = (STIFFNESS, PERMITTIVITY) if signal.capacitances else (STIFFNESS,)
-            self.heard += [(place.value, factor) for factor in factors]
-        elif place is not Place.PARAMETER and ca.SX(signal).is_scalar():
-            self.heard.append((place.value, name))
+            self.heard += [(str(place.value), factor) for factor in factors]
+        elif place is not Place.PARAMETER and _is_number(signal):
+            self.heard.append((str(place.value), name))
         return signal
+
+
+def _is_number(signal: Any) -> bool:
+    return isinstance(signal, int | float) or (isinstance(signal, ca.SX | ca.DM) and signal.is_scalar())
 
 
 def _heard(plant: Plant) -> list[tuple[str, str]]:
@@ -130,13 +137,14 @@ class _Opened(Builder):
         super().__init__(parameters, effects)
         self._left = {(o.place, o.signal): o.name for o in openings}
 
-    def place(self, place: Place, name: str, signal: Any) -> Any:
+    def place(self, place: Enum, name: str, signal: Any) -> Any:
         signal = super().place(place, name, signal)
         if isinstance(signal, AnyFilm):
-            stiffness, permittivity = self._entering(place.value, STIFFNESS), self._entering(place.value, PERMITTIVITY)
+            stiffness, permittivity = (self._entering(str(place.value), name) for name in (STIFFNESS, PERMITTIVITY))
             signal = signal.with_elastic(1 + stiffness)
             return signal.with_permittivity(lambda _: 1 + permittivity) if signal.capacitances else signal
-        return signal if place is Place.PARAMETER else signal + self._entering(place.value, name)
+        open_here = place is not Place.PARAMETER and _is_number(signal)
+        return signal + self._entering(str(place.value), name) if open_here else signal
 
     def _entering(self, place: str, signal: str) -> Any:
         name = self._left.pop((place, signal), None)
@@ -148,19 +156,19 @@ class _Opened(Builder):
         equations = super().finish(output + reading)
         if isinstance(command, float):
             return equations
-        u = ca.vertcat(self.command, *(ca.SX.sym("u", 1) for _ in range(equations.held_inputs(0.0).size - 1)))
-        return _with_command(equations, u, command)
+        return _with_command(equations, command)
 
 
-def _with_command(equations: Equations, u: Any, entering: Any) -> Equations:
+def _with_command(equations: Equations, entering: Any) -> Equations:
     """The same equations, of which the present command is another by what enters."""
+    inputs = equations.held_inputs(0.0).size
+    u, present = ca.SX.sym("u", inputs), ca.DM(np.eye(inputs)[0])
     x, z = ca.SX.sym("x", len(equations.states)), ca.SX.sym("z", len(equations.coordinates))
     d, t = ca.SX.sym("d", len(equations.held)), ca.SX.sym("t")
     p, c = ca.SX.sym("p", len(equations.parameters.free)), ca.SX.sym("c", equations.constants.size)
     column = equations.parameters.free.index(entering.name())
-    moved = ca.vertcat(u[0] + p[column], u[1:])
     known = [x, z, d, u, t, p, c]
-    there = [x, z, d, moved, t, p, c]
+    there = [x, z, d, u + p[column] * present, t, p, c]
     return replace(
         equations,
         dynamics=ca.Function("dynamics", known, [equations.dynamics(*there)]),

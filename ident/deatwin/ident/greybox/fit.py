@@ -302,7 +302,9 @@ def _covariance(residuals: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
     """Covariance of least squares under residuals that are correlated in time.
 
     The variance is taken at zero frequency over lags up to the square root of the record (Newey-West), which
-    model errors need: they are slow, and white-noise formulas would make the intervals far too narrow.
+    model errors need: they are slow, and white-noise formulas would make the intervals far too narrow. That estimate
+    is noisy and, since the fit has taken the slowest part out of the residuals, low; so no parameter's variance is
+    taken to be less than under white noise.
     """
     scale = np.linalg.norm(jacobian, axis=0)
     scale[scale == 0] = 1.0
@@ -314,7 +316,12 @@ def _covariance(residuals: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
     for lag in range(1, lags + 1):
         gamma = scores[lag:].T @ scores[:-lag]
         meat += (1 - lag / (lags + 1)) * (gamma + gamma.T)
-    return bread @ meat @ bread / np.outer(scale, scale)
+    freedom = max(residuals.size - scale.size, 1)
+    robust = residuals.size / freedom * bread @ meat @ bread
+    white = float(residuals @ residuals) / freedom * np.diag(bread)
+    own = np.diag(robust)
+    widen = np.sqrt(np.divide(np.maximum(own, white), own, out=np.ones_like(own), where=own > 0))
+    return robust * np.outer(widen, widen) / np.outer(scale, scale)
 
 
 def _impossible(problem: Problem) -> Calibration:

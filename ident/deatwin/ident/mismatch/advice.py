@@ -83,7 +83,7 @@ class Advice:
         if self.recording is None:
             return f"No input that the rig bears can tell {which} apart; measure {self.measure}."
         load = "" if self.added_mass is None else f" with {1e3 * self.added_mass:.3g} g added to the load"
-        before, after = (f"{100 * share:.2g} %" for share in (self.confusion_before, self.confusion_after))
+        before, after = _percent(self.confusion_before), _percent(self.confusion_after)
         return (
             f"Record {self.seconds:.4g} s of a further experiment{load} ({self.waveform}, {INPUT_FILE}): the "
             f"probability of taking the wrong one of {which} falls from {before} to {after}."
@@ -140,18 +140,19 @@ class Advice:
         ax.axvline(TOLD_APART, color="C3", linestyle="--", label="told apart")
         ax.set_xlabel("d² between the explanations")
         ax.set_title(f"no input tells them apart: measure {self.measure}", fontsize="medium")
-        ax.legend(loc="lower right", frameon=False)
+        ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), frameon=False)
 
     def _draw_input(self, recording: Recording, ax: Axes) -> None:
         unit, size = written_amplitude(self.output[1])
         times = recording.timepts - recording.start
+        apart = [(readings - self.predicted[0]) / size for readings in self.predicted]
         lines = [
-            ax.plot(times, (readings - self.predicted[0]) / size, color=f"C{k}", linewidth=0.9, label=name)[0]
-            for k, (name, readings) in enumerate(zip(self.rivals, self.predicted, strict=True))
+            ax.plot(times, left, color=f"C{k}", linewidth=0.9, label=name.replace("_", " "))[0]
+            for k, (name, left) in enumerate(zip(self.rivals, apart, strict=True))
         ]
         band = ax.axhspan(-self.noise / size, self.noise / size, color="0.9", zorder=0, label="sensor noise")
         ax.set_xlabel("time (s)")
-        ax.set_ylabel(f"{self.output[0]}, predicted minus that of {self.rivals[0]} ({unit})")
+        ax.set_ylabel(f"{self.output[0]}, predicted minus first ({unit})")
         commands = ax.twinx()
         line = commands.plot(times, recording.inputs[0], color="0.5", linewidth=0.7, label="input")[0]
         low, high = ax.get_ylim()
@@ -160,8 +161,13 @@ class Advice:
         commands.set_ylim(float(recording.inputs[0].min()) - 1.4 * span, float(recording.inputs[0].max()) + 0.1 * span)
         commands.set_ylabel(f"{recording.input_names[0]} ({recording.input_units[0]})", color="0.4")
         ax.legend(
-            handles=[*lines, band, line], loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=4, frameon=False
+            handles=[*lines, band, line], loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2, frameon=False
         )
-        before, after = 100 * self.confusion_before, 100 * self.confusion_after
+        before, after = _percent(self.confusion_before), _percent(self.confusion_after)
         load = "" if self.added_mass is None else f", {1e3 * self.added_mass:.3g} g added"
-        ax.set_title(f"{self.waveform}{load}: confusion {before:.2g} % to {after:.2g} %", fontsize="medium")
+        ax.set_title(f"{self.waveform}{load}\nconfusion {before} to {after}", fontsize="medium")
+
+
+def _percent(share: float) -> str:
+    """A probability as a person writes it; predictions of less than a thousandth are not worth their digits."""
+    return f"{100 * share:.2g} %" if share >= 1e-3 else "below 0.1 %"

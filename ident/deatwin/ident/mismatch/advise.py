@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 
@@ -31,7 +32,7 @@ from deatwin.plant.parameters import Parameter
 __all__ = ["advise"]
 
 MOST_RIVALS = 4
-SCREENED, SHORTEST, LONGEST = 3000, 500, 15_000
+SCREENED, SHORTEST, LONGEST = 3000, 1000, 15_000
 """Samples of an input when it is screened, and when it is advised."""
 ROUND = 250
 """Samples to whose multiple a length is rounded up."""
@@ -39,6 +40,10 @@ FINALISTS, TRIED = 3, 2
 """Waveforms that are simulated with refits, and those of them that are made as long as needed."""
 WANTED = 1.5 * TOLD_APART
 """d² for which a length is chosen: it grows like the length, but not exactly."""
+AMPLE = 10 * WANTED * SCREENED / SHORTEST
+"""d² of a screened waveform that promises ten times what is wanted at the shortest length. The first such waveform of
+the repertoire, whose order is from broad and gentle to fast and special, is preferred to one that promises even more:
+what a plant's equations leave out shows most where it is driven to its extremes."""
 ATTEMPTS = 2
 HEAVIER = 2.0
 """The load after a mass has been added, as a multiple."""
@@ -83,20 +88,21 @@ def advise(
     if found is None and load is not None:
         heavier = question.with_mass(HEAVIER * load)
         found = _search(heavier, lambda share: tell(0.6 + 0.3 * share, "trying inputs with an added mass"))[1]
-        added, question = (None, question) if found is None else ((HEAVIER - 1) * load, heavier)
+        if found is not None:
+            question, added = heavier, (HEAVIER - 1) * load
     tell(0.9, "writing the advice")
-    measure = _to_measure(question, left, tried) if found is None else None
-    before = confusion(question.before)
-    rig = bench.nominal.rig
-    advice = Advice(
-        rivals=_labels(left), recording=None if found is None else question.recording(found.commands),
-        waveform="" if found is None else found.name, added_mass=added, measure=measure, confusion_before=before,
-        confusion_after=before if found is None else found.confusion, tried=tried,
-        predicted=() if found is None else _predicted(question, found.commands), noise=question.noise,
-        output=(rig.output_name, rig.output_unit),
+    rig, before = bench.nominal.rig, confusion(question.before)
+    common: dict[str, Any] = {"rivals": _labels(left), "added_mass": added, "confusion_before": before, "tried": tried,
+                              "noise": question.noise, "output": (rig.output_name, rig.output_unit)}  # fmt: skip
+    if found is None:
+        measure = _to_measure(question, left, tried)
+        return Advice(
+            recording=None, waveform="", measure=measure, confusion_after=before, predicted=(), **common
+        )
+    return Advice(
+        recording=question.recording(found.commands), waveform=found.name, measure=None,
+        confusion_after=found.confusion, predicted=_predicted(question, found.commands), **common,
     )  # fmt: skip
-    tell(1.0, "done")
-    return advice
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -117,8 +123,11 @@ def _search(question: Question, tell: Told) -> tuple[dict[str, float], _Input | 
             screened[name] = question.first_order(commands)
         tell(0.5 * number / len(REPERTOIRE))
     best = sorted(screened, key=lambda name: -screened[name])[:FINALISTS]
-    lengths = {name: _needed(question, name) for name in best}
-    promising = [name for name in sorted(best, key=lambda name: lengths[name]) if lengths[name] < 2 * LONGEST]
+    gentle = [name for name in screened if screened[name] > AMPLE][:1]
+    lengths = {name: max(SHORTEST, _needed(question, name)) for name in {*best, *gentle}}
+    order = list(REPERTOIRE)
+    promising = sorted(lengths, key=lambda name: (lengths[name], order.index(name)))
+    promising = [name for name in promising if lengths[name] < 2 * LONGEST]
     for number, name in enumerate(promising[:TRIED]):
         tell(0.6 + 0.4 * number / TRIED)
         found = _long_enough(question, name, lengths[name])
@@ -155,7 +164,7 @@ def _long_enough(question: Question, name: str, needed: float) -> _Input | None:
             return _Input(name=name, commands=commands, confusion=confused)
         if count == LONGEST:
             return None
-        needed = 1.5 * count * max(1.0, TOLD_APART / squared)
+        needed = 1.5 * count * max(1.0, TOLD_APART / max(squared, 1e-6))
     return None
 
 

@@ -32,6 +32,9 @@ from deatwin.plant.recording import Experiment
 __all__ = ["diagnose"]
 
 Progress = Callable[[float, str], None]
+SETTLED = 1e-6
+"""Relative change of the squared residual at which the last fit ends: what is left is a tenth of a standard deviation
+along the flattest direction."""
 CLEARLY_BETTER = 0.8
 """A rival form of the rig is tried with effects where it leaves less than this share of the mean square."""
 
@@ -193,5 +196,5 @@ def _nominal_is_off(bench: Bench, base: Base) -> bool:
 
 def _refit(bench: Bench, answer: Candidate) -> Calibration:
     """After the judgement the answer is fitted to all sound samples."""
-    final = calibrate(answer.calibration.plant, bench.everything)
+    final = calibrate(answer.calibration.plant, bench.everything, evaluations=60, tolerance=SETTLED)
     return final if final.status.ok else answer.calibration

@@ -39,7 +39,11 @@ PREFERRED = (("ball", "force"), ("sensor", "reading"), ("drive", "command"))
 """Where a free form enters if nobody says, the first that the rig has."""
 STEPS = (1.0, 0.5, 0.25, 0.1)
 """Shares of the linear prediction from which the fit may start."""
+SHARPER = np.geomspace(0.5, 2.0, 15)
+"""By which factors a shape may be other than in the dictionary."""
 EVALUATIONS, TOLERANCE = 20, 1e-3
+SIGNIFICANT = 2.0
+"""Standard deviations that a coefficient must be away from nothing."""
 
 
 def discover(
@@ -74,14 +78,13 @@ def discover(
         return None
     search = _Search.of(plant, bench.fitted, linears, site)
     jacobian, residual = base.calibration.jacobian, base.calibration.residuals
-    stable = stable_terms(search.columns, residual, jacobian, rng)
+    stable = stable_terms(search.answers(search.terms), residual, jacobian, rng)
     # If all of them together gain nothing, perhaps the most stable one does.
     for some in dict.fromkeys((stable, stable[:1])):
-        fit = _fitted(search, some, base, bench) if some else None
-        found = None if fit is None else _judged(fit, base, bench, rng)
-        if found is not None:
-            fitted, unseen, gain_low = found
-            return _discovery(fitted, unseen, gain_low, some, site, base, bench)
+        fit = _fitted(search, some, base, bench)
+        kept = None if fit is None else _kept(fit, base, bench, rng)
+        if kept is not None:
+            return kept
     return None
 
 
@@ -120,29 +123,97 @@ def _site(plant: Plant, wanted: Opening | None) -> _Site | None:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Search:
-    """Functions, and what the readings that count answer to each at a site."""
+    """Functions at a site, and what the readings that count answer to each."""
 
     site: _Site
+    linears: tuple[Linear, ...]
+    along: list[dict[str, Array]]
     terms: tuple[Primitive, ...]
-    columns: Array
 
     @classmethod
     def of(cls, plant: Plant, parts: Sequence[Part], linears: Sequence[Linear], site: _Site) -> _Search:
         along = [signals_along(plant, part, site.position) for part in parts]
-        terms = dictionary(along, site.position)
-        number = linears[0].openings.index(site.opening)
-        answers = [
+        return cls(site=site, linears=tuple(linears), along=along, terms=dictionary(along, site.position))
+
+    def answers(self, terms: Sequence[Primitive]) -> Array:
+        """Of the readings, shape (m, k)."""
+        number = self.linears[0].openings.index(self.site.opening)
+        return np.vstack([
             linear.response(number, evaluated(terms, signals, linear.interval))[linear.counted]
-            for linear, signals in zip(linears, along, strict=True)
-        ]
-        return cls(site=site, terms=terms, columns=np.vstack(answers))
+            for linear, signals in zip(self.linears, self.along, strict=True)
+        ])  # fmt: skip
+
+    def sharpened(self, terms: Sequence[Primitive], base: Calibration) -> list[Primitive]:
+        """The terms with the shapes that explain most: a fit from far away ends in the next best one."""
+        found = list(terms)
+        for k, term in enumerate(found):
+            if (parameter := term.shape_parameter) is None:
+                continue
+            tried = [replace(term, **{term.shape: parameter.value * f}) for f in SHARPER]  # type: ignore[arg-type]
+            beside = [base.jacobian, self.answers(found[:k] + found[k + 1 :])] if len(found) > 1 else [base.jacobian]
+            basis = np.linalg.qr(np.hstack(beside))[0]
+            own = self.answers(tried)
+            own = own - basis @ (basis.T @ own)
+            left = base.residuals - basis @ (basis.T @ base.residuals)
+            found[k] = tried[int(np.argmax((own.T @ left) ** 2 / np.maximum((own**2).sum(axis=0), 1e-300)))]
+        return found
 
 
-def _fitted(search: _Search, stable: Sequence[Stable], base: Candidate, bench: Bench) -> Calibration | None:
-    """The plant with the terms, fitted as a whole; None where that does not fit better than without."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Fit:
+    """A plant with a free form, fitted as a whole."""
+
+    calibration: Calibration
+    stable: tuple[Stable, ...]
+    site: _Site
+
+    @property
+    def form(self) -> FreeForm:
+        """With the numbers that the fit gave it."""
+        plant = self.calibration.plant
+        made = next(effect for effect in plant.effects if isinstance(effect, FreeForm))
+        terms, coefficients = [], []
+        for k, term in enumerate(made.terms, start=1):
+            coefficients.append(plant.parameters[f"{made.name}.coefficient_{k}"].value)
+            shape = {term.shape: plant.parameters[f"{made.name}.{term.shape}_{k}"].value} if term.shape else {}
+            terms.append(replace(term, **shape))  # type: ignore[arg-type]
+        return replace(made, terms=tuple(terms), coefficients=tuple(coefficients))
+
+    @property
+    def weakest(self) -> int | None:
+        """The term that the fit needs least, if it may well be nothing and there are others."""
+        fit = self.calibration
+        own = [fit.names.index(f"{FreeForm.name}.coefficient_{k + 1}") for k in range(len(self.stable))]
+        deviations = np.sqrt(np.maximum(np.diag(fit.covariance)[own], 1e-300))
+        ratios = np.abs(self.form.coefficients) / deviations
+        return int(np.argmin(ratios)) if len(ratios) > 1 and ratios.min() < SIGNIFICANT else None
+
+    def without(self, number: int, parts: Sequence[Part]) -> _Fit:
+        """Fitted again without a term."""
+        form, left = self.form, [k for k in range(len(self.stable)) if k != number]
+        fewer = self.site.free_form([form.terms[k] for k in left], form.size, [form.coefficients[k] for k in left])
+        start = self.calibration.plant.without_effects(form.name).with_effects(fewer)
+        again = calibrate(start, parts, evaluations=EVALUATIONS, tolerance=TOLERANCE)
+        return replace(self, calibration=again, stable=tuple(self.stable[k] for k in left))
+
+
+def _fitted(search: _Search, stable: tuple[Stable, ...], base: Candidate, bench: Bench) -> _Fit | None:
+    """The plant with the terms, fitted; None where that does not fit better than without."""
+    start = _start(search, stable, base, bench) if stable else None
+    if start is None:
+        return None
+    fit = calibrate(start, bench.fitted, evaluations=EVALUATIONS, tolerance=TOLERANCE)
+    found = _Fit(calibration=fit, stable=stable, site=search.site)
+    while found.calibration.status.ok and (number := found.weakest) is not None:
+        found = found.without(number, bench.fitted)
+    return found if found.calibration.status.ok and found.calibration.rms < base.calibration.rms else None
+
+
+def _start(search: _Search, stable: Sequence[Stable], base: Candidate, bench: Bench) -> Plant | None:
+    """As far towards the linear prediction as the free run gets better."""
     plain = base.calibration
-    columns = search.columns[:, [s.column for s in stable]]
-    both = np.hstack([plain.jacobian, columns])
+    terms = search.sharpened([search.terms[s.column] for s in stable], plain)
+    both = np.hstack([plain.jacobian, search.answers(terms)])
     scale = np.maximum(np.linalg.norm(both, axis=0), 1e-300)
     moves = np.linalg.lstsq(both / scale, plain.residuals, rcond=1e-8)[0] / scale
     shifts, coefficients = np.split(moves, [plain.jacobian.shape[1]])
@@ -150,19 +221,14 @@ def _fitted(search: _Search, stable: Sequence[Stable], base: Candidate, bench: B
     if not size > 0:
         return None
     problem = Problem(plant=plain.plant, parts=tuple(bench.fitted), names=plain.names)
-    lower, upper = problem.bounds()
-    terms = [search.terms[s.column] for s in stable]
     starts = []
     for share in STEPS:
-        moved = problem.values(np.clip(problem.start() + share * shifts, lower, upper))
-        form = search.site.free_form(terms, size, share * coefficients / size)
+        moved = problem.values(np.clip(problem.start() + share * shifts, *problem.bounds()))
+        form = search.site.free_form(terms, size, list(share * coefficients / size))
         starts.append(plain.plant.with_values(moved).with_effects(form))
     rms = [_rms_on(start, bench.fitted) for start in starts]
     best = int(np.argmin(rms))
-    if not rms[best] < plain.rms:
-        return None
-    fit = calibrate(starts[best], bench.fitted, evaluations=EVALUATIONS, tolerance=TOLERANCE)
-    return fit if fit.status.ok and fit.rms < plain.rms else None
+    return starts[best] if rms[best] < plain.rms else None
 
 
 def _rms_on(plant: Plant, parts: Sequence[Part]) -> float:
@@ -172,52 +238,40 @@ def _rms_on(plant: Plant, parts: Sequence[Part]) -> float:
     return float(np.sqrt(np.mean((np.concatenate([part.measured for part in parts]) - readings) ** 2)))
 
 
-def _judged(
-    fit: Calibration, base: Candidate, bench: Bench, rng: np.random.Generator
-) -> tuple[Calibration, Array, float] | None:
-    """The fit, its residuals on the unseen part and the lower bound of its gain; None where that is not enough."""
-    unseen = free_run_residuals(fit.plant, bench.unseen)
+def _kept(fit: _Fit, base: Candidate, bench: Bench, rng: np.random.Generator) -> Discovery | None:
+    """The discovery, if the error on the unseen part falls far enough, and certainly."""
+    plant, form = fit.calibration.plant, fit.form
+    unseen = free_run_residuals(plant, bench.unseen)
     if unseen is None:
         return None
     before, after = (float(np.sqrt(np.mean(r**2))) for r in (base.unseen, unseen))
     gain_low = bootstrap_gain(block_losses(base.unseen), block_losses(unseen), rng)
-    return (fit, unseen, gain_low) if after <= (1 - LEAST_GAIN) * before and gain_low > 0 else None
-
-
-def _discovery(
-    fit: Calibration, unseen: Array, gain_low: float, stable: Sequence[Stable], site: _Site, base: Candidate,
-    bench: Bench,
-) -> Discovery:  # fmt: skip
-    plant = fit.plant
-    form = next(effect for effect in plant.effects if isinstance(effect, FreeForm))
-    terms = tuple(_found(k, s, form, plant) for k, s in enumerate(stable, start=1))
-    own = np.array([plant.parameters[f"{form.name}.coefficient_{k}"].value for k in range(1, len(terms) + 1)])
-    along = [signals_along(plant, part, site.position) for part in bench.fitted]
-    values = [evaluated([t.term for t in terms], signals, plant.rig.sample_time) for signals in along]
+    if after > (1 - LEAST_GAIN) * before or gain_low <= 0:
+        return None
+    along = [signals_along(plant, part, fit.site.position) for part in bench.fitted]
+    values = np.vstack([evaluated(form.terms, signals, plant.rig.sample_time) for signals in along])
+    pieces = values * np.array(form.coefficients)
+    order = [int(k) for k in np.argsort(-pieces.std(axis=0), kind="stable")]
     return Discovery(
-        calibration=fit, terms=terms, before=float(np.sqrt(np.mean(base.unseen**2))),
-        after=float(np.sqrt(np.mean(unseen**2))), gain_low=gain_low, unseen=unseen,
-        state=np.concatenate([signals[terms[0].term.variable] for signals in along]),
-        entering=form.size * (np.vstack(values) @ own),
-        latent=_latent(plant.without_effects(form.name), bench.fitted, site.opening, base.noise),
+        calibration=fit.calibration, terms=tuple(_found(form, k, fit.stable[k].inclusion, plant) for k in order),
+        before=before, after=after, gain_low=gain_low, unseen=unseen,
+        state=np.concatenate([signals[form.terms[order[0]].variable] for signals in along]),
+        entering=form.size * pieces.sum(axis=1),
+        latent=_latent(plant.without_effects(form.name), bench.fitted, fit.site.opening, base.noise),
     )  # fmt: skip
 
 
-def _found(number: int, stable: Stable, form: FreeForm, plant: Plant) -> FoundTerm:
-    """A term as the fit left it."""
-    term = form.terms[number - 1]
-    unit = unit_of(term.variable, plant)
-    shape = None
+def _found(form: FreeForm, number: int, inclusion: float, plant: Plant) -> FoundTerm:
+    """A term in SI."""
+    term = form.terms[number]
+    unit, shape = unit_of(term.variable, plant), None
     if (parameter := term.shape_parameter) is not None:
-        value = plant.parameters[f"{form.name}.{parameter.name}_{number}"].value
-        term = replace(term, **{parameter.name: value})
         # A width is a pure number times the scale of the signal, a time is in seconds.
-        wide, of = (1.0, parameter.unit) if parameter.unit != "1" else (term.scale, unit)
-        shape = (parameter.name, value * wide, of)
-    coefficient = plant.parameters[f"{form.name}.coefficient_{number}"].value
+        wide, of = (term.scale, unit) if parameter.unit == "1" else (1.0, parameter.unit)
+        shape = (parameter.name, parameter.value * wide, of)
     return FoundTerm(
-        term=term, coefficient=form.size * coefficient / term.scale**term.degree,
-        unit=unit_per(form.unit, unit, term.degree), shape=shape, inclusion=stable.inclusion,
+        term=term, coefficient=form.size * form.coefficients[number] / term.scale**term.degree,
+        unit=unit_per(form.unit, unit, term.degree), shape=shape, inclusion=inclusion,
     )  # fmt: skip
 
 

@@ -91,7 +91,7 @@ class Discovery:
     calibration : Calibration
         The plant with the free form, fitted to the fitted part.
     terms : tuple of FoundTerm
-        Of the free form, the most stable first.
+        Of the free form, the one that adds most first.
     before, after : float
         Rms error of the free run on the unseen part without and with it, SI.
     gain_low : float
@@ -99,7 +99,7 @@ class Discovery:
     unseen : ndarray, shape (m,)
         Residuals with it on the unseen part, SI.
     state : ndarray, shape (n,)
-        What the strongest term is a function of, along the fitted part, SI.
+        What the first term is a function of, along the fitted part, SI.
     entering : ndarray, shape (n,)
         What the free form adds there, SI.
     latent : Latent or None

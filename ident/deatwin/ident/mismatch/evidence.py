@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,40 +14,18 @@ from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from deatwin.ident.mismatch.advice import Advice
     from deatwin.ident.mismatch.detect import Detection
-    from deatwin.ident.mismatch.verify import Verification
-
-    from deatwin.ident.mismatch.advice import Advice
-    from deatwin.ident.mismatch.detect import Detection
+    from deatwin.ident.mismatch.discovery import Discovery
     from deatwin.ident.mismatch.gate import Gate
+    from deatwin.ident.mismatch.locate.location import Location
     from deatwin.ident.mismatch.verify import Verification
 
-__all__ = ["CandidateSummary", "Drawn", "Evidence", "readings", "tracks"]
+__all__ = ["CandidateSummary", "Evidence", "readings", "tracks"]
 
 FEWEST = 16
 """Samples of a record that can be located in time and frequency."""
 Readings = tuple[tuple[np.ndarray, ...], ...]
-
-
-class Drawn(Protocol):
-    """The result of a step that draws itself."""
-
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw it.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            A new figure without it.
-
-        Returns
-        -------
-        matplotlib Axes
-        """
-        ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,8 +76,10 @@ class Evidence:
         State of the recordings.
     detection : Detection or None
         Whether anything is missing.
-    location, discovery : Drawn or None
-        Where in the plant, and the free form.
+    location : Location or None
+        Where it is.
+    discovery : Discovery or None
+        The free form of it.
     advice : Advice or None
         The next experiment.
     verification : Verification or None
@@ -118,8 +98,8 @@ class Evidence:
     noise_source: str = ""
     checked: Gate | None = None
     detection: Detection | None = None
-    location: Drawn | None = None
-    discovery: Drawn | None = None
+    location: Location | None = None
+    discovery: Discovery | None = None
     advice: Advice | None = None
     verification: Verification | None = None
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from deatwin.ident.mismatch.losses import block_losses, exceeds
 
-__all__ = ["SIGNIFICANCE", "Excess", "excess_over_floor"]
+__all__ = ["BEYOND_DOUBT", "SIGNIFICANCE", "Excess", "excess_over_floor"]
 
 SIGNIFICANCE = 0.01
 BEYOND_DOUBT = 2.0

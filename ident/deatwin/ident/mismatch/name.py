@@ -9,7 +9,7 @@ import numpy as np
 
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.candidate import Candidate, noise_seen
-from deatwin.ident.mismatch.decide import Naming, decide, suffices, with_distances
+from deatwin.ident.mismatch.decide import Naming, decide, explained, suffices, with_distances
 from deatwin.ident.mismatch.floor import floor_of
 from deatwin.ident.mismatch.screen import Footprint, Lead, footprints, leads
 from deatwin.ident.mismatch.shortlist import shortlist
@@ -29,8 +29,8 @@ def name_causes(bench: Bench, base: Candidate, known: Sequence[Footprint], finis
     """Look for the smallest set of effects that explains the recordings.
 
     Each promising effect is built into the base plant alone; where none suffices, each further one beside the best,
-    and so on to three. After each step the effects that were there before it are replaced in turn, since the best
-    single effect may only imitate two others.
+    and so on to three. Where a step helps but does not suffice, the effects that were there before it are replaced in
+    turn, since the best single effect may only imitate two others.
 
     Parameters
     ----------
@@ -54,10 +54,14 @@ def name_causes(bench: Bench, base: Candidate, known: Sequence[Footprint], finis
     naming = search.decided(stage)
     for number in range(1, MOST_CAUSES):
         before = search.best_of(stage)
-        if naming.best is not None or before is None or (number > 1 and not search.each_counts(before)):
+        if naming.best is not None or before is None or search.leaves_a_trifle(before):
             break
         stage = search.beside(before, lambda share, n=number: tell((n + share) / MOST_CAUSES))
-        stage += search.replacing(before, search.best_of(stage))
+        best = search.best_of(stage)
+        if best is None or not search.each_counts(best):
+            break  # a further effect does not help: another one beside it would not be understood
+        if not search.tried[best].adequate:
+            stage += search.replacing(before, best)
         naming = search.decided(stage)
     return replace(naming if naming.best is not None else search.nearly(), failed=tuple(search.failed))
 
@@ -99,10 +103,14 @@ class _Search:
         ]
         return self._try([t for t in trials if self._names(t) not in self.tried], finished)
 
-    def replacing(self, before: Names, best: Names | None) -> list[Names]:
+    def leaves_a_trifle(self, names: Names) -> bool:
+        """Whether no further effect could count."""
+        return explained(self.tried[names], self.tried[()]) > 1.0 - TRIFLE
+
+    def replacing(self, before: Names, best: Names) -> list[Names]:
         """Try the best of a stage with each effect that was there before the stage replaced by others."""
         found: list[Names] = []
-        for old in before if best is not None else ():
+        for old in before:
             rest = tuple(name for name in best if name != old)
             if self._reduced(best, rest) is not None:
                 found += self.beside(rest)

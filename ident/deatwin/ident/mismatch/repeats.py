@@ -22,8 +22,8 @@ SHORTEST_SECONDS = 4.0
 """Total length of repeats below which nothing is concluded from them."""
 BLOCKS = 20
 """Into which the pairs are cut for the jackknife."""
-BOUND = 1.645
-"""One-sided 95 % bound of a normal law."""
+BOUND = 2.0
+"""Standard deviations of the jackknife on either side, which is somewhat short of the true scatter."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -57,7 +57,7 @@ class Repeatability:
         Covariance of the residual with its repeat over the variance that is not sensor noise: 1 if all that the plant
         lacks comes back, 0 if none does.
     low, high : float
-        One-sided 95 % bounds of the share.
+        The share less and plus two standard deviations.
     within : float
         Variance of a single residual about what is repeatable, squares of the residual's unit.
     explainable : float

@@ -6,7 +6,7 @@ Every number in it is a field of ``diagnosis.json``, rounded as it is shown; sha
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -29,7 +29,7 @@ def number(value: float, digits: int = 3) -> str:
     value : float
         Any.
     digits : int
-        Significant digits; zeros at the end are kept where they are fewer than three.
+        Significant digits.
 
     Returns
     -------
@@ -40,9 +40,7 @@ def number(value: float, digits: int = 3) -> str:
     >>> number(55.812), number(0.0029), number(1234.5), number(2.0, 2)
     ('55.8', '0.0029', '1230', '2.0')
     """
-    trim: Literal["-", "k"] = "-" if digits >= 3 else "k"
-    text = np.format_float_positional(value, precision=digits, unique=False, fractional=False, trim=trim)
-    return text.rstrip(".")
+    return np.format_float_positional(value, precision=digits, unique=False, fractional=False).rstrip(".")
 
 
 def say(diagnosis: Diagnosis) -> str:
@@ -92,10 +90,10 @@ def _ambiguous(diagnosis: Diagnosis) -> str:
 
 def _unknown(diagnosis: Diagnosis) -> str:
     refuted = "; the unseen data refuted the explanation that fitted best" if _refuted(diagnosis) else ""
-    after = diagnosis.fit["unseen"]["after"]
-    shape = "" if diagnosis.free_form is None or after is None else (
-        f"; a free-form term, which is a description and not physics, lowers the error on unseen data to "
-        f"{_amplitude(after, diagnosis)}"
+    form = diagnosis.free_form
+    shape = "" if form is None else (
+        "; a free-form term, which is a description and not physics, lowers the error on unseen data from "
+        f"{_rounded(form['before'])} to {_amplitude(form['after'], diagnosis)}"
     )  # fmt: skip
     return (
         "Something is missing that no effect of the catalogue explains: the calibrated plant leaves "

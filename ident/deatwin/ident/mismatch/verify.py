@@ -168,7 +168,7 @@ class Verification:
         axes.invert_yaxis()
         axes.set_xlim(left=0.0)
         axes.set_xlabel(f"rms residual, unseen ({unit})")
-        axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
+        axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, markerscale=1.0)
         return axes
 
     def _with_sham(self, sham: Sham) -> tuple[float, float]:

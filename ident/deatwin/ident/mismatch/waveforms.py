@@ -207,9 +207,8 @@ def _multisine(seconds: float, sample_time: float, rng: np.random.Generator) -> 
     """One period of odd harmonics up to a tenth of the sample rate, between -1 and 1; slow ones are the largest."""
     period = max(20, round(seconds / sample_time)) * sample_time
     lines = odd_harmonics(period, max(0.1 / sample_time, 1.01 / period))
-    infinite = {"lower": -np.inf, "upper": np.inf}
     wave = random_phase_multisine(
-        rng, period, sample_time, lines, 1.0, mean=0.0, amplitudes=lines**-0.5, **infinite
+        rng, period, sample_time, lines, 1.0, mean=0.0, amplitudes=lines**-0.5, lower=-np.inf, upper=np.inf
     )
     return np.asarray(wave / np.abs(wave).max())
 

@@ -28,6 +28,7 @@ from deatwin.plant.effects.sensor_drift import SensorDrift
 from deatwin.plant.effects.sensor_jump import SensorJump
 from deatwin.plant.effects.sensor_lag import SensorLag
 from deatwin.plant.effects.sensor_saturation import SensorSaturation
+from deatwin.plant.effects.sizes import Sizes
 from deatwin.plant.effects.strain_stiffening import StrainStiffening
 from deatwin.plant.effects.thermal_stiffness import ThermalStiffness
 
@@ -61,6 +62,7 @@ __all__ = [
     "SensorJump",
     "SensorLag",
     "SensorSaturation",
+    "Sizes",
     "StrainStiffening",
     "ThermalStiffness",
     "catalogue",

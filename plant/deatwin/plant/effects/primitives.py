@@ -4,7 +4,7 @@ Each takes one signal, in units of its own scale so that it is of order 1, and g
 
 .. math:: \dot m = r(s, m)
 
-from its value at rest on. Corners are rounded: :math:`p(x) = x^2/(x + 0.01)` above 0, else 0.
+from its value at rest on. Corners are rounded: :math:`p(x) = x^2/(x + 0.001)` above 0, else 0.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ __all__ = [
 
 Symbol = Any
 
-CORNER = 0.01
+CORNER = 0.001
 """Rounding of corners, in units of the signal's scale."""
 PURSUIT = 0.1
 """Time in which a play or a running extreme follows what pushes it, in samples."""
@@ -157,7 +157,7 @@ class Power(Primitive):
 
 @dataclass(frozen=True, kw_only=True)
 class Magnitude(Primitive):
-    r"""The magnitude, :math:`\sqrt{s^2 + 0.01^2} - 0.01`.
+    r"""The magnitude, :math:`\sqrt{s^2 + 0.001^2} - 0.001`.
 
     Parameters
     ----------

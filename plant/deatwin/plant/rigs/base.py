@@ -94,7 +94,11 @@ class Rig(ABC):
     @property
     @abstractmethod
     def start(self) -> StartProcedure:
-        """How an experiment starts."""
+        """How an experiment starts.
+
+        Where a recording begins at a state that nobody knows, the rig lets each state start from a parameter,
+        ``build.state(..., start=build.parameter("level_at_start"))``, which a calibration finds like any other.
+        """
 
     @abstractmethod
     def write(self, build: Builder) -> Any:

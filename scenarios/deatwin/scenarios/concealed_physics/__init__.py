@@ -50,6 +50,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
     """
     record = RunRecord(command=setting.command, inputs=[], seed=setting.seed, jobs=setting.jobs)
     size = setting.size or SIZE
+    setting.folder.written.extend(("seal.json", "cases"))  # by the store, as soon as it begins
     store = carry_out(setting.folder.path, size, setting.seed, setting.jobs, setting.progress)
     setting.progress(1.0, "opening the key")
     key = key_of(labels(size, setting.seed))
@@ -70,7 +71,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
     write_story(setting.folder, page, setting.seed)
     result = {"sentence": line, "seal": store.seal.hash, "goals": [asdict(goal) for goal in goals], **_counts(study)}
     setting.folder.text("concealed-physics.json", json.dumps(result, indent=1, ensure_ascii=False) + "\n")
-    finished = record.finished(["seal.json", *setting.folder.written, "run.json"])
+    finished = record.finished([*setting.folder.written, "run.json"])
     setting.folder.text("run.json", json.dumps(finished, indent=1) + "\n")
     return result
 

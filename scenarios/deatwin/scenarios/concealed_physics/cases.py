@@ -22,10 +22,11 @@ __all__ = ["LADDER", "SIZES", "CaseSpec", "Specimen", "case_specs", "make", "pai
 
 LADDER = (0.3, 0.5, 0.9, 1.6, 2.8, 5.0)
 """Strengths of the cases of an effect, structural residual over noise."""
-PAIR_RATIOS = (0.7, 2.5)
+PAIR_RATIOS, PAIR_NOISE_SHARES = (0.9, 2.5), (0.01, 0.025)
+"""Each of two mechanisms is to reach 0.7 within the tolerance of its strength."""
 OUTSIDE_RATIOS, TIE_RATIOS = (0.4, 4.0), (0.7, 3.0)
 NOISE_SHARES = (0.01, 0.05)
-PAIRABLE = 1.5
+PAIRABLE = 5.0
 """Least reach, against the noise, of an effect that takes part in a pair."""
 SIZES: Mapping[str, tuple[int, int, int, int, int]] = MappingProxyType({
     "tiny": (3, 4, 2, 2, 1), "standard": (150, 6, 40, 40, 24), "full": (300, 12, 80, 80, 48),
@@ -97,7 +98,7 @@ def _effects(each: int, rng: np.random.Generator) -> Iterator[Given]:
 
 def _few_effects(count: int, rng: np.random.Generator) -> Iterator[Given]:
     """Some effects that can be seen well."""
-    seen = [name for name in KEY if reach(name) >= 2 * PAIRABLE]
+    seen = [name for name in KEY if reach(name) >= PAIRABLE]
     for name in rng.choice(seen, count, replace=False):
         yield _effect(str(name), KEY[str(name)][0], "01", 2.8)
 
@@ -125,6 +126,7 @@ def _pairs(count: int, rng: np.random.Generator) -> Iterator[Given]:
         yield {
             "name": f"pair-{k + 1:02d}", "kind": "pair", "effects": pair, "truth": tuple(KEY[n][0] for n in pair),
             "target_ratio": log_uniform(rng, *PAIR_RATIOS),
+            "noise_share": round(log_uniform(rng, *PAIR_NOISE_SHARES), 4),
         }  # fmt: skip
 
 

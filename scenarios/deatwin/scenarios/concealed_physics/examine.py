@@ -7,9 +7,9 @@ oracle and the advised experiment ask the generator, and the check is run; what 
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -18,12 +18,8 @@ from deatwin.ident.mismatch import Diagnosis, diagnose
 from deatwin.plant.errors import DeatwinError, SimulationError
 from deatwin.plant.model import Plant
 from deatwin.scenarios.concealed_physics.baselines import BASELINES, track_of
+from deatwin.scenarios.concealed_physics.cases import CaseSpec, Specimen, make
 from deatwin.scenarios.concealed_physics.oracle import consult
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from deatwin.scenarios.concealed_physics.cases import CaseSpec, Specimen
 
 __all__ = ["check_rms", "examine"]
 
@@ -43,8 +39,6 @@ def examine(spec: CaseSpec, seconds: float, check_seconds: float) -> dict[str, A
     dict
         Plain data; amplitudes in SI. ``seconds`` alone differs between equal runs.
     """
-    from deatwin.scenarios.concealed_physics.cases import make
-
     clock = _Clock()
     with clock("make"):
         specimen = make(spec, seconds=seconds, check_seconds=check_seconds)

@@ -20,7 +20,7 @@ from deatwin.scenarios.concealed_physics.rates import (
     reliability,
 )
 from deatwin.scenarios.concealed_physics.tables import MADE_BY
-from deatwin.scenarios.report.figures import Drawing
+from deatwin.scenarios.report.drawing import Drawing
 from deatwin.scenarios.report.svg import COLOURS, draw, standalone
 from deatwin.scenarios.svb_benchmark.figures import table_text
 

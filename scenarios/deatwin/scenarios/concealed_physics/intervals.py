@@ -21,6 +21,7 @@ from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter, Scale
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.rigs.diaphragm import Diaphragm
+from deatwin.scenarios.concealed_physics.key import invisible
 
 __all__ = ["DRAWS", "IntervalSpec", "cover", "interval_specs"]
 
@@ -52,6 +53,8 @@ class IntervalSpec:
         Whether the sensor's noise is coloured.
     seed : int
         Of values, commands and noise.
+    kind : str
+        Tells it from the cases that are diagnosed.
     """
 
     name: str
@@ -80,10 +83,7 @@ def interval_specs(size: str, seed: int) -> tuple[IntervalSpec, ...]:
     tuple of IntervalSpec
         Every effect of the catalogue that displacement shows, in turn with white and coloured noise.
     """
-    from deatwin.scenarios.concealed_physics.key import canonical
-    from deatwin.scenarios.concealed_physics.reach import invisible
-
-    hidden = {canonical(mechanism) for mechanism in invisible()}
+    hidden = invisible()
     effects = TINY if size == "tiny" else tuple(e.name for e in catalogue() if e.name not in hidden)
     pairs = [(effect, draw) for effect in effects for draw in range(DRAWS[size])]
     seeds = np.random.SeedSequence((seed, len(pairs))).generate_state(len(pairs))

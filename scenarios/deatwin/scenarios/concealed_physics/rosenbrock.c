@@ -77,14 +77,15 @@ static void solve(const double *right, double *x)
     for (int i = 0; i < N; i++) x[i] = y[PLACE[i]];
 }
 
-/* Newton's method with a step so short that no state moves. */
+/* Simplified Newton's method with a step so short that no state moves; from afar it fails rather than find another
+   equilibrium beyond pull-in. */
 static int make_consistent(const plant_t *q)
 {
     double change[N];
     if (N == NX) return 1;
     linearise(q);
     if (!factor(q, 1e-15)) return 0;
-    for (int number = 0; number < 15; number++) {
+    for (int number = 0; number < 30; number++) {
         double size = 0.0;
         if (number) evaluate(q, w, now, value);
         solve(value, change);

@@ -22,8 +22,8 @@ SCHEMA = "deatwin/concealed-seal/1"
 DECIDING = ("deatwin.ident.mismatch", "deatwin.ident.greybox")
 """Packages whose numbers decide a verdict."""
 SEALED_CODE = ("deatwin.plant", "deatwin.ident", "deatwin.scenarios.concealed_physics")
-OPEN_CODE = frozenset({"__init__.py", "score.py", "goals.py", "opened.py", "rates.py", "tables.py", "figures.py"})
-"""Of this folder: what counts and draws after the key is opened. It has a hash of its own, which the report states."""
+OPEN_CODE = frozenset({"__init__.py", "score.py", "opened.py", "rates.py", "confusion.py", "tables.py", "figures.py"})
+"""Of this folder: what counts and draws. It has a hash of its own, and the report says whether it changed."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -198,7 +198,7 @@ def _sources(counting: bool) -> str:
     parts = []
     for name in SEALED_CODE:
         for root in import_module(name).__path__:
-            for path in sorted(Path(root).rglob("*.py")):
+            for path in sorted(p for p in Path(root).rglob("*") if p.is_file() and "__pycache__" not in p.parts):
                 counts = name.endswith("concealed_physics") and path.parent == Path(root) and path.name in OPEN_CODE
                 if counts == counting:
                     parts.append(f"{name}/{path.relative_to(root)}:{hashlib.sha256(path.read_bytes()).hexdigest()}")

@@ -26,6 +26,8 @@ __all__ = ["SECONDS", "Specimen", "make"]
 SECONDS, CHECK_SECONDS = 120.0, 48.0
 LOWEST, HIGHEST = 1.1, 3.75
 """Range of the thesis' commands, V."""
+LEAST_NOISE = 1e-6
+"""Of a laser sensor, rms, m: it shows where the motion is very small."""
 CLEAR = 1.04
 """The film bears this many times the highest command."""
 LOWER, RETRIES = 0.93, 12
@@ -34,6 +36,8 @@ NEAR, CORRECTIONS = 0.1, 4
 """How near to its target a ratio to first order is to come, and how many corrections are made for that."""
 WITHIN, REFITS = 0.2, 4
 """The same for the ratio after a full refit."""
+LEAST = 1e-3
+"""Share of a mechanism's largest size below which a film that does not bear it calls for lower voltages."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -178,7 +182,8 @@ def _made(spec: CaseSpec, rigging: Rigging, whole: Experiment, rng: np.random.Ge
     silent = SensorNoise(rms=0.0, coloured=0.0, pole=0.0, step=0.0)
     bare = Apparatus(plant=rigging.actual, mechanisms=(), before=rigging.before, noise=silent, seed=spec.seed)
     readings = bare.readings(whole)
-    noise = SensorNoise.drawn(rng, float(f"{spec.noise_share * np.std(np.concatenate(readings[:count])):.2g}"))
+    rms = max(spec.noise_share * float(np.std(np.concatenate(readings[:count]))), LEAST_NOISE)
+    noise = SensorNoise.drawn(rng, float(f"{rms:.2g}"))
     nominal = rigging.nominal.with_rig(replace(rigging.nominal.rig, noise=noise.rms))
     apparatus, ratio, rest = replace(bare, noise=noise), 0.0, None
     ratios: dict[str, float] = {}
@@ -230,27 +235,37 @@ class _Sizing:
 
     def sized(self, mechanism: Mechanism, target: float) -> tuple[Mechanism, tuple[np.ndarray, ...], float]:
         """A mechanism of the strength that a ratio needs, or its largest; the readings with it; and the ratio."""
-        aim = target
+        aim, last = target, np.inf
         for _ in range(REFITS):
             mechanism, readings, guess = self._guessed(mechanism, aim)
             ratio = self.scale.ratio(readings[:-1])
-            if abs(ratio / target - 1) < WITHIN or (mechanism.size >= mechanism.largest and ratio < target):
+            if abs(ratio / target - 1) < WITHIN or (ratio < target and mechanism.size == last):
                 break
             # A base plant that is moved far gives way more than to first order.
-            aim = guess * float(np.clip(target / ratio, 0.2, 8.0))
+            aim, last = guess * float(np.clip(target / max(ratio, 1e-6), 0.2, 8.0)), mechanism.size
+            if ratio < target and mechanism.size >= mechanism.largest:
+                break
         return mechanism, readings, ratio
 
     def _guessed(self, mechanism: Mechanism, aim: float) -> tuple[Mechanism, tuple[np.ndarray, ...], float]:
         """The same to first order of the refit."""
         tried: list[tuple[float, float]] = []
+        most = mechanism.largest
         while True:
-            readings = self.bare.with_mechanisms(mechanism).readings(self.whole)
+            try:
+                readings = self.bare.with_mechanisms(mechanism).readings(self.whole)
+            except SimulationError:  # more than the film bears
+                most = 0.6 * mechanism.size
+                if most < LEAST * mechanism.largest:
+                    raise
+                mechanism = mechanism.sized(most)
+                continue
             guess = self.scale.guess(readings[:-1])
             tried.append((mechanism.size, guess))
-            at_end = mechanism.size >= mechanism.largest and guess <= aim
+            at_end = mechanism.size >= most and guess <= aim
             if abs(guess / aim - 1) < NEAR or at_end or len(tried) > CORRECTIONS:
                 return mechanism, readings, guess
-            mechanism = mechanism.sized(_next_size(tried, aim))
+            mechanism = mechanism.sized(min(_next_size(tried, aim), most))
 
 
 def _next_size(tried: list[tuple[float, float]], target: float) -> float:

@@ -5,18 +5,17 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from deatwin.ident.parallel import run_jobs
+from deatwin.scenarios.concealed_physics import key
+from deatwin.scenarios.concealed_physics.cases import CaseSpec, case_specs
 from deatwin.scenarios.concealed_physics.examine import examine
 from deatwin.scenarios.concealed_physics.intervals import IntervalSpec, cover, interval_specs
 from deatwin.scenarios.concealed_physics.seal import Seal
 from deatwin.scenarios.concealed_physics.store import Store
-
-if TYPE_CHECKING:
-    from deatwin.scenarios.concealed_physics.cases import CaseSpec
 
 __all__ = ["SIZES", "carry_out", "key_of", "labels", "run_case"]
 
@@ -26,10 +25,10 @@ SECONDS = {"tiny": (60.0, 24.0), "standard": (120.0, 48.0), "full": (120.0, 48.0
 EFFORT = {"clean": 0.5, "interval": 0.15, "tie": 2.0}
 """Of a case of that kind, where others take 1."""
 
-Spec = Any  # CaseSpec or IntervalSpec: each has a name, a kind and a seed
+Spec = CaseSpec | IntervalSpec
 
 
-def labels(size: str, seed: int) -> tuple[CaseSpec | IntervalSpec, ...]:
+def labels(size: str, seed: int) -> tuple[Spec, ...]:
     """All cases of a study, with what is concealed in each.
 
     Parameters
@@ -44,8 +43,6 @@ def labels(size: str, seed: int) -> tuple[CaseSpec | IntervalSpec, ...]:
     tuple of CaseSpec and IntervalSpec
         In the order of the key.
     """
-    from deatwin.scenarios.concealed_physics.cases import case_specs
-
     return (*case_specs(size, seed), *interval_specs(size, seed))
 
 
@@ -62,8 +59,6 @@ def key_of(specs: Sequence[Spec]) -> dict[str, Any]:
     dict
         Plain data; the seal holds its hash.
     """
-    from deatwin.scenarios.concealed_physics import key
-
     return {"names": key.to_dict(), "cases": [spec.to_dict() for spec in specs]}
 
 

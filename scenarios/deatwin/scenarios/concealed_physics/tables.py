@@ -10,7 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from deatwin.scenarios.concealed_physics.confusion import by_effect, by_family
+from deatwin.scenarios.concealed_physics.key import canonical
 from deatwin.scenarios.concealed_physics.opened import FAR, Case, Opened
+from deatwin.scenarios.concealed_physics.reach import REACH, VISIBLE
 from deatwin.scenarios.concealed_physics.score import Goal
 from deatwin.scenarios.concealed_physics.seal import Seal
 from deatwin.scenarios.concealed_physics.store import Store
@@ -47,7 +49,8 @@ def tables(study: Opened, seal: Seal) -> list[Table]:
     list of Table
         In the order of the page.
     """
-    made = [_verdicts(study), _effects(study), _outside(study), _pairs(study), _ties(study), _predictions(study)]
+    made = [_verdicts(study), _effects(study), _outside(study), _pairs(study), _ties(study), _predictions(study),
+            _reach()]  # fmt: skip
     if study.failures:
         made.append(Table(title="Cases that ended in an error", columns=["case", "message"],
                           rows=[[name, text] for name, text in study.failures.items()]))  # fmt: skip
@@ -155,6 +158,17 @@ def _predictions(study: Opened) -> Table:
             rows.append([words, str(len(ratios)), *(f"{r:.3f}" for r in (middle, low, high)), str(lost)])
     columns = ["plant", "cases", "median", "5 %", "95 %", "runs that diverged or failed"]
     return Table(title="Error on the check record over the oracle's, ratio 1 or more", columns=columns, rows=rows)
+
+
+def _reach() -> Table:
+    """What the displacement under a voltage can show of each mechanism at all."""
+    rows = [
+        [mechanism.replace("_", " "), canonical(mechanism) or "outside the catalogue", three_digits(largest),
+         "no" if largest < VISIBLE else "yes"]
+        for mechanism, largest in sorted(REACH.items(), key=lambda item: item[1])
+    ]  # fmt: skip
+    columns = ["mechanism", "effect", "largest ratio", "visible"]
+    return Table(title="Largest ratio that each mechanism reaches at physical size", columns=columns, rows=rows)
 
 
 def _sealed(seal: Seal) -> Table:

@@ -20,6 +20,7 @@ from deatwin.plant.effects.base import Effect, Place
 from deatwin.plant.effects.hysteresis import Hysteresis
 from deatwin.plant.effects.sizes import Sizes
 from deatwin.plant.errors import DataError
+from deatwin.plant.files.formats.optional import require
 from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter, Scale
 from deatwin.plant.recording import Experiment, Recording
@@ -42,7 +43,13 @@ BAND = 200.0
 
 @dataclass(frozen=True, kw_only=True)
 class LinearOscillator(Rig):
-    """A mass between a linear spring and a damper."""
+    """A mass between a linear spring and a damper.
+
+    Parameters
+    ----------
+    sample_time, noise, reading, model_error, command_range, chain
+        As for every `Rig`.
+    """
 
     sample_time: float = 1 / RATE
     noise: float = 0.0
@@ -197,8 +204,7 @@ def case(root: Path) -> Case:
 
 
 def _signals(file: Path, name: str) -> tuple[Array, Array]:
-    import h5py
-
+    h5py = require("h5py", "the Bouc-Wen benchmark")
     if not file.is_file():
         raise DataError(f"{file}: no such file; --data or DEATWIN_DATA must name the folder of public recordings")
     with h5py.File(file) as data:

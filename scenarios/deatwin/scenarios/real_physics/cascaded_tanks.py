@@ -39,7 +39,13 @@ class TankPlace(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Tanks(Rig):
-    """A pump fills the upper of two tanks, which empties into the lower one; levels in volts of the sensor."""
+    """A pump fills the upper of two tanks, which empties into the lower one; levels in volts of the sensor.
+
+    Parameters
+    ----------
+    sample_time, noise, reading, model_error, command_range, chain
+        As for every `Rig`.
+    """
 
     sample_time: float = 4.0
     noise: float = 0.0

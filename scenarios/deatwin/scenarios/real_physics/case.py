@@ -47,12 +47,15 @@ class HeldOut:
         Sample of its last record from which on it counts; those before lead in.
     rival : DataSet, or None
         The same for a NARX: learned from what the plant was fitted to, judged on what counts here.
+    follows : bool
+        Whether the readings follow the input so closely that only the deviation from it can be seen in a figure.
     """
 
     name: str
     experiment: Experiment
     first: int = 0
     rival: DataSet | None = None
+    follows: bool = False
 
     def readings(self, plant: Plant) -> Array:
         """A plant's free run where it counts.
@@ -73,6 +76,12 @@ class HeldOut:
     def measured(self) -> Array:
         """Readings where it counts, shape (n,), SI."""
         return self.experiment.recordings[-1].outputs[0, self.first :]
+
+    @property
+    def level(self) -> Array:
+        """What a figure takes off all readings where it counts, shape (n,), SI: the input where they follow it."""
+        command = self.experiment.recordings[-1].inputs[0, self.first :]
+        return command if self.follows else np.zeros_like(command)
 
     @property
     def timepts(self) -> Array:

@@ -42,12 +42,13 @@ def held_out(case: Case, trial: Trial) -> tuple[Drawing, Columns]:
     dict of str to ndarray
         Its data, around the largest error of the base plant.
     """
-    time, scale = trial.held_out.timepts, case.scale
-    measured, base, amended = (y / scale for y in (trial.held_out.measured, trial.base, trial.amended))
+    held, rig = trial.held_out, case.plant.rig
+    time, scale = held.timepts, case.scale
+    measured, base, amended = ((y - held.level) / scale for y in (held.measured, trial.base, trial.amended))
     peak = int(np.argmax(np.abs(measured - base)))
     first = int(np.clip(peak - ZOOM // 2, 0, max(measured.size - ZOOM, 0)))
     near = slice(first, first + ZOOM)
-    label = f"{case.plant.rig.output_name} ({case.unit})"
+    label = f"{rig.output_name}{f' − {rig.input_name}' if held.follows else ''} ({case.unit})"
     with draw((9.6, 5.6)) as figure:
         top, bottom = figure.subplots(2, 1, height_ratios=(2, 3))
         top.plot(*_envelope(time, measured), color=MEASURED, linewidth=0.5)
@@ -87,7 +88,8 @@ def residuals(case: Case, trial: Trial) -> tuple[Drawing, Columns]:
     from scipy.signal import welch
 
     time, rate = trial.held_out.timepts, 1 / case.plant.rig.sample_time
-    measured, columns = trial.held_out.measured / case.scale, {}
+    measured = trial.held_out.measured / case.scale
+    columns: dict[str, Array] = {}
     with draw((9.6, 5.2)) as figure:
         top, bottom = figure.subplots(2, 1, height_ratios=(3, 2))
         for name, readings, colour in (("base", trial.base, BEFORE), ("amended", trial.amended, AFTER)):

@@ -38,7 +38,13 @@ BAND = 250.0
 
 @dataclass(frozen=True, kw_only=True)
 class LinearOscillator(Rig):
-    """A mass between a spring and a damper, in volts: what the circuit is without its cubic term."""
+    """A mass between a spring and a damper, in volts: what the circuit is without its cubic term.
+
+    Parameters
+    ----------
+    sample_time, noise, reading, model_error, command_range, chain
+        As for every `Rig`.
+    """
 
     sample_time: float = 1 / SILVERBOX_RATE
     noise: float = 0.0

@@ -87,6 +87,8 @@ def drawings(diagnosis: Diagnosis) -> tuple[list[Drawing], dict[str, dict[str, A
 def _amendment(diagnosis: Diagnosis) -> str:
     """What was built in, short enough for a legend."""
     names = [cause.effect.replace("_", " ") for cause in diagnosis.causes]
+    if not names and diagnosis.free_form is not None:
+        return "the free form"
     return " and ".join(names) if 0 < len(names) < 3 else "the amendments"
 
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 __all__ = ["noise_source", "parameters", "step_drawings", "verification"]
 
-STEPS = ("checked", "detection", "place", "free_form", "advice", "verification")
+STEPS = ("checked", "detection", "region", "place", "lines", "free_form", "advice", "verification")
 WIDTH = 6.4
 ROW = 0.3
 """Height of a row of a figure that has one for each part, in inches."""
@@ -67,10 +67,20 @@ def _drawable(evidence: Evidence) -> dict[str, Drawable]:
             lambda figure: detection.plot(list(figure.subplots(3, 1))),
         )  # fmt: skip
     if (location := evidence.location) is not None:
+        found["region"] = (
+            (WIDTH, 3.6), "The operating region",
+            "Mean residual over each signal, from its lowest to its highest value.",
+            lambda figure: location.region.plot(figure.add_subplot()),
+        )  # fmt: skip
         found["place"] = (
             (WIDTH, 4.2), "The place", "How well something that enters there explains the mismatch.",
-            lambda figure: location.plot(figure.add_subplot()),
+            lambda figure: location.place.plot(figure.add_subplot()),
         )  # fmt: skip
+        if (lines := location.lines) is not None:
+            found["lines"] = (
+                (WIDTH, 3.4), "Lines of the periodic input", "The mismatch on its lines and between them.",
+                lambda figure: lines.plot(figure.add_subplot(), unit=location.unit),
+            )  # fmt: skip
     if (discovery := evidence.discovery) is not None:
         found["free_form"] = (
             (WIDTH, 4.0), "The free form", "A description of what is missing, not physics: force against state.",

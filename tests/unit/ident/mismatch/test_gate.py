@@ -122,3 +122,40 @@ def test_nothing_to_diagnose_is_one_clear_error(sound):
     constant = Experiment(recordings=(Recording.from_arrays(np.full(3000, 2.0), np.zeros(3000), 0.02),))
     with pytest.raises(DataError, match="constant"):
         gate(PLANT, [constant])
+
+
+def test_limits_jumps_steps_and_gaps_are_reported_but_no_faults(sound):
+    first, second = sound.recordings
+    outputs = np.minimum(first.outputs[0], np.quantile(first.outputs[0], 0.8))
+    outputs[1200:] -= 3e-4
+    coarse = np.round(second.outputs / 2e-5) * 2e-5
+    given = Experiment(
+        recordings=(replace(first, outputs=outputs[None]), replace(second, outputs=coarse, start=second.start + 3.0))
+    )
+    checked = gate(PLANT, [given])
+    assert checked.soundness is Soundness.SOUND
+    notes = "; ".join(checked.notes)
+    assert "record 1: the reading is at a limit" in notes
+    assert "record 1: jumps in 1 samples between 24.00 and 24.00 s" in notes
+    assert "record 2: the readings come in steps of 20 µm" in notes
+    assert "no readings between 40.00 and 43.00 s" in notes
+
+
+def test_a_sound_experiment_needs_no_notes(sound):
+    assert gate(PLANT, [sound]).notes == ()
+
+
+def test_a_jump_is_confirmed_by_the_residual(sound):
+    outputs = sound.recordings[0].outputs[0].copy()
+    outputs[1200:] -= 3e-4
+    jumped = with_outputs(sound, outputs)
+    checked = confirm(gate(PLANT, [jumped]), [[y[0] for y in PLANT.simulate(jumped).outputs]])
+    assert np.flatnonzero(checked.jumps[0][0]).tolist() == [1200]
+
+
+def test_the_gate_draws_what_it_found(sound):
+    outputs = sound.recordings[0].outputs[0].copy()
+    outputs[1000:1200] = np.median(outputs)
+    axes = gate(PLANT, [with_outputs(sound, outputs)]).plot()
+    assert axes.get_ylabel() == "reading, µm"
+    assert [text.get_text() for text in axes.get_legend().get_texts()] == ["stuck, 200 samples"]

@@ -120,8 +120,8 @@ DIAGNOSES = {
     "ambiguous for good": made_up(Verdict.AMBIGUOUS, CREEP, next_experiment=NO_INPUT),
     "unknown": made_up(Verdict.UNKNOWN),
     "unknown, refuted": made_up(Verdict.UNKNOWN, verification=REFUTED),
-    "unknown, free form": replace(made_up(Verdict.UNKNOWN), free_form={"place": "film", "terms": ["v", "x v"]},
-                                  fit=made_up(Verdict.NAMED, CREEP).fit),
+    "unknown, free form": made_up(Verdict.UNKNOWN, free_form={"place": "ball", "terms": [], "before": 10.2419,
+                                                              "after": 4.4123, "gain_low": 5.1}),
     "disturbance": made_up(Verdict.DISTURBANCE),
     "disturbance, known": made_up(Verdict.DISTURBANCE, detect=DETECTED),
     "data_fault": made_up(Verdict.DATA_FAULT, faults=FAULTS),
@@ -131,9 +131,6 @@ DIAGNOSES = {
     "volts": made_up(Verdict.UNKNOWN, unit="V", size=4.4e-6),
     "no unit": made_up(Verdict.PARAMETERS, unit="", size=1234.5),
 }  # fmt: skip
-DIAGNOSES["unknown, free form"] = replace(
-    DIAGNOSES["unknown, free form"], sentence=say(DIAGNOSES["unknown, free form"])
-)
 
 
 def test_every_verdict_is_there():
@@ -189,7 +186,7 @@ def test_the_sentence_of_one_cause():
 def test_a_small_share_is_said_to_be_small():
     assert "only 3 % of the mismatch" in DIAGNOSES["named, weakly"].sentence
     assert "(50.2 to 59.3), which explains 97 % of the mismatch" in DIAGNOSES["two causes"].sentence
-    assert "(-13 to -11), which explains only 21 % of the mismatch" in DIAGNOSES["two causes"].sentence
+    assert "(-13.0 to -11.0), which explains only 21 % of the mismatch" in DIAGNOSES["two causes"].sentence
 
 
 def test_a_refuted_explanation_and_a_free_form_are_no_causes():
@@ -207,7 +204,7 @@ def test_every_effect_of_the_catalogue_can_be_said():
 
 def test_numbers_are_rounded_to_significant_digits():
     shown = [number(x) for x in (0.0029, 54.0, 1234.5, -1.2345e-5, 1e9)]
-    assert shown == ["0.0029", "54", "1230", "-0.0000123", "1000000000"]
+    assert shown == ["0.0029", "54.0", "1230", "-0.0000123", "1000000000"]
     assert [number(x, 2) for x in (2.0, 0.04)] == ["2.0", "0.040"]
 
 

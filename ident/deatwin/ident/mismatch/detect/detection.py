@@ -13,6 +13,7 @@ from deatwin.ident.mismatch.detect.leftover import Leftover, leftover_of
 from deatwin.ident.mismatch.detect.origin import Origin, OriginEvidence, origin_of
 from deatwin.ident.mismatch.detect.power import Power
 from deatwin.ident.mismatch.detect.statistics import GROUPS, Scores
+from deatwin.ident.mismatch.excess import BEYOND_DOUBT
 from deatwin.ident.mismatch.noise import NoiseFloor, noise_level
 from deatwin.ident.mismatch.repeats import Repeatability, find_repeats, repeatability
 from deatwin.ident.mismatch.units import amplitude_unit
@@ -146,8 +147,11 @@ class Detection:
 
     @property
     def mismatch(self) -> bool:
-        """Whether something is missing: beyond chance and large enough to count."""
-        return self.p_value < LEVEL and self.size >= self.practical
+        """Whether something is missing: beyond chance and large enough to count, or too large for any doubt.
+
+        Model errors are slow, so that few independent ones are in a short record, and chance allows them much.
+        """
+        return _counts(self.p_value, self.size, self.practical)
 
     @property
     def testable(self) -> bool:
@@ -259,7 +263,7 @@ def detect_in(
     repeats = find_repeats(commands, left.sample_time)
     smallest, visible = _seen(law, left, known, practical)
     p_value, size = law.p_value(float(groups.max())), _size(left)
-    counts = p_value < LEVEL and size >= practical
+    counts = _counts(p_value, size, practical)
     return Detection(
         p_value=p_value, statistics=_statistics(law, left, scores, groups), size=size, practical=practical,
         noise=left.noise, model_error=left.model_error,
@@ -269,6 +273,10 @@ def detect_in(
         moved=float(np.sqrt(np.mean(left.moved**2))), visible=visible, smallest=smallest,
         output_unit=left.output_unit, curves=_curves(law, left, scores),
     )  # fmt: skip
+
+
+def _counts(p_value: float, size: float, practical: float) -> bool:
+    return (p_value < LEVEL and size >= practical) or size > BEYOND_DOUBT * practical
 
 
 def _size(left: Leftover) -> float:

@@ -177,6 +177,8 @@ def colour(left: Leftover) -> tuple[np.ndarray, float]:
         Of the driving white noise, for a noise of unit variance.
     """
     frequency, density, averages = _welch(left)
+    if not density.all():
+        return np.ones(1), 1.0  # no noise has no colour
     above = frequency >= _quiet_from(left, frequency)
     best, chosen = np.inf, np.ones(1)
     seen = (frequency[above], density[above], averages)

@@ -23,7 +23,7 @@ from deatwin.ident.mismatch.repeats import Repeats, repeatability
 __all__ = ["Origin", "OriginEvidence", "origin_of", "without_forms"]
 
 FOREIGN, OWN = 0.3, 0.5
-"""A residual of which the 95 % bound says that less comes back is a disturbance's; of which more, the plant's."""
+"""A residual of which certainly less comes back is a disturbance's; of which certainly more, the plant's."""
 UNPREDICTED = 0.1
 """Without repeats the share that can be predicted must be less than this for a disturbance."""
 COSINES = 8
@@ -35,7 +35,8 @@ RIDGES = 10.0 ** np.arange(-3, 4)
 """Penalties of the predictor, as shares of the variance; the best one counts."""
 PLAYS = (0.05, 0.2)
 """Widths of two play operators, as shares of the range of the motion."""
-BOUND = 1.645
+BOUND = 2.0
+"""Standard deviations of the jackknife on either side."""
 FEWEST_SECONDS = 20.0
 """Of recordings without repeats, from which anything is concluded."""
 
@@ -61,7 +62,7 @@ class OriginEvidence:
     share : float
         Of what is neither noise nor one of the forms: how much comes back, or can be predicted.
     low, high : float
-        One-sided 95 % bounds of the share.
+        The share less and plus two standard deviations.
     left : float
         Rms of what is neither noise nor one of the forms, SI.
     """
@@ -241,7 +242,8 @@ def _play(signal: np.ndarray, width: float) -> np.ndarray:
 def _predictable(values: np.ndarray, terms: np.ndarray, noise: float) -> tuple[float, float, float]:
     """Share of the variance beyond the noise that ridge regression predicts in folds that it has not seen, and bounds.
 
-    The bounds are from a jackknife over the folds.
+    The bounds are from a jackknife over the folds; the upper one is the largest of all penalties, so that nothing
+    passes for unpredictable since the penalty that happened to do best predicts nothing at all.
     """
     folds = np.minimum(np.arange(values.size) * FOLDS // values.size, FOLDS - 1)
     grams = [terms[folds == k].T @ terms[folds == k] for k in range(FOLDS)]
@@ -254,13 +256,14 @@ def _predictable(values: np.ndarray, terms: np.ndarray, noise: float) -> tuple[f
         estimates = vectors @ (seen[:, None] / (np.maximum(weights, 0.0)[:, None] + penalties))
         lost[k] = np.mean((values[folds == k, None] - terms[folds == k] @ estimates) ** 2, axis=0)
     before = np.array([np.mean(values[folds == k] ** 2) for k in range(FOLDS)])
-    best = int(np.argmin(lost.mean(axis=0)))
-    gained = before - lost[:, best]
+    gained = before[:, None] - lost
 
-    def share(kept: np.ndarray) -> float:
-        return float(np.mean(gained[kept]) / max(np.mean(before[kept]) - noise, 0.1 * np.mean(before[kept])))
+    def share(kept: np.ndarray) -> np.ndarray:
+        total = np.mean(before[kept])
+        return np.asarray(np.mean(gained[kept], axis=0) / max(total - noise, 0.1 * total))
 
-    out = np.array([share(np.arange(FOLDS) != k) for k in range(FOLDS)])
-    deviation = float(np.sqrt((FOLDS - 1) * np.mean((out - out.mean()) ** 2)))
+    out = np.stack([share(np.arange(FOLDS) != k) for k in range(FOLDS)])
+    deviation = np.sqrt((FOLDS - 1) * np.mean((out - out.mean(axis=0)) ** 2, axis=0))
     middle = share(np.arange(FOLDS) >= 0)
-    return middle - BOUND * deviation, middle, middle + BOUND * deviation
+    best = int(np.argmax(middle))
+    return float(middle[best] - BOUND * deviation[best]), float(middle[best]), float(np.max(middle + BOUND * deviation))

@@ -1,18 +1,32 @@
 """Where the mismatch is: when, at which frequencies, in which operating region, in which part of the plant."""
 
-from deatwin.ident.mismatch.locate.frequency import Band, locate_frequency
-from deatwin.ident.mismatch.locate.region import Region, locate_region
+from deatwin.ident.mismatch.locate.frequency import Band, Bands, locate_frequency
+from deatwin.ident.mismatch.locate.lines import LineGroup, Lines, locate_lines
+from deatwin.ident.mismatch.locate.location import Location, locate
+from deatwin.ident.mismatch.locate.place import OpenedPlace, Places, locate_place
+from deatwin.ident.mismatch.locate.region import Region, Regions, locate_region
 from deatwin.ident.mismatch.locate.response import ResponseDifference, locate_response
-from deatwin.ident.mismatch.locate.time import Window, locate_time
+from deatwin.ident.mismatch.locate.time import Times, Window, locate_time
 from deatwin.ident.mismatch.locate.track import Track
 
 __all__ = [
     "Band",
+    "Bands",
+    "LineGroup",
+    "Lines",
+    "Location",
+    "OpenedPlace",
+    "Places",
     "Region",
+    "Regions",
     "ResponseDifference",
+    "Times",
     "Track",
     "Window",
+    "locate",
     "locate_frequency",
+    "locate_lines",
+    "locate_place",
     "locate_region",
     "locate_response",
     "locate_time",

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.stats import chi2, norm, wilcoxon
 
 from deatwin.ident.frequency.comparison.equality import holm
 from deatwin.ident.greybox.filter import Floor, linearise, open_place, places
@@ -29,7 +29,7 @@ __all__ = ["OpenedPlace", "Places", "locate_place"]
 BLOCKS = 48
 """Stretches of the recordings in which two places are compared."""
 TOGETHER = 2.0
-"""A place belongs to the answer while its loss is within so many standard errors of the best one's."""
+"""A place belongs to the answer while its losses are not larger than the best one's by so many standard errors."""
 REPEATABLE = 0.05
 
 
@@ -127,7 +127,7 @@ class Places:
         ax.set_yticks(range(len(names)), names)
         ax.invert_yaxis()
         ax.set_xlim(0, 1)
-        ax.set_xlabel("share of the mismatch predicted by a function of the signals there")
+        ax.set_xlabel("share of the mismatch that the signals there predict")
         ax.legend(loc="lower right")
         return ax
 
@@ -200,7 +200,7 @@ def _gains(linears: Sequence[Linear], floor: Floor) -> list[float]:
 
 
 def _as_good(one: Closure, best: Closure) -> bool:
+    """By signed ranks of the differences, which single bursts of the residual do not decide."""
     worse = one.losses - best.losses
-    count = min(BLOCKS, worse.size)
-    means = np.array([piece.mean() for piece in np.array_split(worse, count)])
-    return bool(means.mean() <= TOGETHER * means.std(ddof=1) / np.sqrt(count))
+    means = np.array([piece.mean() for piece in np.array_split(worse, min(BLOCKS, worse.size))])
+    return not means.any() or bool(wilcoxon(means, alternative="greater").pvalue > norm.sf(TOGETHER))

@@ -131,7 +131,7 @@ class Regions:
         ax.set_xlim(-0.05, 1.05)
         ax.set_xlabel("signal, from its lowest to its highest value")
         ax.set_ylabel("mean residual")
-        ax.legend(fontsize="small")
+        ax.legend(fontsize="x-small", loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
         return ax
 
 

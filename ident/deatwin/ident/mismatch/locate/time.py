@@ -25,6 +25,7 @@ FEWEST_SECONDS = 5
 """Of a window in which a trend can be seen."""
 COMES_BACK = 0.5
 """Autocorrelation at which a mismatch is called periodic."""
+NEARLY = 0.9
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,8 +132,8 @@ def locate_time(tracks: Sequence[Track], floor: float) -> Times:
     for track in tracks:
         size = max(2, min(round(WINDOW_SECONDS / track.sample_time), track.residual.size // 8))
         count = track.residual.size // size
-        windows = track.residual[: count * size].reshape(count, size)
-        features = np.stack([windows.mean(axis=1), np.log(np.mean(windows**2, axis=1) + 1e-300)])
+        rows = track.residual[: count * size].reshape(count, size)
+        features = np.stack([rows.mean(axis=1), np.log(np.mean(rows**2, axis=1) + 1e-300)])
         edges = _few_change_points(features)
         for first, last in itertools.pairwise(edges):
             stop = track.residual.size if last == count else last * size
@@ -176,8 +177,13 @@ def _period(tracks: Sequence[Track]) -> float | None:
     below = np.flatnonzero(correlation < 0)
     if below.size == 0:
         return None
-    at = int(below[0] + np.argmax(correlation[below[0] :]))
-    return at * track.sample_time if correlation[at] > COMES_BACK else None
+    later = correlation[below[0] :]
+    # Multiples of the period have peaks as high, but for noise: the first counts.
+    high = np.flatnonzero(later > max(COMES_BACK, NEARLY * later.max()))
+    if high.size == 0:
+        return None
+    first = high[: int(np.argmax(np.diff(high, append=high[-1] + 2) > 1)) + 1]
+    return int(below[0] + first[np.argmax(later[first])]) * track.sample_time
 
 
 def _few_change_points(features: np.ndarray) -> list[int]:

@@ -116,6 +116,8 @@ class TrapConduction(PlantMechanism):
     order: ClassVar[int] = 1
     conductivity: ClassVar[float] = 2e-14
     """S/m at low field."""
+    settles: ClassVar[float] = 5e-5
+    """Time in which the voltage settles, s: not seen at 50 samples a second."""
 
     @classmethod
     def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
@@ -123,14 +125,14 @@ class TrapConduction(PlantMechanism):
 
     def rewrite(self, signal: Any, build: Any) -> Any:
         resistance, scale = self.symbols(build)
-        left, thickness = build.coordinate("voltage_left", scale=1e3), build.own("thickness")
+        left, thickness = build.state("voltage_left", scale=1e3), build.own("thickness")
         current = ca.SX(0)
         for point in (p for p in build.signal("film").points if p.active):
             area = point.stretches[0] * point.stretches[1]
             field = left * area / thickness
             density = self.conductivity * field * ca.exp(ca.sqrt(ca.sqrt(field**2 + 1.0) / scale))
             current += density * area * point.volume / thickness
-        build.balance(signal - left - resistance * current)
+        build.rate(left, signal - left - resistance * current, mass=self.settles)
         return left
 
 
@@ -226,8 +228,10 @@ class RateLimit(PlantMechanism):
     place: ClassVar[Place] = Place.DRIVE
     signal: ClassVar[str] = "amplifier_voltage"
     order: ClassVar[int] = 1
-    lag: ClassVar[float] = 5e-4
-    """Of small signals, s."""
+    width: ClassVar[float] = 5.0
+    """How far behind the amplifier is when it rises at its full rate, V."""
+    fastest: ClassVar[float] = 1e-6
+    """No amplifier is quicker than this, s/V; nothing of it is seen at 50 samples a second."""
 
     @classmethod
     def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
@@ -236,9 +240,8 @@ class RateLimit(PlantMechanism):
     def rewrite(self, signal: Any, build: Any) -> Any:
         slowness, ratio = self.symbols(build)
         voltage = build.state("limited_voltage", scale=1e3)
-        behind = signal - voltage
-        wished = behind * slowness / self.lag  # in units of the rising rate
-        build.rate(voltage, behind / ca.fmax(1.0, ca.fmax(wished, -wished / ratio)), mass=self.lag)
+        behind = (signal - voltage) / self.width
+        build.rate(voltage, ca.fmin(ca.fmax(behind, -ratio), 1.0), mass=slowness + self.fastest)
         return voltage
 
 

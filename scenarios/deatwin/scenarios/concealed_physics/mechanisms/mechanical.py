@@ -65,7 +65,7 @@ class BristleFriction(PlantMechanism):
     .. math:: F = -(\sigma_0z + \sigma_1\dot z), \qquad \dot z = v - \frac{\sigma_0|v|}{g(v)}z, \qquad
               g = F_c\bigl[1 + 0.25\,e^{-(v/v_s)^2}\bigr]
 
-    with :math:`v_s` = 1 mm/s.
+    with :math:`v_s` = 1 mm/s and :math:`\sigma_1/F_c` = 50 s/m.
 
     Parameters
     ----------
@@ -87,6 +87,7 @@ class BristleFriction(PlantMechanism):
     largest: ClassVar[float] = 3e-3
     place: ClassVar[Place] = Place.BALL
     signal: ClassVar[str] = "force"
+    damping: ClassVar[float] = 50.0
 
     @classmethod
     def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
@@ -99,8 +100,7 @@ class BristleFriction(PlantMechanism):
         grip = 1 + 0.25 * ca.exp(-((velocity / 1e-3) ** 2))
         bending = velocity - ca.fabs(velocity) * share / grip
         build.rate(share, bending, mass=bend)
-        damping = 0.05
-        return signal - force * share - damping * bending
+        return signal - force * (share + self.damping * bending)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,0 +1,192 @@
+"""How well recordings determine a calibrated parameter: profile likelihood."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from deatwin.ident.greybox.fit import Calibration, Part, calibrate, simulated
+from deatwin.plant.drawing import axes_or_new
+from deatwin.plant.errors import ModelError, nearest
+from deatwin.plant.parameters import Parameter
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["Profile", "profile"]
+
+Array = NDArray[np.float64]
+
+LEVEL = 0.95
+CLOSE = 0.02
+"""Share of the limit by which the deviance may miss it at an end of the interval."""
+MOST_POINTS = 6
+"""Refits on each side."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Profile:
+    """The likelihood along one parameter, all others fitted anew at each of its values.
+
+    Parameters
+    ----------
+    parameter : Parameter
+        With the calibrated value.
+    values : ndarray, shape (n,)
+        Values that were tried, in order, SI.
+    deviances : ndarray, shape (n,)
+        Twice the loss of log likelihood at each, scaled to the calibration's covariance.
+    low, high : float
+        Ends of the 95 % interval, SI; an end of the physical range where the likelihood does not fall far enough.
+    bounded : tuple of bool
+        Whether the recordings bound the parameter from below and from above.
+    """
+
+    parameter: Parameter
+    values: Array
+    deviances: Array
+    low: float
+    high: float
+    bounded: tuple[bool, bool]
+
+    @property
+    def identifiable(self) -> bool:
+        """Whether the recordings bound the parameter from both sides."""
+        return all(self.bounded)
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the deviance over the parameter, with the limit of the interval.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Where to; new ones by default.
+
+        Returns
+        -------
+        matplotlib Axes
+        """
+        ax = axes_or_new(ax)
+        # Its signed root is nearly straight between the values that were tried.
+        root = np.sign(self.values - self.parameter.value) * np.sqrt(self.deviances)
+        fine = np.linspace(self.values[0], self.values[-1], 200)
+        ax.plot(fine, np.interp(fine, self.values, root) ** 2, color="C0")
+        ax.plot(self.values, self.deviances, "o", color="C0", markersize=4)
+        ax.axhline(float(chi2.ppf(LEVEL, 1)), color="0.4", linestyle="--", linewidth=0.8, label="95 %")
+        ax.axvspan(self.low, self.high, color="C0", alpha=0.15, linewidth=0)
+        ax.set_xlabel(f"{self.parameter.name.replace('_', ' ')} ({self.parameter.unit})")
+        ax.set_ylabel("deviance")
+        ax.legend()
+        return ax
+
+
+def profile(calibration: Calibration, parts: Sequence[Part], name: str) -> Profile:
+    """Find the interval in which the likelihood of a parameter does not fall below that of a 95 % test.
+
+    The residuals of a plant are correlated in time, so that a likelihood of white noise would be too sharp: the
+    deviance is scaled by the ratio of its curvature to the calibration's covariance, which allows for that.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        That settled.
+    parts : sequence of Part
+        Samples to which it was fitted.
+    name : str
+        A fitted parameter.
+
+    Returns
+    -------
+    Profile
+
+    Raises
+    ------
+    ModelError
+        If the parameter was not fitted.
+
+    References
+    ----------
+    Raue et al., Bioinformatics 25 (2009) 1923-1929, doi:10.1093/bioinformatics/btp358; Chandler & Bate, Biometrika 94
+    (2007) 167-183 (scaled likelihood).
+    """
+    if name not in calibration.names:
+        raise ModelError(f"{name!r} was not fitted{nearest(name, calibration.names)}")
+    sides = [_side(calibration, parts, name, sign) for sign in (-1, 1)]
+    parameter = calibration.plant.parameters[name]
+    points = {parameter.value: 0.0, **sides[0].tried, **sides[1].tried}
+    values = np.array(sorted(points))
+    ends = sorted(sides, key=lambda side: side.end)
+    return Profile(
+        parameter=parameter, values=values, deviances=np.array([points[v] for v in values]), low=ends[0].end,
+        high=ends[1].end, bounded=(ends[0].bounded, ends[1].bounded),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Side:
+    end: float
+    bounded: bool
+    tried: dict[float, float]
+
+
+def _side(calibration: Calibration, parts: Sequence[Part], name: str, sign: int) -> _Side:
+    """Where the deviance reaches its limit: steps by the root of its ratio to that, exact for a parabola."""
+    parameter, scale = calibration.plant.parameters[name], calibration.plant.parameters[name].scale
+    limit = float(chi2.ppf(LEVEL, 1))
+    deviation, white = _deviations(calibration, name)
+    centre = scale.to_coordinate(parameter.value)
+    ends = sorted(scale.to_coordinate(v) for v in (parameter.lower, parameter.upper))
+    furthest = (ends[1] - centre) if sign > 0 else (centre - ends[0])
+    step, tried, inner, outer, warm = np.sqrt(limit) * deviation, {}, 0.0, np.inf, calibration
+    for _ in range(MOST_POINTS):
+        step = min(step, furthest)
+        value = min(max(scale.to_value(centre + sign * step), parameter.lower), parameter.upper)
+        deviance, warm = _deviance(calibration, warm, parts, name, value)
+        deviance *= (white / deviation) ** 2
+        tried[value] = deviance
+        if abs(deviance / limit - 1) < CLOSE or (step == furthest and deviance < limit):
+            break
+        inner, outer = (step, outer) if deviance < limit else (inner, step)
+        guess = step * np.sqrt(limit / max(deviance, 1e-2 * limit))
+        step = guess if inner < guess < outer else (inner + min(outer, 2 * guess)) / 2
+    return _Side(end=value, bounded=bool(deviance > limit * (1 - CLOSE)), tried=tried)
+
+
+def _deviations(calibration: Calibration, name: str) -> tuple[float, float]:
+    """Standard deviations of a coordinate by the calibration's covariance, and under white residuals."""
+    k = calibration.names.index(name)
+    lengths = np.linalg.norm(calibration.jacobian, axis=0)
+    lengths[lengths == 0] = 1.0
+    scaled = calibration.jacobian / lengths
+    white = np.linalg.pinv(scaled.T @ scaled, rcond=1e-12)[k, k] / lengths[k] ** 2 * _variance(calibration)
+    return float(np.sqrt(calibration.covariance[k, k])), float(np.sqrt(white))
+
+
+def _variance(calibration: Calibration) -> float:
+    residuals = calibration.residuals
+    return float(residuals @ residuals) / max(residuals.size - len(calibration.names), 1)
+
+
+def _deviance(
+    best: Calibration, warm: Calibration, parts: Sequence[Part], name: str, value: float
+) -> tuple[float, Calibration]:
+    """Twice the loss of log likelihood with one parameter held, and the fit of the others."""
+    others = [n for n in best.names if n != name]
+    plant = warm.plant.with_values({name: value})
+    if others:
+        refit = calibrate(plant, parts, names=others, tolerance=1e-6)
+        if not refit.status.ok:
+            return np.inf, warm
+        residuals = refit.residuals
+    else:
+        readings = simulated(plant, parts)
+        if readings is None:
+            return np.inf, warm
+        residuals, refit = np.concatenate([part.measured for part in parts]) - readings, warm
+    loss = float(residuals @ residuals) - float(best.residuals @ best.residuals)
+    return max(loss, 0.0) / _variance(best), replace(refit, plant=plant if not others else refit.plant)

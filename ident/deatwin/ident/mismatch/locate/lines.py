@@ -1,0 +1,193 @@
+"""Under a periodic input: which lines of the residual's spectrum the mismatch fills.
+
+A periodic input excites some lines of the spectrum. What is left there, the linear dynamics or the gain got wrong;
+what stands on even lines that were not excited comes from an even nonlinearity, on odd ones from an odd one; and what
+differs from period to period, from noise or from something that drifts.
+
+References
+----------
+Schoukens, Vaes, Pintelon, "Linear system identification in a nonlinear setting: nonparametric analysis of the nonlinear
+distortions and their impact on the best linear approximation", IEEE Control Syst. 36 (2016) 38-69.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+from scipy.stats import f as f_law
+
+from deatwin.ident.mismatch.locate.track import SI, Track, Unit
+from deatwin.plant.drawing import axes_or_new
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["LineGroup", "Lines", "locate_lines"]
+
+Array = NDArray[np.float64]
+
+SAME = 1e-6
+"""Share of its range by which a periodic command may differ from period to period."""
+EXCITED = 1e-3
+"""Share of the strongest line above which a line counts as excited."""
+FEWEST_PERIODS = 2
+SETTLING = 3
+"""Periods from which on the first is left out, for the plant to settle in."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LineGroup:
+    """A group of lines of the residual's spectrum.
+
+    Parameters
+    ----------
+    kind : str
+        ``"excited"``, ``"odd"``, ``"even"`` (neither of them excited), or ``"varying"``: what changes from period to
+        period, on all lines.
+    rms : float
+        What the residual holds there, without what varies (of the last group: all of it), SI.
+    p_value : float
+        Of nothing there; of the last group, of no more than the sensor's white noise.
+    lines : int
+        How many.
+    """
+
+    kind: str
+    rms: float
+    p_value: float
+    lines: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lines:
+    """The residual under a periodic input, by groups of lines.
+
+    Parameters
+    ----------
+    period_s : float
+        Of the input, s.
+    periods : int
+        That were compared.
+    groups : tuple of LineGroup
+        Those that have lines.
+    """
+
+    period_s: float
+    periods: int
+    groups: tuple[LineGroup, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """The groups as a diagnosis file has them; rms in SI."""
+        return asdict(self)
+
+    def plot(self, ax: Axes | None = None, *, unit: Unit = SI) -> Axes:
+        """Draw the rms of each group.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Where to; new ones by default.
+        unit : tuple of str and float
+            Name of the residual's unit, and its SI size.
+
+        Returns
+        -------
+        matplotlib Axes
+        """
+        ax = axes_or_new(ax)
+        name, size = unit
+        bars = ax.bar([g.kind for g in self.groups], [g.rms / size for g in self.groups], color="C0")
+        ax.bar_label(bars, [f"p = {g.p_value:.2g}" for g in self.groups], fontsize="small")
+        ax.margins(y=0.15)
+        ax.set_xlabel(f"lines of a period of {self.period_s:.3g} s")
+        ax.set_ylabel(f"residual, rms ({name})")
+        return ax
+
+
+def locate_lines(tracks: Sequence[Track], noise: float) -> Lines | None:
+    """Sort the residual under a periodic input by lines of its spectrum.
+
+    Parameters
+    ----------
+    tracks : sequence of Track
+        One for each record; the first signal of each is the command. The longest periodic one counts.
+    noise : float
+        Standard deviation of the sensor's noise, SI.
+
+    Returns
+    -------
+    Lines or None
+        None where no record holds two periods of its command.
+    """
+    for track in sorted(tracks, key=lambda t: -t.residual.size):
+        command = next(iter(track.signals.values()), np.empty(0))
+        period = _period(command)
+        if period is not None:
+            return _grouped(track, command, period, noise)
+    return None
+
+
+def _period(command: Array) -> int | None:
+    """Samples after which a command repeats itself, from its end backward, at least `FEWEST_PERIODS` times."""
+    n, span = command.size, float(np.ptp(command)) if command.size else 0.0
+    if not span > 0:
+        return None
+    last = command[::-1] - command.mean()
+    longest = n // FEWEST_PERIODS
+    # The end of the command against itself, shifted: zero where it repeats itself.
+    head = last[: n - longest]
+    squares = np.concatenate([[0.0], np.cumsum(last**2)])
+    size = 1 << (2 * n).bit_length()
+    cross = np.fft.irfft(np.fft.rfft(last, size) * np.conj(np.fft.rfft(head, size)), size)[: longest + 1]
+    shifts = np.arange(longest + 1)
+    apart = squares[head.size] + squares[shifts + head.size] - squares[shifts] - 2 * cross
+    alike = np.flatnonzero(apart[1:] <= (10 * SAME * span) ** 2 * head.size) + 1
+    for shift in alike:
+        if np.abs(last[shift : shift + head.size] - head).max() <= SAME * span:
+            return int(shift)
+    return None
+
+
+def _grouped(track: Track, command: Array, period: int, noise: float) -> Lines:
+    periods = _repeats(command, period)
+    kept = periods - 1 if periods >= SETTLING else periods
+    spectra = np.fft.rfft(track.residual[-kept * period :].reshape(kept, period), axis=1)[:, 1 : (period + 1) // 2]
+    drive = np.abs(np.fft.rfft(command[-period:]))[1 : (period + 1) // 2]
+    mean = spectra.mean(axis=0)
+    varying = (np.abs(spectra - mean) ** 2).sum(axis=0) / (kept - 1)
+    numbers = np.arange(1, mean.size + 1)
+    excited = drive > EXCITED * drive.max()
+    kinds = {"excited": excited, "odd": ~excited & (numbers % 2 == 1), "even": ~excited & (numbers % 2 == 0)}
+    groups = [
+        _group(kind, np.abs(mean[mask]) ** 2, varying[mask], kept, period) for kind, mask in kinds.items() if mask.any()
+    ]
+    degrees = 2 * mean.size * (kept - 1)
+    excess = float(varying.sum()) * 2 * (kept - 1) / (noise**2 * period)
+    rms = float(np.sqrt(2 * varying.sum())) / period
+    groups.append(LineGroup(kind="varying", rms=rms, p_value=float(chi2.sf(excess, degrees)), lines=mean.size))
+    return Lines(period_s=period * track.sample_time, periods=kept, groups=tuple(groups))
+
+
+def _group(kind: str, power: Array, varying: Array, periods: int, period: int) -> LineGroup:
+    """Mean over periods against what varies between them: Fisher's F, two degrees of freedom a line."""
+    count = power.size
+    ratio = float(power.sum()) * periods / max(float(varying.sum()), 1e-300)
+    steady = max(0.0, float((power - varying / periods).sum()))
+    return LineGroup(
+        kind=kind, rms=float(np.sqrt(2 * steady)) / period,
+        p_value=float(f_law.sf(ratio, 2 * count, 2 * count * (periods - 1))), lines=count,
+    )  # fmt: skip
+
+
+def _repeats(command: Array, period: int) -> int:
+    """Whole periods at the end of a command."""
+    span = float(np.ptp(command))
+    same = np.abs(command[period:] - command[:-period]) <= SAME * span
+    broken = np.flatnonzero(~same)
+    repeated = command.size - (int(broken[-1]) + 1 if broken.size else 0)
+    return repeated // period

@@ -1,0 +1,141 @@
+"""Where the mismatch is, from all sides."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from deatwin.ident.mismatch.locate.frequency import Bands, locate_frequency
+from deatwin.ident.mismatch.locate.lines import Lines, locate_lines
+from deatwin.ident.mismatch.locate.place import Places, locate_place
+from deatwin.ident.mismatch.locate.region import Regions, locate_region
+from deatwin.ident.mismatch.locate.response import ResponseDifference, locate_response
+from deatwin.ident.mismatch.locate.time import Times, locate_time
+from deatwin.ident.mismatch.locate.track import Track, Unit
+from deatwin.plant.recording import Recording
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from deatwin.ident.mismatch.bench import Bench
+    from deatwin.ident.mismatch.candidate import Candidate
+
+__all__ = ["Location", "locate"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Location:
+    """Where the mismatch is.
+
+    Parameters
+    ----------
+    time : Times
+        When.
+    frequency : Bands
+        At which frequencies.
+    lines : Lines or None
+        On which lines of a periodic input; None where no record has one.
+    region : Regions
+        In which range of the operating signals.
+    place : Places
+        In which part of the plant.
+    response : tuple of ResponseDifference, or None
+        In which order and band of the response; None where that could not be tested.
+    unit : tuple of str and float
+        In which amplitudes are reported, and its SI size.
+    """
+
+    time: Times
+    frequency: Bands
+    lines: Lines | None
+    region: Regions
+    place: Places
+    response: tuple[ResponseDifference, ...] | None
+    unit: Unit
+
+    def to_dict(self) -> dict[str, Any]:
+        """The part of a diagnosis file that says where the mismatch is; amplitudes in the unit reported."""
+        size = self.unit[1]
+        windows = [{**window, "slope": window["slope"] / size} for window in self.time.to_dict()]
+        lines = None if self.lines is None else self.lines.to_dict()
+        if lines is not None:
+            lines["groups"] = [{**group, "rms": group["rms"] / size} for group in lines["groups"]]
+        return {
+            "time": windows,
+            "period_s": self.time.period_s,
+            "frequency": self.frequency.to_dict(),
+            "lines": lines,
+            "region": self.region.to_dict(),
+            "place": self.place.to_dict(),
+            "response": None if self.response is None else [asdict(difference) for difference in self.response],
+        }
+
+    def plot(self) -> list[Axes]:
+        """Draw time, frequency, operating region and place in a figure of four panels.
+
+        Returns
+        -------
+        list of matplotlib Axes
+        """
+        from matplotlib import pyplot
+
+        axes = pyplot.subplots(2, 2, figsize=(11, 7), layout="constrained")[1].ravel().tolist()
+        self.time.plot(axes[0], unit=self.unit)
+        self.frequency.plot(axes[1])
+        self.region.plot(axes[2])
+        axes[2].set_ylabel(f"mean residual ({self.unit[0]})")
+        self.place.plot(axes[3])
+        return list(axes)
+
+
+def locate(
+    base: Candidate,
+    bench: Bench,
+    tracks: Sequence[Track],
+    *,
+    measured: Sequence[Recording],
+    simulated: Sequence[np.ndarray],
+    unit: Unit,
+    rng: np.random.Generator,
+) -> Location:
+    """Find out where the mismatch is.
+
+    Parameters
+    ----------
+    base : Candidate
+        The calibrated base plant.
+    bench : Bench
+        Recordings.
+    tracks : sequence of Track
+        Residual and operating signals of each record.
+    measured : sequence of Recording
+        The sound recordings, for the comparison of responses.
+    simulated : sequence of ndarray, each of shape (n,)
+        The base plant's readings for each, SI.
+    unit : tuple of str and float
+        In which amplitudes are reported, and its SI size.
+    rng : numpy.random.Generator
+        Of the test of repeatability.
+
+    Returns
+    -------
+    Location
+
+    Raises
+    ------
+    SimulationError
+        If the plant cannot be simulated on the recordings.
+    """
+    model_error = base.calibration.plant.rig.model_error
+    return Location(
+        time=locate_time(tracks, base.noise**2 + model_error**2),
+        frequency=locate_frequency(tracks, base.noise),
+        lines=locate_lines(tracks, base.noise),
+        region=locate_region(tracks, unit[1]),
+        place=locate_place(base, bench, rng),
+        response=locate_response(measured, simulated, model_error),
+        unit=unit,
+    )
