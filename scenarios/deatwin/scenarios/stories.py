@@ -98,7 +98,7 @@ STORIES: Mapping[str, Story] = MappingProxyType({
     s.name: s
     for s in (
         Story(
-            name="vhb4910", minutes=0.2, module="deatwin.scenarios.vhb4910",
+            name="vhb4910", minutes=2, module="deatwin.scenarios.vhb4910",
             line="measured pulls of VHB 4910: a hyperelastic strip lacks a relaxation",
         ),
         Story(

@@ -199,7 +199,7 @@ def test_every_goal_is_counted_as_a_person_would(opened: Opened) -> None:
     assert counted("both named") == (1, 2)
     assert counted("no cause is wrong") == (1, 2)
     assert counted("resolved by the advised") == (1, 2)
-    assert counted("ties: truth inside") == (2, 2)
+    assert counted("ties, ratio", "truth inside") == (2, 2)
     # named: e1 e2 e3, p1 p2, all with 2 µm against 3 and 5 µm
     assert counted("ahead of every baseline") == (5, 5)
     assert counted("data of the reduced plant") == (3, 4)

@@ -69,6 +69,7 @@ def test_bouc_wen_is_the_benchmark_s_own_spring(without_compiler: None) -> None:
     commands = 120.0 * np.sin(2 * np.pi * 30 * np.arange(150) / bouc_wen.RATE)
     state, ends = np.zeros(3), [0.0]
     for force in commands[:-1]:
+
         def rates(_: float, s: np.ndarray, force: float = force) -> list[float]:
             y, v, z = s
             change = alpha * v - beta * (gamma * abs(v) * z + delta * v * abs(z))
@@ -121,6 +122,7 @@ def test_tanks_with_a_brim(without_compiler: None) -> None:
 
     state, ends = np.array([6.0, 4.0]), [4.0]
     for pump in commands[:-1]:
+
         def rates(_: float, s: np.ndarray, pump: float = pump) -> list[float]:
             between, out = p["upper_outlet"] * np.sqrt(s[0]), p["lower_outlet"] * np.sqrt(s[1])
             caught = p["area_ratio"] * (between + 0.6 * spill(s[0]))

@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
+from deatwin.ident.greybox.filter_floor import Floor
 from deatwin.ident.greybox.filter_linear import Linear, linearise
 from deatwin.ident.greybox.filter_openings import Opening, places
 from deatwin.ident.greybox.fit import Part
@@ -48,59 +49,6 @@ SHARES = (0.1, 0.5, 2.0)
 """Amplitudes that are tried, by the rms that they make in the reading against that of the residual."""
 REFINEMENTS = 25
 """Likelihoods for the refinement of amplitude and memory."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Floor:
-    """What accounts for a residual where nothing is opened.
-
-    Parameters
-    ----------
-    noise : float
-        Standard deviation of the sensor's white noise, SI.
-    model_error : float
-        Rms of the plant's own error in the reading, SI.
-    memory : float
-        How long that error stays the same, s.
-    """
-
-    noise: float
-    model_error: float = 0.0
-    memory: float = 1.0
-
-    @classmethod
-    def of(cls, linears: Sequence[Linear], noise: float | None = None) -> Floor:
-        """The floor of a plant: a static error moves as the motion does.
-
-        Parameters
-        ----------
-        linears : sequence of Linear
-            The plant along the recordings.
-        noise : float, optional
-            Standard deviation of the sensor's noise, SI; the rig's by default.
-
-        Returns
-        -------
-        Floor
-            Its memory is the time in which the autocorrelation of the command-driven motion falls to 1/e.
-        """
-        rig = linears[0].plant.rig
-        memory = float(np.median([_correlation_time(linear) for linear in linears]))
-        return cls(noise=rig.noise if noise is None else noise, model_error=rig.model_error, memory=memory)
-
-
-def _correlation_time(linear: Linear) -> float:
-    """Of the states' motion, weighted by what the reading sees of each, s."""
-    motion = sum(
-        (np.abs(linear.rows[:, k]).mean() * linear.states[name] for k, name in enumerate(linear.state_names)),
-        start=np.zeros(linear.residual.size),
-    )
-    motion = motion - motion.mean()
-    if not motion.any():
-        return linear.interval
-    spectrum = np.abs(np.fft.rfft(motion, 2 * motion.size)) ** 2
-    correlation = np.fft.irfft(spectrum)[: motion.size]
-    return linear.interval * max(1, int(np.argmax(correlation < correlation[0] / np.e)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

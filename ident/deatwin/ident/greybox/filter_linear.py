@@ -11,31 +11,24 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
-from typing import Any
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.greybox.filter_openings import STATE, Opening, opened_equations, places
+from deatwin.ident.greybox.filter_openings import STATE, Opening, places
+from deatwin.ident.greybox.filter_step import LinearStep, held_ghost, linear_step, start_ghost
 from deatwin.ident.greybox.fit import Part
 from deatwin.plant.effects.base import Place
 from deatwin.plant.equations import Equations
-from deatwin.plant.errors import SimulationError
-from deatwin.plant.integrator.collocation import step_functions
-from deatwin.plant.integrator.compiled import compile_functions
-from deatwin.plant.integrator.march import March
-from deatwin.plant.integrator.newton import SETTLED
 from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter
-from deatwin.plant.rest import RestState, rest_state
+from deatwin.plant.rest import rest_state
 
 __all__ = ["Linear", "linearise", "without_repeats"]
 
 Array = NDArray[np.float64]
 
-CHUNK = 200
-SHORTER_STEPS = (4, 16, 64)
 ALIKE = 1 - 1e-9
 """Cosine of the answers to two openings above which they are one."""
 SPREAD = 0.3
@@ -234,11 +227,11 @@ def linearise(plant: Plant, parts: Sequence[Part], openings: Sequence[Opening] |
         If the plant cannot be simulated on the parts.
     """
     chosen = tuple(places(plant) if openings is None else openings)
-    step = _step(_Key(plant, chosen))
+    step = linear_step(plant, chosen)
     return tuple(_linearised(plant, part, chosen, step) for part in parts)
 
 
-def _linearised(plant: Plant, part: Part, openings: tuple[Opening, ...], step: _Step) -> Linear:
+def _linearised(plant: Plant, part: Part, openings: tuple[Opening, ...], step: LinearStep) -> Linear:
     timeline, rig = plant.timeline(part.experiment), plant.rig
     at = np.concatenate([r[m] for r, m in zip(timeline.readings, part.masks, strict=True)])
     n = int(at.max()) + 1
@@ -317,131 +310,13 @@ class _Columns:
     @classmethod
     def of(cls, plant: Plant, equations: Equations, openings: Sequence[Opening]) -> _Columns:
         number = {name: k for k, name in enumerate(equations.parameters.free)}
-        name_of = {Place.PARAMETER.value: lambda o: o.signal, STATE: lambda o: _start(o.signal)}
+        name_of = {Place.PARAMETER.value: lambda o: o.signal, STATE: lambda o: start_ghost(o.signal)}
         return cls(
             free=[number[name] for name in plant.parameters.free],
-            held=[number[_held(name)] for name in equations.held],
-            start=[number[_start(name)] for name in equations.states],
+            held=[number[held_ghost(name)] for name in equations.held],
+            start=[number[start_ghost(name)] for name in equations.states],
             openings=[number[name_of.get(o.place, lambda o: o.name)(o)] for o in openings],
         )
 
     def entering(self, slopes: Array, reading_slopes: Array) -> tuple[Array, Array]:
         return slopes[:, :, self.openings], reading_slopes[:, self.openings]
-
-
-def _start(state: str) -> str:
-    return f"start.{state}"
-
-
-def _held(name: str) -> str:
-    return f"held.{name}"
-
-
-class _Key:
-    """Plant and openings as the key of the compiled step; what a fit can move does not count."""
-
-    def __init__(self, plant: Plant, openings: tuple[Opening, ...]) -> None:
-        self.plant, self.openings = plant, openings
-        # Plants of the same structure share their equations.
-        self._key = (plant.equations, openings)
-
-    def __hash__(self) -> int:
-        return hash(self._key)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Key) and self._key == other._key
-
-
-@lru_cache(maxsize=8)
-def _step(key: _Key) -> _Step:
-    return _Step(key)
-
-
-class _Step:
-    """One sample with its derivatives by the states at its start, the held quantities and all parameters.
-
-    States and held quantities stand among the parameters as ghosts that enter no equation: their columns of the
-    derivatives carried into the step are unit vectors, those of the parameters zero.
-    """
-
-    def __init__(self, key: _Key) -> None:
-        plain = key.plant.equations
-        ghosts = [*map(_start, plain.states), *map(_held, plain.held)]
-        self.equations = opened_equations(key.plant, key.openings, ghosts)
-        self._values = key.plant.parameters.free
-        step = step_functions(self.equations)
-        march = step.sensitive.mapaccum("linear_march", CHUNK, [0, 1], [0, 1])
-        self._march = compile_functions({"linear_march": march}, in_lanes=step.in_lanes)["linear_march"]
-
-    def along(
-        self, rest: RestState, inputs: Array, start: float, sample_time: float, values: Array
-    ) -> tuple[Array, Array, Array, Array]:
-        """States and coordinates at the end of each sample, derivatives of the states and of the readings."""
-        march = March(self._march)
-        x, z, dx, dd, d, u, t, h, p, c = march.arguments
-        x[:], z[:], d[:], p[:], c[:] = rest.x, rest.z, rest.d, values, self.equations.constants
-        free, n_x, n_d = self.equations.parameters.free, rest.x.size, rest.d.size
-        n_p, first = len(free), len(free) - n_x - n_d
-        dx.reshape(CHUNK, n_p, n_x)[:, first : first + n_x] = np.eye(n_x)
-        dd.reshape(CHUNK, n_p, n_d)[:, first + n_x :] = np.eye(n_d)
-        found: list[list[Array]] = []
-        shapes = _shapes(rest, n_p)
-        begin, n = 0, inputs.shape[1]
-        while begin < n:
-            count = min(CHUNK, n - begin)
-            u[:count], u[count:] = inputs[:, begin : begin + count].T, inputs[:, begin + count - 1]
-            h[:], t[:, 0] = sample_time, start + sample_time * np.arange(begin, begin + CHUNK)
-            results = _advanced(march, shapes)
-            good = _solved(results, count)
-            if not good:
-                u[:], time = inputs[:, begin], start + sample_time * begin
-                results, good = [r[None] for r in self._in_shorter(march, rest, n_p, time, sample_time)], 1
-            found.append([r[:good] for r in results])
-            x[:], z[:] = found[-1][0][-1], found[-1][1][-1]
-            begin += good
-        x_all, z_all, slopes, _, reading_slopes, _ = (np.concatenate(r) for r in zip(*found, strict=True))
-        return x_all, z_all, slopes.swapaxes(1, 2), reading_slopes[:, :, 0]
-
-    def _in_shorter(self, march: March, rest: RestState, n_p: int, time: float, sample_time: float) -> list[Array]:
-        """A sample that is not solved in one step, in shorter ones, whose derivatives are chained."""
-        _, _, _, _, _, _, t, h, _, _ = march.arguments
-        n_x = rest.x.size
-        first = n_p - n_x - rest.d.size
-        for number in SHORTER_STEPS:
-            h[:], t[:, 0] = sample_time / number, time + sample_time / number * np.arange(CHUNK)
-            results = _advanced(march, _shapes(rest, n_p))
-            if _solved(results, number) < number:
-                continue
-            steps, rows = results[2].swapaxes(1, 2), results[4][:, :, 0]
-            before = np.zeros((n_x, n_p))
-            before[:, first : first + n_x] = np.eye(n_x)
-            for k in range(number):
-                row, before = _chained(rows[k], before, first), _chained(steps[k], before, first)
-            last = [r[number - 1] for r in results]
-            return [last[0], last[1], before.T, last[3], row[:, None], last[5]]
-        raise SimulationError("the equations of a sample could not be solved where the plant was to be linearised")
-
-
-def _chained(slopes: Array, before: Array, first: int) -> Array:
-    """Derivatives of something after a short step, by what they were derivatives of before the sample."""
-    n_x = before.shape[0]
-    direct = slopes.copy()
-    direct[..., first : first + n_x] = 0.0
-    return np.asarray(direct + slopes[..., first : first + n_x] @ before)
-
-
-def _shapes(rest: RestState, n_p: int) -> list[tuple[int, ...]]:
-    """Of each result of the march for one sample, transposed."""
-    n_x, n_z = rest.x.size, rest.z.size
-    return [(n_x,), (n_z,), (n_p, n_x), (1,), (n_p, 1), (1,)]
-
-
-def _advanced(march: March, shapes: Sequence[tuple[int, ...]]) -> list[Array]:
-    """Results of the next samples, one after another along the first axis."""
-    return [r.reshape(CHUNK, *shape).copy() for r, shape in zip(march.advance(), shapes, strict=True)]
-
-
-def _solved(results: list[Any], count: int) -> int:
-    """How many of the first samples were solved."""
-    bad = ~((results[-1][:count, 0] <= SETTLED) & np.isfinite(results[3][:count, 0]))
-    return int(np.argmax(bad)) if bad.any() else count

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,19 +16,21 @@ from deatwin.ident.mismatch.candidate import Candidate
 from deatwin.ident.mismatch.decide import Naming
 from deatwin.ident.mismatch.detect import Detection
 from deatwin.ident.mismatch.diagnosis import Cause, Diagnosis, Interval, Verdict
-from deatwin.ident.mismatch.evidence import CandidateSummary, Evidence, readings, tracks
+from deatwin.ident.mismatch.discovery import Discovery
+from deatwin.ident.mismatch.evidence import CandidateSummary, Evidence
 from deatwin.ident.mismatch.faults import faults_of
 from deatwin.ident.mismatch.fitted import fitted_parameters
 from deatwin.ident.mismatch.floor import with_model_error
 from deatwin.ident.mismatch.gate import Gate
-from deatwin.ident.mismatch.locate import locate_frequency, locate_region, locate_time
-from deatwin.ident.mismatch.locate.response import locate_response
+from deatwin.ident.mismatch.locate import Location, readings
 from deatwin.ident.mismatch.say import say
 from deatwin.ident.mismatch.verify import Verification, shares_explained
 from deatwin.plant.calibrated import CalibratedPlant
 
 __all__ = ["Findings", "conclude"]
 
+NOWHERE: Mapping[str, list[Any]] = {"time": [], "frequency": [], "region": [], "place": [], "response": []}
+"""Where nothing is missing."""
 UNITS: Mapping[str, tuple[str, float]] = {"m": ("um", 1e-6)}
 """Units in which amplitudes are reported, with their SI size; others are reported in SI."""
 
@@ -47,12 +49,16 @@ class Findings:
         The calibrated base plant.
     detection : Detection
         Whether anything is missing.
+    location : Location or None
+        Where it is missing; None where nothing is.
     naming : Naming
         The explanations that were tried.
     verification : Verification
         On unseen data.
     advice : Advice or None
         The experiment that would tell rivals apart.
+    discovery : Discovery or None
+        A free form of what no effect explains.
     verdict : Verdict
         The conclusion.
     answer : Candidate
@@ -65,9 +71,11 @@ class Findings:
     checked: Gate
     base: Base
     detection: Detection
+    location: Location | None
     naming: Naming
     verification: Verification
     advice: Advice | None
+    discovery: Discovery | None
     verdict: Verdict
     answer: Candidate
     final: Calibration
@@ -100,7 +108,7 @@ def conclude(findings: Findings) -> Diagnosis:
     unit, size = findings.unit
     model = CalibratedPlant(
         plant=with_model_error(findings.final.plant, findings.bench.stated_error), noise=base.noise,
-        model_error=answer.unseen_test.size,
+        model_error=_left(findings),
         names=findings.final.names, covariance=findings.final.covariance,
         provenance={"verdict": findings.verdict.value},
     )  # fmt: skip
@@ -114,7 +122,8 @@ def conclude(findings: Findings) -> Diagnosis:
         noise=base.noise / size,
         model_error=rig.model_error / size,
         detect=findings.detection.to_dict(),
-        locate=_locate(findings),
+        locate=NOWHERE if findings.location is None else findings.location.to_dict(),
+        free_form=None if findings.discovery is None else findings.discovery.to_dict(),
         causes=causes,
         names=names,
         indistinguishable=_indistinguishable(findings) if findings.named else (),
@@ -134,6 +143,13 @@ def conclude(findings: Findings) -> Diagnosis:
         evidence=_evidence(findings, model),
     )
     return replace(diagnosis, sentence=say(diagnosis))
+
+
+def _left(findings: Findings) -> float:
+    """Rms of what the final plant gets wrong on unseen data, SI."""
+    if findings.discovery is None:
+        return findings.answer.unseen_test.size
+    return float(np.sqrt(max(findings.discovery.after**2 - findings.base.noise**2, 0.0)))
 
 
 def _indistinguishable(findings: Findings) -> tuple[dict[str, Any], ...]:
@@ -187,55 +203,6 @@ def _fit_table(findings: Findings) -> dict[str, dict[str, float | None]]:
     }
 
 
-def _locate(findings: Findings) -> dict[str, list[dict[str, Any]] | None]:
-    chosen, noise = findings.base.chosen, findings.base.noise
-    if not findings.detection.mismatch:
-        return {"time": [], "frequency": [], "region": [], "place": [], "response": []}
-    plant = chosen.calibration.plant
-    found = tracks(plant, findings.checked.experiments)
-    windows = locate_time(found, noise**2 + plant.rig.model_error**2)
-    bands = locate_frequency(found, noise)
-    regions = locate_region(found, findings.unit[1])
-    return {
-        "time": [{"from_s": w.from_s, "to_s": w.to_s, "score": w.score} for w in windows],
-        "frequency": [{"from_Hz": b.from_Hz, "to_Hz": b.to_Hz, "excess_dB": b.excess_dB} for b in bands],
-        "region": [
-            {"signal": r.signal, "from": r.low, "to": r.high, "mean_residual": r.mean_residual} for r in regions
-        ],
-        "place": _places(findings),
-        "response": _responses(findings),
-    }
-
-
-def _responses(findings: Findings) -> list[dict[str, Any]] | None:
-    """Orders and bands in which the response of the recordings is not that of the base plant; None if not tested."""
-    plant, checked = findings.base.chosen.calibration.plant, findings.checked
-    simulated = [y for each in readings(plant, checked.experiments) for y in each]
-    records = [record for experiment in checked.experiments for record in experiment.recordings]
-    sound = [mask for masks in checked.sound for mask in masks]
-    # A reading at fault says nothing of the response: the simulated one takes its place.
-    measured = [
-        replace(record, outputs=np.where(mask, record.outputs, y))
-        for record, mask, y in zip(records, sound, simulated, strict=True)
-    ]
-    found = locate_response(measured, simulated, plant.rig.model_error)
-    return None if found is None else [asdict(difference) for difference in found]
-
-
-def _places(findings: Findings) -> list[dict[str, Any]]:
-    """How much of the mismatch an effect at each place can take up, at best and alone."""
-    place = {e.name: e.place.value for e in findings.bench.effects}
-    before = float(findings.base.chosen.losses.mean())
-    missing = max(before - findings.base.noise**2, 1e-300)
-    scores: dict[str, float] = {}
-    for candidate in findings.naming.candidates:
-        if len(candidate.effects) == 1:
-            share = float(np.clip((before - candidate.losses.mean()) / missing, 0.0, 1.0))
-            where = place[candidate.effects[0]]
-            scores[where] = max(scores.get(where, 0.0), share)
-    return [{"place": p, "score": s} for p, s in sorted(scores.items(), key=lambda item: -item[1])]
-
-
 def _evidence(findings: Findings, model: CalibratedPlant) -> Evidence:
     base, experiments = findings.base, findings.checked.experiments
     calibration = base.chosen.calibration
@@ -243,7 +210,7 @@ def _evidence(findings: Findings, model: CalibratedPlant) -> Evidence:
     return Evidence(
         experiments=experiments,
         base=readings(calibration.plant, experiments),
-        amended=readings(model.plant, experiments) if findings.named else None,
+        amended=readings(model.plant, experiments) if model.plant.effects != calibration.plant.effects else None,
         unseen=tuple(part.masks for part in findings.bench.unseen),
         candidates=tuple(
             CandidateSummary(
@@ -258,6 +225,7 @@ def _evidence(findings: Findings, model: CalibratedPlant) -> Evidence:
             names=calibration.names, covariance=calibration.covariance,
         ),
         at_bound=calibration.at_bound, noise_source=findings.detection.sensor.source.value, checked=findings.checked,
-        detection=findings.detection, advice=findings.advice,
+        detection=findings.detection, location=findings.location, discovery=findings.discovery,
+        advice=findings.advice,
         verification=findings.verification if findings.named else None,
     )  # fmt: skip

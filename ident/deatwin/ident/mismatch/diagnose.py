@@ -11,16 +11,16 @@ from deatwin.ident.greybox.fit import Calibration, calibrate
 from deatwin.ident.mismatch.advise import advise
 from deatwin.ident.mismatch.base import Base, calibrate_base
 from deatwin.ident.mismatch.bench import Bench
-from deatwin.ident.mismatch.candidate import Candidate, free_run_residuals
+from deatwin.ident.mismatch.candidate import free_run_residuals
 from deatwin.ident.mismatch.conclude import Findings, conclude
 from deatwin.ident.mismatch.decide import Naming, nothing_tried
 from deatwin.ident.mismatch.detect import Detection, detect
 from deatwin.ident.mismatch.diagnosis import Diagnosis, Verdict
-from deatwin.ident.mismatch.evidence import readings, tracks
+from deatwin.ident.mismatch.discover import discover
 from deatwin.ident.mismatch.excess import excess_over_floor
 from deatwin.ident.mismatch.floor import floor_of, with_model_error
 from deatwin.ident.mismatch.gate import Gate, Soundness, confirm, gate, split
-from deatwin.ident.mismatch.locate import locate_time
+from deatwin.ident.mismatch.locate import locate, locate_time, readings, tracks
 from deatwin.ident.mismatch.name import name_causes
 from deatwin.ident.mismatch.screen import Footprint, footprints
 from deatwin.ident.mismatch.verify import Verification, verify
@@ -81,7 +81,7 @@ def diagnose(
     tell(0.0, "checking the recordings")
     several = (experiments,) if isinstance(experiments, Experiment) else tuple(experiments)
     checked = gate(plant, several)
-    for_detection, for_verification, for_advice = spawn_generators(seed, 3)
+    for_detection, for_location, for_verification, for_advice, for_discovery = spawn_generators(seed, 5)
 
     tell(0.02, "calibrating the base plant")
     bench, base = _calibrated(plant, checked, plant.rig.effects() if effects is None else effects, jobs)
@@ -91,6 +91,8 @@ def diagnose(
     fit = base.chosen.calibration
     known = footprints(bench, fit, bench.effects, fit)
     detection = detect(base.chosen, bench, for_detection, known=known)
+
+    location = locate(base.chosen, bench, checked, for_location) if detection.mismatch else None
 
     naming = nothing_tried(base.chosen)
     if detection.mismatch and checked.soundness is Soundness.SOUND:
@@ -107,13 +109,17 @@ def diagnose(
     tell(0.85, "looking for a better experiment")
     advice = advise(bench, (answer, *naming.rivals), for_advice) if verdict is Verdict.AMBIGUOUS else None
 
+    discovery = discover(bench, base.chosen, for_discovery) if verdict is Verdict.UNKNOWN else None
+
     tell(0.95, "fitting all recordings")
-    findings = Findings(
-        bench=bench, checked=checked, base=base, detection=detection, naming=naming, verification=verification,
-        advice=advice, verdict=verdict, answer=answer, final=_refit(bench, answer),
+    found = discovery.calibration if discovery is not None else answer.calibration
+    diagnosis = conclude(
+        Findings(
+            bench=bench, checked=checked, base=base, detection=detection, location=location, naming=naming,
+            verification=verification, advice=advice, discovery=discovery, verdict=verdict, answer=answer,
+            final=_refit(bench, found),
+        )
     )  # fmt: skip
-    tell(0.97, "locating the mismatch")
-    diagnosis = conclude(findings)
     tell(1.0, "done")
     return diagnosis
 
@@ -194,7 +200,7 @@ def _nominal_is_off(bench: Bench, base: Base) -> bool:
     return residuals is None or excess_over_floor(residuals, base.noise, bench.nominal.rig.model_error).mismatch
 
 
-def _refit(bench: Bench, answer: Candidate) -> Calibration:
+def _refit(bench: Bench, found: Calibration) -> Calibration:
     """After the judgement the answer is fitted to all sound samples."""
-    final = calibrate(answer.calibration.plant, bench.everything, evaluations=60, tolerance=SETTLED)
-    return final if final.status.ok else answer.calibration
+    final = calibrate(found.plant, bench.everything, evaluations=60, tolerance=SETTLED)
+    return final if final.status.ok else found

@@ -149,7 +149,7 @@ class _Search:
         for k, term in enumerate(found):
             if (parameter := term.shape_parameter) is None:
                 continue
-            tried = [replace(term, **{term.shape: parameter.value * f}) for f in SHARPER]  # type: ignore[arg-type]
+            tried = [replace(term, **{term.shape: parameter.value * f}) for f in SHARPER]
             beside = [base.jacobian, self.answers(found[:k] + found[k + 1 :])] if len(found) > 1 else [base.jacobian]
             basis = np.linalg.qr(np.hstack(beside))[0]
             own = self.answers(tried)

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from deatwin.ident.mismatch.locate import Track
 from deatwin.plant.calibrated import CalibratedPlant
-from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment
 
 if TYPE_CHECKING:
@@ -18,13 +15,11 @@ if TYPE_CHECKING:
     from deatwin.ident.mismatch.detect import Detection
     from deatwin.ident.mismatch.discovery import Discovery
     from deatwin.ident.mismatch.gate import Gate
-    from deatwin.ident.mismatch.locate.location import Location
+    from deatwin.ident.mismatch.locate import Location
     from deatwin.ident.mismatch.verify import Verification
 
-__all__ = ["CandidateSummary", "Evidence", "readings", "tracks"]
+__all__ = ["CandidateSummary", "Evidence"]
 
-FEWEST = 16
-"""Samples of a record that can be located in time and frequency."""
 Readings = tuple[tuple[np.ndarray, ...], ...]
 
 
@@ -102,57 +97,3 @@ class Evidence:
     discovery: Discovery | None = None
     advice: Advice | None = None
     verification: Verification | None = None
-
-
-def readings(plant: Plant, experiments: Sequence[Experiment]) -> Readings:
-    """A plant's free-run readings.
-
-    Parameters
-    ----------
-    plant : Plant
-        Simulated from rest through each experiment.
-    experiments : sequence of Experiment
-        Only the commands are used.
-
-    Returns
-    -------
-    tuple of tuple of ndarray, each of shape (n,)
-        SI.
-    """
-    return tuple(tuple(y[0] for y in plant.simulate(e).outputs) for e in experiments)
-
-
-def tracks(plant: Plant, experiments: Sequence[Experiment]) -> tuple[Track, ...]:
-    """Residual and operating signals of each record.
-
-    Parameters
-    ----------
-    plant : Plant
-        Calibrated.
-    experiments : sequence of Experiment
-        Recordings.
-
-    Returns
-    -------
-    tuple of Track
-        Signals: the command, the simulated reading in µm (or its own unit) and its rate.
-    """
-    rig = plant.rig
-    size = 1e-6 if rig.output_unit == "m" else 1.0
-    found = []
-    for experiment, simulated in zip(experiments, readings(plant, experiments), strict=True):
-        for record, reading in zip(experiment.recordings, simulated, strict=True):
-            if record.n_samples < FEWEST:
-                continue  # a splinter between two gaps has no place of its own
-            signals = {
-                rig.input_name: record.inputs[0],
-                rig.output_name: reading / size,
-                f"{rig.output_name}_rate": np.gradient(reading / size, record.sample_time),
-            }
-            found.append(
-                Track(
-                    timepts=record.timepts, residual=record.outputs[0] - reading, signals=signals,
-                    sample_time=record.sample_time,
-                )
-            )
-    return tuple(found)

@@ -264,7 +264,7 @@ def _spikes(signal: np.ndarray) -> np.ndarray:
     # A spike bends its neighbours' cubics too, by two thirds of its size: only the peak is the outlier.
     around = np.pad(deviation, 1)
     peak = (deviation >= around[:-2]) & (deviation >= around[2:])
-    return peak & (deviation > SPIKE_DEVIATIONS * _typical(deviation))
+    return peak & (deviation > SPIKE_DEVIATIONS * _typical(deviation, signal))
 
 
 def _jumps(signal: np.ndarray) -> np.ndarray:
@@ -273,12 +273,12 @@ def _jumps(signal: np.ndarray) -> np.ndarray:
     step = np.abs(np.diff(neighbours_deviation(signal), prepend=0.0))
     beside = np.pad(step, 1)
     lone = np.maximum(beside[:-2], beside[2:]) < STEP_BENDS_LESS * step
-    return lone & (step > SPIKE_DEVIATIONS * _typical(step))
+    return lone & (step > SPIKE_DEVIATIONS * _typical(step, signal))
 
 
-def _typical(deviation: np.ndarray) -> float:
-    """Standard deviation of normal values of which most absolute deviations are so large."""
-    return 1.4826 * float(np.median(deviation)) + 1e-15
+def _typical(deviation: np.ndarray, signal: np.ndarray) -> float:
+    """Standard deviation of normal values with the median absolute deviation seen; half a step of coarse readings."""
+    return max(1.4826 * float(np.median(deviation)), resolution(signal) / 2) + 1e-15
 
 
 def _clipped(record: Recording) -> np.ndarray:

@@ -114,10 +114,10 @@ def noise_level(
     if repeats is not None and repeats.first.size >= FEWEST:
         together = np.concatenate(residuals)
         apart = (together[repeats.first] - together[repeats.second]) / np.sqrt(2)
-        found[NoiseSource.REPEATS] = _white([piece for piece in _pieces(apart, repeats.run) if piece.size > 1], 0.0)
+        found[NoiseSource.REPEATS] = _white([apart], 0.0)
     resting = [piece for e, u in zip(residuals, commands, strict=False) for piece in _at_rest(e, u, sample_time)]
     if sum(piece.size for piece in resting) >= FEWEST:
-        found[NoiseSource.RESTS] = _white(resting, 0.0)
+        found[NoiseSource.RESTS] = _white([np.concatenate([piece - piece.mean() for piece in resting])], 0.0)
     found[NoiseSource.TOP_OF_SPECTRUM] = _white(residuals, TOP_OF_SPECTRUM)
     best = next(iter(found))
     if found[best] > SHEET_TOLERANCE * sheet:
@@ -149,10 +149,6 @@ def rests(command: np.ndarray, sample_time: float) -> np.ndarray:
 
 def _at_rest(residual: np.ndarray, command: np.ndarray, sample_time: float) -> list[np.ndarray]:
     return [residual[run] for run in runs(rests(command, sample_time)) if run.size >= FEWEST // 4]
-
-
-def _pieces(values: np.ndarray, run: np.ndarray) -> list[np.ndarray]:
-    return np.split(values, np.flatnonzero(np.diff(run)) + 1)
 
 
 def _white(pieces: Sequence[np.ndarray], above: float) -> float:

@@ -5,18 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import product
 
-import numpy as np
-
 from deatwin.ident.greybox.fit import Calibration, Part
+from deatwin.ident.mismatch.bench import Bench
+from deatwin.ident.mismatch.screen import footprints, leads
 from deatwin.ident.mismatch.search import at_its_time, search
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.effects.catalogue import effect_named
 from deatwin.plant.model import Plant
 
 __all__ = ["consult"]
-
-STARTS = 3
-"""Shapes of an effect, as its residual suggests them, from which the oracle starts."""
 
 
 def consult(
@@ -44,18 +41,23 @@ def consult(
     """
     if not all(nominal.accepts(effect_named(name)) for name in truth):
         return None
-    times = np.concatenate([part.timepts for part in parts])
-    shapes = [_shapes(effect_named(name), times, base.residuals) for name in truth]
+    typical = tuple(effect_named(name) for name in truth)
     fits = []
-    for effects in product(*shapes):
-        for plant in (nominal, base.plant):
-            fit = search(plant.with_effects(*effects), parts, noise)
-            if fit.status.ok:
-                fits.append(at_its_time(fit, parts, noise))
-        if fits and min(fit.rms for fit in fits) < 1.05 * noise:
-            break  # nothing can be left
+    for effects, plant in product((_promising(nominal, base, parts, typical), typical), (nominal, base.plant)):
+        fit = search(plant.with_effects(*effects), parts, noise)
+        if fit.status.ok:
+            fits.append(at_its_time(fit, parts, noise))
     return min(fits, key=lambda fit: fit.rms).plant if fits else None
 
 
-def _shapes(effect: Effect, times: np.ndarray, residual: np.ndarray) -> Sequence[Effect]:
-    return effect.starts(times, residual)[:STARTS] or (effect,)
+def _promising(
+    nominal: Plant, base: Calibration, parts: Sequence[Part], effects: tuple[Effect, ...]
+) -> tuple[Effect, ...]:
+    """The effects at the shapes that could explain most of what the base plant leaves, to first order."""
+    error, whole = nominal.rig.model_error, tuple(parts)
+    bench = Bench(
+        nominal=nominal, effects=effects, fitted=whole, unseen=whole, everything=whole, jobs=1, stated_error=error,
+        expected_error=error,
+    )  # fmt: skip
+    shaped = {lead.effect.name: lead.effect for lead in leads(footprints(bench, base, effects, base), base)}
+    return tuple(shaped.get(effect.name, effect) for effect in effects)

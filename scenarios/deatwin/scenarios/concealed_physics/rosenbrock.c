@@ -77,21 +77,25 @@ static void solve(const double *right, double *x)
     for (int i = 0; i < N; i++) x[i] = y[PLACE[i]];
 }
 
-/* Simplified Newton's method with a step so short that no state moves; from afar it fails rather than find another
-   equilibrium beyond pull-in. */
+/* Simplified Newton's method with a step so short that no state moves. A coordinate that would jump far has found
+   another equilibrium, beyond pull-in. */
 static int make_consistent(const plant_t *q)
 {
-    double change[N];
+    double change[N], before[N];
     if (N == NX) return 1;
+    memcpy(before, w, sizeof before);
     linearise(q);
     if (!factor(q, 1e-15)) return 0;
-    for (int number = 0; number < 30; number++) {
+    for (int number = 0; number < 15; number++) {
         double size = 0.0;
         if (number) evaluate(q, w, now, value);
         solve(value, change);
-        for (int i = NX; i < N; i++) { w[i] += change[i]; size = fmax(size, fabs(change[i])); }
+        for (int i = NX; i < N; i++) {
+            w[i] += change[i];
+            size = fmax(size, fabs(change[i]));
+            if (!(fabs(w[i] - before[i]) < FURTHEST)) return 0;
+        }
         if (size < q->consistent) return 1;
-        if (!(size < 1e3)) return 0;
     }
     return 0;
 }

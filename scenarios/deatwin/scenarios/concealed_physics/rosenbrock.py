@@ -40,6 +40,8 @@ hundredths of a micrometre over minutes (tests/unit/scenarios/test_concealed_gen
 SHORTEST = 1e-7
 """Of all steps, s."""
 SAFETY, SHRINK, GROW = 0.8, 0.2, 4.0
+FURTHEST = 1.0
+"""Of a coordinate at a jump of the input, against its typical size: a film that goes further has pulled in."""
 CONSISTENT = 1e-9
 """Change of a coordinate, against its typical size, at which it counts as consistent."""
 GAMMA = 0.25
@@ -173,8 +175,8 @@ def _kernel(equations: Equations) -> ctypes.CDLL:
     numbers = {
         "N": n, "NX": len(equations.states), "ND": len(equations.held), "NU": equations.held_inputs(0.0).size,
         "NNZ": rows.size, "ARGUMENTS": int(most[0]), "RESULTS": int(most[1]), "WORK_W": int(most[2]) + 1,
-        "WORK_IW": int(most[3]) + 1, "GAMMA": GAMMA, "VALUE": functions[0].name(), "SLOPES": functions[1].name(),
-        "OUTPUT": functions[2].name(),
+        "WORK_IW": int(most[3]) + 1, "GAMMA": GAMMA, "FURTHEST": FURTHEST, "VALUE": functions[0].name(),
+        "SLOPES": functions[1].name(), "OUTPUT": functions[2].name(),
     }  # fmt: skip
     tables = [
         _table("ROW", rows), _table("COLUMN", columns), _table("PLACE", place), *_lists("LOWER", lower),

@@ -145,7 +145,10 @@ def _others(study: Opened) -> list[Goal]:
         _at_least(
             "ties that were called ambiguous, resolved by the advised experiment", [c.resolved for c in advised], 0.9
         ),
-        _at_least("ties: truth inside the answer", [c.inside for c in tied], 0.95),
+        _at_least(
+            f"ties, ratio {STRONG} or more: truth inside the answer",
+            [c.inside for c in study.of("tie", ratio=STRONG)], 0.95,
+        ),
     ]
 
 

@@ -61,9 +61,7 @@ class LinearOscillator(Rig):
     output_name: ClassVar[str] = "displacement"
     output_unit: ClassVar[str] = "m"
     model_share: ClassVar[float] = 0.02
-    sizes: ClassVar[Sizes] = Sizes(
-        motion=1e-3, force=50.0, period=1 / 35, command=50.0, command_unit="N", body="mass"
-    )
+    sizes: ClassVar[Sizes] = Sizes(motion=1e-3, force=50.0, period=1 / 35, command=50.0, command_unit="N", body="mass")
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:

@@ -21,6 +21,7 @@ from deatwin.plant import Diaphragm, Experiment, Plant, Recording
 from deatwin.plant.errors import ModelError
 
 COMMAND = Opening(place="drive", signal="command")
+DRIVE = tuple(Opening(place="drive", signal=name) for name in ("command", "amplifier_voltage", "squared_voltage"))
 STEP = 0.02
 
 
@@ -52,7 +53,7 @@ def test_a_nonlinear_plant_answers_as_finite_differences_say():
     plant = Plant(rig=Diaphragm())
     commands = 2.0 + np.sin(0.3 * np.arange(120))
     readings = simulated(plant, commands)
-    (linear,) = linearise(plant, [part_of(commands, readings)])
+    (linear,) = linearise(plant, [part_of(commands, readings)], DRIVE)
     assert np.nanmax(np.abs(linear.residual)) < 1e-12
     pulse = np.zeros(120)
     pulse[40] = 1e-4
@@ -68,7 +69,7 @@ def test_constant_parameters_act_as_in_a_free_run():
     plant = Plant(rig=Diaphragm())
     commands = 2.0 + np.sin(0.3 * np.arange(100))
     part = part_of(commands, simulated(plant, commands))
-    (linear,) = linearise(plant, [part], [COMMAND])
+    (linear,) = linearise(plant, [part], DRIVE)
     problem = Problem(plant=plant, parts=(part,), names=tuple(plant.parameters.free))
     jacobian = problem.evaluate(problem.start())[1]
     found = linear.parameter_response()
@@ -149,7 +150,7 @@ def test_places_of_rigs(oscillator):
 def test_openings_that_do_the_same_are_one():
     plant = Plant(rig=Diaphragm())
     commands = 2.0 + np.sin(0.3 * np.arange(60))
-    linears = linearise(plant, [part_of(commands, np.zeros(60))])
+    linears = linearise(plant, [part_of(commands, np.zeros(60))], DRIVE)
     kept = {o.name for o in without_repeats(linears)[0].openings}
     # the amplifier's voltage is a multiple of the command; the squared voltage is not
     assert {"drive.command", "drive.squared_voltage"} <= kept

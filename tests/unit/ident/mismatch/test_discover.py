@@ -190,11 +190,10 @@ def test_what_is_concealed_is_given_its_form(kind):
 
 @pytest.mark.study
 def test_how_often_the_form_is_right():
-    tried = [(kind, found(kind, seed)) for kind in KINDS for seed in range(1, 11)]
-    gained = [(kind, d) for kind, d in tried if d is not None]
-    right = [kind for kind, d in gained if d.terms[0].term.kind == RIGHT[kind]]
-    assert len(gained) >= 38
-    assert len(right) >= 34
+    tried = [(kind, found(kind, seed)) for kind in KINDS for seed in range(1, 4)]
+    right = [kind for kind, d in tried if d is not None and d.terms[0].term.kind == RIGHT[kind]]
+    # a true rate of 97 % gives ten or more of twelve with a probability above 99 %
+    assert len(right) >= 10
 
 
 @pytest.mark.parametrize(
@@ -315,21 +314,21 @@ def made(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def test_stable_terms_are_the_true_ones():
-    found = [stable_terms(*made(seed), np.random.default_rng(seed)) for seed in range(3)]
+    found = [stable_terms(*made(seed), np.random.default_rng(seed)) for seed in range(2)]
     # The weaker one takes a third of the mean square away, which is worth 12 nats in 30 blocks; one of the other
     # eighteen is rarely worth the 1.7 nats that a term must.
-    assert [{term.column for term in terms} for terms in found] == [{3, 11}] * 3
+    assert [{term.column for term in terms} for terms in found] == [{3, 11}] * 2
     assert stable_terms(*made(0), np.random.default_rng(0)) == found[0]
 
 
 def test_noise_has_no_stable_terms():
     wrong = 0
-    for seed in range(6):
+    for seed in range(4):
         rng = np.random.default_rng(1000 + seed)
         columns = coloured(rng, (1500, 20), 0.98)
         wrong += bool(stable_terms(columns, coloured(rng, (1500, 1), 0.98)[:, 0], columns[:, :1], rng))
-    # a false discovery rate of a tenth: of six, two or fewer with a probability of 98 %
-    assert wrong <= 2
+    # a false discovery rate of a tenth: of four, one or none with a probability of 95 %
+    assert wrong <= 1
 
 
 def test_a_dictionary_has_nothing_of_what_does_not_move():

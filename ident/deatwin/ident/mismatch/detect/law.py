@@ -46,7 +46,8 @@ class Law:
 
     def __init__(self, left: Leftover, rng: np.random.Generator, draws: int) -> None:
         self.left, self.battery, self.refit = left, Battery(left), Refit(left)
-        kept, pieces = [], []
+        kept: list[np.ndarray] = []
+        pieces: list[Scores] = []
         for residuals in null_residuals(left, self.refit, rng, draws):
             pieces.append(self.battery(residuals))
             if sum(piece.shape[0] for piece in kept) < KEPT:

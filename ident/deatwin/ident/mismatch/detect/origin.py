@@ -1,11 +1,11 @@
 """Does the residual belong to the plant, or did something act on it that no model of the plant can know?
 
 First the forms are taken out that physics of the catalogue may have though they do not come back with the command: slow
-drifts of level and gain, steps of either, tones. What then is left must be as large as a mismatch, else nothing is
-said. Where commands were repeated, it comes back with them if it is the plant's and does not if it is a disturbance's.
-Without repeats only the weaker question is left whether it can be predicted, in parts of the recordings that the
-predictor has not seen, from the command, from the motion and from what they were: neither its value nor its size may
-be. Between the bounds nothing is decided.
+drifts of level and gain, steps of either, what depends on the farthest motion so far, tones. What then is left must be
+as large as a mismatch, else nothing is said. Where commands were repeated, it comes back with them if it is the plant's
+and does not if it is a disturbance's. Without repeats only the weaker question is left whether it can be predicted, in
+parts of the recordings that the predictor has not seen, from the command, from the motion and from what they were:
+neither its value nor its size may be. Between the bounds nothing is decided.
 """
 
 from __future__ import annotations
@@ -141,7 +141,7 @@ def origin_of(left: Leftover, repeats: Repeats | None, practical: float) -> Orig
 
 
 def without_forms(left: Leftover) -> np.ndarray:
-    """The residual less drifts of level and gain, steps of either and tones.
+    """The residual less drifts of level and gain, steps of either, effects of the farthest motion, and tones.
 
     Parameters
     ----------
@@ -155,7 +155,9 @@ def without_forms(left: Leftover) -> np.ndarray:
     """
     moves = left.readings - left.readings.mean()
     moves = moves / max(float(moves.std()), 1e-300)
-    basis = _orthonormal(np.concatenate([_slow(left), _slow(left) * moves[:, None]], axis=1))
+    slow, farthest = _slow(left), _farthest(left)
+    forms = [slow, slow * moves[:, None], farthest, farthest * moves[:, None]]
+    basis = _orthonormal(np.concatenate(forms, axis=1))
     rest = left.residual - basis @ (basis.T @ left.residual)
     for _ in range(STEPS):
         basis, rest = _less(rest, basis, _best_step(left, rest, basis, moves))
@@ -175,6 +177,18 @@ def _slow(left: Leftover) -> np.ndarray:
         waves[inside] = np.cos(phase[:, None] * np.arange(COSINES + 1))
         columns.append(waves)
     return np.concatenate(columns, axis=1)
+
+
+def _farthest(left: Leftover) -> np.ndarray:
+    """Largest and smallest reading so far in each experiment: what softens there does so only once, shape (n, 2 e)."""
+    columns = []
+    for number in np.unique(left.experiment):
+        inside = left.experiment == number
+        for extreme in (np.maximum, np.minimum):
+            column = np.zeros(left.residual.size)
+            column[inside] = extreme.accumulate(left.readings[inside])
+            columns.append(column)
+    return np.stack(columns, axis=1)
 
 
 def _best_step(left: Leftover, rest: np.ndarray, basis: np.ndarray, moves: np.ndarray) -> np.ndarray:

@@ -20,7 +20,6 @@ from deatwin.ident.mismatch.detect.leftover import Leftover
 
 __all__ = ["GROUPS", "Battery", "Scores"]
 
-SHORTEST_LAG = 1
 LAGS = 9
 """Lags of 0, 1, 4, 16, ... samples, as far as a tenth of the longest recording."""
 GROUPS = ("variance ratio", "cumulated periodogram", "correlation with the command", "correlation of the square")
@@ -130,7 +129,7 @@ def _regressors(left: Leftover) -> tuple[tuple[str, ...], np.ndarray]:
 
 def _lags(left: Leftover) -> list[int]:
     longest = max(r.stop - r.start for r in left.records) // 10
-    return [0, *(lag for lag in 4 ** np.arange(LAGS - 1) * SHORTEST_LAG if lag <= longest)]
+    return [0, *(lag for lag in (4**k for k in range(LAGS - 1)) if lag <= longest)]
 
 
 def _delayed(signal: np.ndarray, records: Sequence[slice], lag: int) -> np.ndarray:

@@ -7,7 +7,7 @@ from deatwin.ident.mismatch.locate.place import OpenedPlace, Places, locate_plac
 from deatwin.ident.mismatch.locate.region import Region, Regions, locate_region
 from deatwin.ident.mismatch.locate.response import ResponseDifference, locate_response
 from deatwin.ident.mismatch.locate.time import Times, Window, locate_time
-from deatwin.ident.mismatch.locate.track import Track
+from deatwin.ident.mismatch.locate.track import Track, readings, tracks
 
 __all__ = [
     "Band",
@@ -30,4 +30,6 @@ __all__ = [
     "locate_region",
     "locate_response",
     "locate_time",
+    "readings",
+    "tracks",
 ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,7 +14,8 @@ from deatwin.ident.mismatch.locate.place import Places, locate_place
 from deatwin.ident.mismatch.locate.region import Regions, locate_region
 from deatwin.ident.mismatch.locate.response import ResponseDifference, locate_response
 from deatwin.ident.mismatch.locate.time import Times, locate_time
-from deatwin.ident.mismatch.locate.track import Track, Unit
+from deatwin.ident.mismatch.locate.track import Unit, readings, tracks
+from deatwin.ident.mismatch.units import amplitude_unit
 from deatwin.plant.recording import Recording
 
 if TYPE_CHECKING:
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
     from deatwin.ident.mismatch.bench import Bench
     from deatwin.ident.mismatch.candidate import Candidate
+    from deatwin.ident.mismatch.gate import Gate
 
 __all__ = ["Location", "locate"]
 
@@ -91,16 +93,7 @@ class Location:
         return list(axes)
 
 
-def locate(
-    base: Candidate,
-    bench: Bench,
-    tracks: Sequence[Track],
-    *,
-    measured: Sequence[Recording],
-    simulated: Sequence[np.ndarray],
-    unit: Unit,
-    rng: np.random.Generator,
-) -> Location:
+def locate(base: Candidate, bench: Bench, checked: Gate, rng: np.random.Generator) -> Location:
     """Find out where the mismatch is.
 
     Parameters
@@ -108,15 +101,9 @@ def locate(
     base : Candidate
         The calibrated base plant.
     bench : Bench
-        Recordings.
-    tracks : sequence of Track
-        Residual and operating signals of each record.
-    measured : sequence of Recording
-        The sound recordings, for the comparison of responses.
-    simulated : sequence of ndarray, each of shape (n,)
-        The base plant's readings for each, SI.
-    unit : tuple of str and float
-        In which amplitudes are reported, and its SI size.
+        What is fitted of the recordings.
+    checked : Gate
+        The recordings, and which of their samples are sound.
     rng : numpy.random.Generator
         Of the test of repeatability.
 
@@ -129,13 +116,26 @@ def locate(
     SimulationError
         If the plant cannot be simulated on the recordings.
     """
-    model_error = base.calibration.plant.rig.model_error
+    plant = base.calibration.plant
+    unit, model_error = amplitude_unit(plant.rig.output_unit), plant.rig.model_error
+    found = tracks(plant, checked.experiments)
+    simulated = [y for each in readings(plant, checked.experiments) for y in each]
     return Location(
-        time=locate_time(tracks, base.noise**2 + model_error**2),
-        frequency=locate_frequency(tracks, base.noise),
-        lines=locate_lines(tracks, base.noise),
-        region=locate_region(tracks, unit[1]),
+        time=locate_time(found, base.noise**2 + model_error**2),
+        frequency=locate_frequency(found, base.noise),
+        lines=locate_lines(found, base.noise),
+        region=locate_region(found, unit[1]),
         place=locate_place(base, bench, rng),
-        response=locate_response(measured, simulated, model_error),
+        response=locate_response(_sound(checked, simulated), simulated, model_error),
         unit=unit,
     )
+
+
+def _sound(checked: Gate, simulated: Sequence[np.ndarray]) -> list[Recording]:
+    """A reading at fault says nothing of the response: the simulated one takes its place."""
+    records = [record for experiment in checked.experiments for record in experiment.recordings]
+    masks = [mask for each in checked.sound for mask in each]
+    return [
+        replace(record, outputs=np.where(mask, record.outputs, y))
+        for record, mask, y in zip(records, masks, simulated, strict=True)
+    ]

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-__all__ = ["SI", "Track", "Unit"]
+from deatwin.ident.mismatch.units import amplitude_unit
+from deatwin.plant.model import Plant
+from deatwin.plant.recording import Experiment
+
+__all__ = ["SI", "Track", "Unit", "readings", "tracks"]
+
+FEWEST = 16
+"""Samples of a record that can be located in time and frequency."""
 
 Unit = tuple[str, float]
 """Name of a unit, and its SI size."""
@@ -34,3 +41,62 @@ class Track:
     residual: np.ndarray
     signals: Mapping[str, np.ndarray]
     sample_time: float
+
+
+def readings(plant: Plant, experiments: Sequence[Experiment]) -> tuple[tuple[np.ndarray, ...], ...]:
+    """A plant's free-run readings.
+
+    Parameters
+    ----------
+    plant : Plant
+        Simulated from rest through each experiment.
+    experiments : sequence of Experiment
+        Only the commands are used.
+
+    Returns
+    -------
+    tuple of tuple of ndarray, each of shape (n,)
+        SI.
+
+    Raises
+    ------
+    SimulationError
+        If the plant cannot be simulated to the end.
+    """
+    return tuple(tuple(y[0] for y in plant.simulate(e).require().outputs) for e in experiments)
+
+
+def tracks(plant: Plant, experiments: Sequence[Experiment]) -> tuple[Track, ...]:
+    """Residual and operating signals of each record.
+
+    Parameters
+    ----------
+    plant : Plant
+        Calibrated.
+    experiments : sequence of Experiment
+        Recordings.
+
+    Returns
+    -------
+    tuple of Track
+        Signals: the command, the simulated reading in the unit in which amplitudes are reported, and its rate.
+    """
+    rig = plant.rig
+    size = amplitude_unit(rig.output_unit)[1]
+    found = []
+    for experiment, simulated in zip(experiments, readings(plant, experiments), strict=True):
+        for record, reading in zip(experiment.recordings, simulated, strict=True):
+            if record.n_samples < FEWEST:
+                continue  # a splinter between two gaps has no place of its own
+            signals = {
+                rig.input_name: record.inputs[0],
+                rig.output_name: reading / size,
+                f"{rig.output_name}_rate": np.gradient(reading / size, record.sample_time),
+            }
+            found.append(
+                Track(
+                    timepts=record.timepts, residual=record.outputs[0] - reading, signals=signals,
+                    sample_time=record.sample_time,
+                )
+            )
+    return tuple(found)

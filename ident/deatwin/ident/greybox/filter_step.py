@@ -1,0 +1,217 @@
+"""One implicit step of a plant with its derivatives by the states at its start, along a free run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.greybox.filter_openings import Opening, opened_equations
+from deatwin.plant.errors import SimulationError
+from deatwin.plant.integrator.collocation import step_functions
+from deatwin.plant.integrator.compiled import compile_functions
+from deatwin.plant.integrator.march import March
+from deatwin.plant.integrator.newton import SETTLED
+from deatwin.plant.model import Plant
+from deatwin.plant.rest import RestState
+
+__all__ = ["LinearStep", "held_ghost", "linear_step", "start_ghost"]
+
+Array = NDArray[np.float64]
+
+CHUNK = 200
+SHORTER_STEPS = (4, 16, 64)
+
+
+def start_ghost(state: str) -> str:
+    """Name of the parameter that stands for a state at the start of a step.
+
+    Parameters
+    ----------
+    state : str
+        Name of the state.
+
+    Returns
+    -------
+    str
+    """
+    return f"start.{state}"
+
+
+def held_ghost(name: str) -> str:
+    """Name of the parameter that stands for a held quantity.
+
+    Parameters
+    ----------
+    name : str
+        Name of the quantity.
+
+    Returns
+    -------
+    str
+    """
+    return f"held.{name}"
+
+
+class _Key:
+    """Plant and openings as the key of the compiled step; what a fit can move does not count."""
+
+    def __init__(self, plant: Plant, openings: tuple[Opening, ...]) -> None:
+        self.plant, self.openings = plant, openings
+        # Plants of the same structure share their equations.
+        self._key = (plant.equations, openings)
+
+    def __hash__(self) -> int:
+        return hash(self._key)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Key) and self._key == other._key
+
+
+def linear_step(plant: Plant, openings: tuple[Opening, ...]) -> LinearStep:
+    """The compiled step, shared by all plants of the same structure in this process.
+
+    Parameters
+    ----------
+    plant : Plant
+        Any.
+    openings : tuple of Opening
+        What may be opened.
+
+    Returns
+    -------
+    LinearStep
+    """
+    return _step(_Key(plant, openings))
+
+
+@lru_cache(maxsize=8)
+def _step(key: _Key) -> LinearStep:
+    return LinearStep(key.plant, key.openings)
+
+
+class LinearStep:
+    """One sample with its derivatives by the states at its start, the held quantities and all parameters.
+
+    States and held quantities stand among the parameters as ghosts that enter no equation: their columns of the
+    derivatives carried into the step are unit vectors, those of the parameters zero.
+
+    Parameters
+    ----------
+    plant : Plant
+        Of whose structure the step is.
+    openings : sequence of Opening
+        What may be opened.
+    """
+
+    def __init__(self, plant: Plant, openings: Sequence[Opening]) -> None:
+        ghosts = [*map(start_ghost, plant.equations.states), *map(held_ghost, plant.equations.held)]
+        self.equations = opened_equations(plant, openings, ghosts)
+        step = step_functions(self.equations)
+        march = step.sensitive.mapaccum("linear_march", CHUNK, [0, 1], [0, 1])
+        self._march = compile_functions({"linear_march": march}, in_lanes=step.in_lanes)["linear_march"]
+
+    def along(
+        self, rest: RestState, inputs: Array, start: float, sample_time: float, values: Array
+    ) -> tuple[Array, Array, Array, Array]:
+        """Step through a record.
+
+        Parameters
+        ----------
+        rest : RestState
+            Where it begins, of the opened equations.
+        inputs : ndarray, shape (n_u, n)
+            Of each sample.
+        start : float
+            Clock time, s.
+        sample_time : float
+            s.
+        values : ndarray, shape (n_p,)
+            Parameters of the opened equations, SI.
+
+        Returns
+        -------
+        states : ndarray, shape (n, n_x)
+            At the end of each sample.
+        coordinates : ndarray, shape (n, n_z)
+            Likewise.
+        slopes : ndarray, shape (n, n_x, n_p)
+            Derivatives of the states by the parameters of this sample alone; by its start in the ghosts' columns.
+        reading_slopes : ndarray, shape (n, n_p)
+            The same of the reading.
+
+        Raises
+        ------
+        SimulationError
+            If a sample cannot be solved.
+        """
+        march = March(self._march)
+        x, z, dx, dd, d, u, t, h, p, c = march.arguments
+        x[:], z[:], d[:], p[:], c[:] = rest.x, rest.z, rest.d, values, self.equations.constants
+        free, n_x, n_d = self.equations.parameters.free, rest.x.size, rest.d.size
+        n_p, first = len(free), len(free) - n_x - n_d
+        dx.reshape(CHUNK, n_p, n_x)[:, first : first + n_x] = np.eye(n_x)
+        dd.reshape(CHUNK, n_p, n_d)[:, first + n_x :] = np.eye(n_d)
+        found: list[list[Array]] = []
+        shapes = _shapes(rest, n_p)
+        begin, n = 0, inputs.shape[1]
+        while begin < n:
+            count = min(CHUNK, n - begin)
+            u[:count], u[count:] = inputs[:, begin : begin + count].T, inputs[:, begin + count - 1]
+            h[:], t[:, 0] = sample_time, start + sample_time * np.arange(begin, begin + CHUNK)
+            results = _advanced(march, shapes)
+            good = _solved(results, count)
+            if not good:
+                u[:], time = inputs[:, begin], start + sample_time * begin
+                results, good = [r[None] for r in self._in_shorter(march, rest, n_p, time, sample_time)], 1
+            found.append([r[:good] for r in results])
+            x[:], z[:] = found[-1][0][-1], found[-1][1][-1]
+            begin += good
+        x_all, z_all, slopes, _, reading_slopes, _ = (np.concatenate(r) for r in zip(*found, strict=True))
+        return x_all, z_all, slopes.swapaxes(1, 2), reading_slopes[:, :, 0]
+
+    def _in_shorter(self, march: March, rest: RestState, n_p: int, time: float, sample_time: float) -> list[Array]:
+        """A sample that is not solved in one step, in shorter ones, whose derivatives are chained."""
+        _, _, _, _, _, _, t, h, _, _ = march.arguments
+        n_x = rest.x.size
+        first = n_p - n_x - rest.d.size
+        for number in SHORTER_STEPS:
+            h[:], t[:, 0] = sample_time / number, time + sample_time / number * np.arange(CHUNK)
+            results = _advanced(march, _shapes(rest, n_p))
+            if _solved(results, number) < number:
+                continue
+            steps, rows = results[2].swapaxes(1, 2), results[4][:, :, 0]
+            before = np.zeros((n_x, n_p))
+            before[:, first : first + n_x] = np.eye(n_x)
+            for k in range(number):
+                row, before = _chained(rows[k], before, first), _chained(steps[k], before, first)
+            last = [r[number - 1] for r in results]
+            return [last[0], last[1], before.T, last[3], row[:, None], last[5]]
+        raise SimulationError("the equations of a sample could not be solved where the plant was to be linearised")
+
+
+def _chained(slopes: Array, before: Array, first: int) -> Array:
+    """Derivatives of something after a short step, by what they were derivatives of before the sample."""
+    n_x = before.shape[0]
+    direct = slopes.copy()
+    direct[..., first : first + n_x] = 0.0
+    return np.asarray(direct + slopes[..., first : first + n_x] @ before)
+
+
+def _shapes(rest: RestState, n_p: int) -> list[tuple[int, ...]]:
+    """Of each result of the march for one sample, transposed."""
+    n_x, n_z = rest.x.size, rest.z.size
+    return [(n_x,), (n_z,), (n_p, n_x), (1,), (n_p, 1), (1,)]
+
+
+def _advanced(march: March, shapes: Sequence[tuple[int, ...]]) -> list[Array]:
+    """Results of the next samples, one after another along the first axis."""
+    return [r.reshape(CHUNK, *shape).copy() for r, shape in zip(march.advance(), shapes, strict=True)]
+
+
+def _solved(results: list[Array], count: int) -> int:
+    """How many of the first samples were solved."""
+    bad = ~((results[-1][:count, 0] <= SETTLED) & np.isfinite(results[3][:count, 0]))
+    return int(np.argmax(bad)) if bad.any() else count
