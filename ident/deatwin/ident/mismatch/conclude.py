@@ -24,6 +24,7 @@ from deatwin.ident.mismatch.floor import with_model_error
 from deatwin.ident.mismatch.gate import Gate
 from deatwin.ident.mismatch.locate import Location, readings
 from deatwin.ident.mismatch.say import say
+from deatwin.ident.mismatch.units import amplitude_unit
 from deatwin.ident.mismatch.verify import Verification, shares_explained
 from deatwin.plant.calibrated import CalibratedPlant
 
@@ -31,8 +32,6 @@ __all__ = ["Findings", "conclude"]
 
 NOWHERE: Mapping[str, list[Any]] = {"time": [], "frequency": [], "region": [], "place": [], "response": []}
 """Where nothing is missing."""
-UNITS: Mapping[str, tuple[str, float]] = {"m": ("um", 1e-6)}
-"""Units in which amplitudes are reported, with their SI size; others are reported in SI."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -88,8 +87,7 @@ class Findings:
     @property
     def unit(self) -> tuple[str, float]:
         """Unit of amplitudes, and its SI size."""
-        output_unit = self.final.plant.rig.output_unit
-        return UNITS.get(output_unit, (output_unit, 1.0))
+        return amplitude_unit(self.final.plant.rig.output_unit)
 
 
 def conclude(findings: Findings) -> Diagnosis:
@@ -122,7 +120,7 @@ def conclude(findings: Findings) -> Diagnosis:
         noise=base.noise / size,
         model_error=rig.model_error / size,
         detect=findings.detection.to_dict(),
-        locate=NOWHERE if findings.location is None else findings.location.to_dict(),
+        locate=NOWHERE if findings.location is None else {**findings.location.to_dict(), "place": _places(findings)},
         free_form=None if findings.discovery is None else findings.discovery.to_dict(),
         causes=causes,
         names=names,
@@ -132,6 +130,9 @@ def conclude(findings: Findings) -> Diagnosis:
         fit=fit,
         warnings=(
             *findings.checked.findings,
+            *findings.checked.notes,
+            *(findings.verification.failures if findings.naming.best is not None else ()),
+            *_left_over(findings),
             *_form(findings),
             *(f"{name} could not be tried: no fit with it could be simulated" for name in findings.naming.failed),
             *(f"{name} ended on a bound of its range" for name in findings.final.at_bound),
@@ -159,6 +160,15 @@ def _indistinguishable(findings: Findings) -> tuple[dict[str, Any], ...]:
         for pair in findings.naming.distances
         if pair.effects[1] in rivals
     )
+
+
+def _left_over(findings: Findings) -> list[str]:
+    """Where an explanation is good, but leaves more than the plant's own error."""
+    if not findings.named or findings.answer.adequate:
+        return []
+    unit, size = findings.unit
+    left = max(findings.answer.fitted_test.size, findings.answer.unseen_test.size) / size
+    return [f"what is left ({left:.3g} {unit}) is more than the plant's own model error"]
 
 
 def _form(findings: Findings) -> list[str]:
@@ -201,6 +211,27 @@ def _fit_table(findings: Findings) -> dict[str, dict[str, float | None]]:
         "fitted": {"before": checks.fitted_before / size, "after": fitted},
         "unseen": {"before": checks.unseen_before / size, "after": unseen, "gain_low": gain},
     }
+
+
+def _places(findings: Findings) -> list[dict[str, Any]]:
+    """The places, the one first whose effects take up most of the mismatch, each at best and alone.
+
+    Where no effect was tried at a place, its score is the share that something unknown there explains.
+    """
+    opened = [] if findings.location is None else findings.location.place.to_dict()
+    found = {place["place"]: place for place in opened}
+    place_of = {effect.name: effect.place.value for effect in findings.bench.effects}
+    base = findings.base.chosen
+    missing = max(float(base.losses.mean()) - base.noise**2, 1e-300)
+    shares: dict[str, float] = {}
+    for candidate in findings.naming.candidates:
+        if len(candidate.effects) == 1:
+            place = place_of[candidate.effects[0]]
+            share = float(np.clip((base.losses.mean() - candidate.losses.mean()) / missing, 0.0, 1.0))
+            shares[place] = max(shares.get(place, 0.0), share)
+    for place, share in shares.items():
+        found[place] = {**found.get(place, {"place": place}), "score": share}
+    return sorted(found.values(), key=lambda entry: -entry["score"])
 
 
 def _evidence(findings: Findings, model: CalibratedPlant) -> Evidence:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -47,16 +48,19 @@ def name_causes(bench: Bench, base: Candidate, known: Sequence[Footprint], finis
     -------
     Naming
     """
-    tell = finished or (lambda share: None)
+    def tell(number: int, share: float) -> None:
+        if finished is not None:
+            finished((number + share) / MOST_CAUSES)
+
     search = _Search(bench, base, known)
-    stage = search.beside((), lambda share: tell(share / MOST_CAUSES))
+    stage = search.beside((), partial(tell, 0))
     search.judge_by_the_best(stage)
     naming = search.decided(stage)
     for number in range(1, MOST_CAUSES):
         before = search.best_of(stage)
         if naming.best is not None or before is None or search.leaves_a_trifle(before):
             break
-        stage = search.beside(before, lambda share, n=number: tell((n + share) / MOST_CAUSES))
+        stage = search.beside(before, partial(tell, number))
         best = search.best_of(stage)
         if best is None or not search.each_counts(best):
             break  # a further effect does not help: another one beside it would not be understood
