@@ -1,17 +1,16 @@
 """Where a simulation and a recording differ: locate the mismatch, name the missing physics, verify it."""
 
-from deatwin.ident.mismatch.advice import INPUT_FILE, Advice
-from deatwin.ident.mismatch.advise import advise
-from deatwin.ident.mismatch.base import Base, calibrate_base
+from deatwin.ident.mismatch.advise import INPUT_FILE, Advice, advise
 from deatwin.ident.mismatch.bench import Bench
-from deatwin.ident.mismatch.candidate import Candidate
-from deatwin.ident.mismatch.decide import Distance, Naming
 from deatwin.ident.mismatch.detect import Detection, detect
 from deatwin.ident.mismatch.diagnose import diagnose
 from deatwin.ident.mismatch.diagnosis import Cause, Diagnosis, Interval, Verdict
+from deatwin.ident.mismatch.discover import Discovery, discover
 from deatwin.ident.mismatch.evidence import CandidateSummary, Evidence
 from deatwin.ident.mismatch.gate import Gate, gate
-from deatwin.ident.mismatch.name import name_causes
+from deatwin.ident.mismatch.locate import Location, locate
+from deatwin.ident.mismatch.naming import Candidate, Distance, Naming, name_causes
+from deatwin.ident.mismatch.refit import Base, calibrate_base
 from deatwin.ident.mismatch.verify import Verification, verify
 
 __all__ = [
@@ -24,10 +23,12 @@ __all__ = [
     "Cause",
     "Detection",
     "Diagnosis",
+    "Discovery",
     "Distance",
     "Evidence",
     "Gate",
     "Interval",
+    "Location",
     "Naming",
     "Verdict",
     "Verification",
@@ -35,7 +36,9 @@ __all__ = [
     "calibrate_base",
     "detect",
     "diagnose",
+    "discover",
     "gate",
+    "locate",
     "name_causes",
     "verify",
 ]

@@ -9,23 +9,23 @@ from typing import Any
 import numpy as np
 
 from deatwin.ident.greybox.fit import Calibration
-from deatwin.ident.mismatch.advice import Advice
-from deatwin.ident.mismatch.base import Base
+from deatwin.ident.mismatch.advise.advice import Advice
 from deatwin.ident.mismatch.bench import Bench
-from deatwin.ident.mismatch.candidate import Candidate
-from deatwin.ident.mismatch.decide import Naming
 from deatwin.ident.mismatch.detect import Detection
 from deatwin.ident.mismatch.diagnosis import Cause, Diagnosis, Interval, Verdict
-from deatwin.ident.mismatch.discovery import Discovery
+from deatwin.ident.mismatch.discover.discovery import Discovery
 from deatwin.ident.mismatch.evidence import CandidateSummary, Evidence
-from deatwin.ident.mismatch.faults import faults_of
-from deatwin.ident.mismatch.fitted import fitted_parameters
 from deatwin.ident.mismatch.floor import with_model_error
-from deatwin.ident.mismatch.gate import Gate
+from deatwin.ident.mismatch.gate.faults import faults_of
+from deatwin.ident.mismatch.gate.gate import Gate
 from deatwin.ident.mismatch.locate import Location, readings
+from deatwin.ident.mismatch.naming.candidate import Candidate
+from deatwin.ident.mismatch.naming.decide import Naming
+from deatwin.ident.mismatch.refit.base import Base
+from deatwin.ident.mismatch.refit.fitted import fitted_parameters
 from deatwin.ident.mismatch.say import say
 from deatwin.ident.mismatch.units import amplitude_unit
-from deatwin.ident.mismatch.verify import Verification, shares_explained
+from deatwin.ident.mismatch.verify.verify import Verification, shares_explained
 from deatwin.plant.calibrated import CalibratedPlant
 
 __all__ = ["Findings", "conclude"]

@@ -8,22 +8,22 @@ from dataclasses import replace
 import numpy as np
 
 from deatwin.ident.greybox.fit import Calibration, calibrate
-from deatwin.ident.mismatch.advise import advise
-from deatwin.ident.mismatch.base import Base, calibrate_base
+from deatwin.ident.mismatch.advise.advise import advise
 from deatwin.ident.mismatch.bench import Bench
-from deatwin.ident.mismatch.candidate import free_run_residuals
 from deatwin.ident.mismatch.conclude import Findings, conclude
-from deatwin.ident.mismatch.decide import Naming, nothing_tried
 from deatwin.ident.mismatch.detect import Detection, detect
 from deatwin.ident.mismatch.diagnosis import Diagnosis, Verdict
-from deatwin.ident.mismatch.discover import discover
+from deatwin.ident.mismatch.discover.discover import discover
 from deatwin.ident.mismatch.excess import excess_over_floor
 from deatwin.ident.mismatch.floor import floor_of, with_model_error
-from deatwin.ident.mismatch.gate import Gate, Soundness, confirm, gate, split
+from deatwin.ident.mismatch.gate.gate import Gate, Soundness, confirm, gate, split
 from deatwin.ident.mismatch.locate import locate, locate_time, readings, tracks
-from deatwin.ident.mismatch.name import name_causes
-from deatwin.ident.mismatch.screen import Footprint, footprints
-from deatwin.ident.mismatch.verify import Verification, verify
+from deatwin.ident.mismatch.naming.candidate import free_run_residuals
+from deatwin.ident.mismatch.naming.decide import Naming, nothing_tried
+from deatwin.ident.mismatch.naming.name import name_causes
+from deatwin.ident.mismatch.naming.screen import Footprint, footprints
+from deatwin.ident.mismatch.refit.base import Base, calibrate_base
+from deatwin.ident.mismatch.verify.verify import Verification, verify
 from deatwin.ident.parallel import spawn_generators
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.model import Plant

@@ -11,12 +11,12 @@ from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.recording import Experiment
 
 if TYPE_CHECKING:
-    from deatwin.ident.mismatch.advice import Advice
+    from deatwin.ident.mismatch.advise.advice import Advice
     from deatwin.ident.mismatch.detect import Detection
-    from deatwin.ident.mismatch.discovery import Discovery
-    from deatwin.ident.mismatch.gate import Gate
+    from deatwin.ident.mismatch.discover.discovery import Discovery
+    from deatwin.ident.mismatch.gate.gate import Gate
     from deatwin.ident.mismatch.locate import Location
-    from deatwin.ident.mismatch.verify import Verification
+    from deatwin.ident.mismatch.verify.verify import Verification
 
 __all__ = ["CandidateSummary", "Evidence"]
 

@@ -7,8 +7,8 @@ from itertools import product
 
 from deatwin.ident.greybox.fit import Calibration, Part
 from deatwin.ident.mismatch.bench import Bench
-from deatwin.ident.mismatch.screen import footprints, leads
-from deatwin.ident.mismatch.search import at_its_time, search
+from deatwin.ident.mismatch.naming.screen import footprints, leads
+from deatwin.ident.mismatch.refit.search import at_its_time, search
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.effects.catalogue import effect_named
 from deatwin.plant.model import Plant

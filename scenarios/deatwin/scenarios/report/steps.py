@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from deatwin.ident.mismatch.noise import NoiseSource
+from deatwin.ident.mismatch.gate.noise import NoiseSource
 from deatwin.scenarios.report.drawing import Drawing
 from deatwin.scenarios.report.quantities import quantity, three_digits, with_interval
 from deatwin.scenarios.report.svg import draw, inline

@@ -14,16 +14,16 @@ from deatwin.ident.mismatch.detect.origin import Origin, OriginEvidence, origin_
 from deatwin.ident.mismatch.detect.power import Power
 from deatwin.ident.mismatch.detect.statistics import GROUPS, Scores
 from deatwin.ident.mismatch.excess import BEYOND_DOUBT
-from deatwin.ident.mismatch.noise import NoiseFloor, noise_level
-from deatwin.ident.mismatch.repeats import Repeatability, find_repeats, repeatability
+from deatwin.ident.mismatch.gate.noise import NoiseFloor, noise_level
+from deatwin.ident.mismatch.gate.repeats import Repeatability, find_repeats, repeatability
 from deatwin.ident.mismatch.units import amplitude_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from deatwin.ident.mismatch.bench import Bench
-    from deatwin.ident.mismatch.candidate import Candidate
-    from deatwin.ident.mismatch.screen import Footprint
+    from deatwin.ident.mismatch.naming.candidate import Candidate
+    from deatwin.ident.mismatch.naming.screen import Footprint
 
 __all__ = ["Curves", "Detection", "Statistic", "detect", "detect_in"]
 

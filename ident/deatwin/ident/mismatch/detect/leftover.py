@@ -15,7 +15,7 @@ from deatwin.plant.recording import Experiment
 
 if TYPE_CHECKING:
     from deatwin.ident.mismatch.bench import Bench
-    from deatwin.ident.mismatch.candidate import Candidate
+    from deatwin.ident.mismatch.naming.candidate import Candidate
 
 __all__ = ["Leftover", "leftover_of"]
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from deatwin.ident.mismatch.detect.leftover import Leftover
 from deatwin.ident.mismatch.detect.null import error_terms
-from deatwin.ident.mismatch.repeats import Repeats, repeatability
+from deatwin.ident.mismatch.gate.repeats import Repeats, repeatability
 
 __all__ = ["Origin", "OriginEvidence", "origin_of", "without_forms"]
 

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from deatwin.ident.mismatch.bench import Bench
-    from deatwin.ident.mismatch.candidate import Candidate
-    from deatwin.ident.mismatch.gate import Gate
+    from deatwin.ident.mismatch.gate.gate import Gate
+    from deatwin.ident.mismatch.naming.candidate import Candidate
 
 __all__ = ["Location", "locate"]
 

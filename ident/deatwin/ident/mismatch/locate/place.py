@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from deatwin.ident.mismatch.bench import Bench
-    from deatwin.ident.mismatch.candidate import Candidate
+    from deatwin.ident.mismatch.naming.candidate import Candidate
 
 __all__ = ["OpenedPlace", "Places", "locate_place"]
 

@@ -1,0 +1,173 @@
+"""The advice of a diagnosis: the input that would decide between explanations, or what else to measure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from deatwin.ident.mismatch.advise.distance import TOLD_APART
+from deatwin.ident.mismatch.units import written_amplitude
+from deatwin.plant.drawing import axes_or_new
+from deatwin.plant.files import write_csv
+from deatwin.plant.recording import Experiment, Recording
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["INPUT_FILE", "Advice"]
+
+INPUT_FILE = "next_input.csv"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Advice:
+    """The next experiment.
+
+    Parameters
+    ----------
+    rivals : tuple of str
+        The explanations that it is to tell apart, the best so far first.
+    recording : Recording or None
+        Commands of the input, without readings; None where no input can tell them apart.
+    waveform : str
+        What it looks like, in words; empty without one.
+    added_mass : float or None
+        What has to be added to the load first, kg; None for nothing.
+    measure : str or None
+        Where no input can: another signal that would.
+    confusion_before, confusion_after : float
+        Probability of taking the wrong explanation, before it and after it; the same where there is none.
+    tried : mapping of str to float
+        d² that each waveform of the length at which all were screened would reach, to first order.
+    predicted : tuple of ndarray, each of shape (n,)
+        Readings that the explanations predict for the input, in the order of `rivals`, each refitted to imitate
+        the first; SI.
+    noise : float
+        Standard deviation of the sensor's noise, SI.
+    output : tuple of str
+        Name and SI unit of the reading.
+    """
+
+    rivals: tuple[str, ...]
+    recording: Recording | None
+    waveform: str
+    added_mass: float | None
+    measure: str | None
+    confusion_before: float
+    confusion_after: float
+    tried: Mapping[str, float]
+    predicted: tuple[np.ndarray, ...]
+    noise: float
+    output: tuple[str, str]
+
+    @property
+    def seconds(self) -> float | None:
+        """Length of the input, s; None without one."""
+        return None if self.recording is None else self.recording.duration
+
+    @property
+    def experiment(self) -> Experiment | None:
+        """The input as an experiment from rest on the rig as it is; None where that is not the advice."""
+        if self.recording is None or self.added_mass is not None:
+            return None
+        return Experiment(recordings=(self.recording,))
+
+    @property
+    def sentence(self) -> str:
+        """The advice in one sentence."""
+        which = " and ".join([", ".join(self.rivals[:-1]), self.rivals[-1]]).replace("_", " ")
+        if self.recording is None:
+            return f"No input that the rig bears can tell {which} apart; measure {self.measure}."
+        load = "" if self.added_mass is None else f" with {1e3 * self.added_mass:.3g} g added to the load"
+        before, after = _percent(self.confusion_before), _percent(self.confusion_after)
+        return (
+            f"Record {self.seconds:.4g} s of a further experiment{load} ({self.waveform}, {INPUT_FILE}): the "
+            f"probability of taking the wrong one of {which} falls from {before} to {after}."
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """What ``next_experiment`` of diagnosis.json holds; without an input ``file`` and ``seconds`` are None."""
+        none = self.recording is None
+        return {
+            "file": None if none else INPUT_FILE,
+            "seconds": self.seconds,
+            "confusion_before": self.confusion_before,
+            "confusion_after": None if none else self.confusion_after,
+            "waveform": self.waveform or None,
+            "added_mass_g": None if self.added_mass is None else 1e3 * self.added_mass,
+            "measure": self.measure,
+        }
+
+    def save_input(self, path: Path | str) -> None:
+        """Write the input as a CSV file, ``time_s,command_V``, that `deatwin simulate` and a drive can take.
+
+        Parameters
+        ----------
+        path : path
+            File to write; nothing is written where no input is advised.
+        """
+        if self.recording is not None:
+            name, unit = self.recording.input_names[0], self.recording.input_units[0]
+            header = f"{name}_{unit}" if unit else name
+            write_csv(path, {"time_s": np.round(self.recording.timepts, 9), header: self.recording.inputs[0]})
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the input and how far the explanations' readings part; without an input, what each waveform reaches.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            New ones by default.
+
+        Returns
+        -------
+        matplotlib Axes
+        """
+        axes = axes_or_new(ax)
+        if self.recording is None:
+            self._draw_tried(axes)
+        else:
+            self._draw_input(self.recording, axes)
+        return axes
+
+    def _draw_tried(self, ax: Axes) -> None:
+        names = sorted(self.tried, key=lambda name: self.tried[name])
+        ax.barh(names, [self.tried[name] for name in names], color="0.6")
+        ax.axvline(TOLD_APART, color="C3", linestyle="--", label="told apart")
+        ax.set_xlabel("d² between the explanations")
+        ax.set_title(f"no input tells them apart: measure {self.measure}", fontsize="medium")
+        ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), frameon=False)
+
+    def _draw_input(self, recording: Recording, ax: Axes) -> None:
+        unit, size = written_amplitude(self.output[1])
+        times = recording.timepts - recording.start
+        apart = [(readings - self.predicted[0]) / size for readings in self.predicted]
+        lines = [
+            ax.plot(times, left, color=f"C{k}", linewidth=0.9, label=name.replace("_", " "))[0]
+            for k, (name, left) in enumerate(zip(self.rivals, apart, strict=True))
+        ]
+        band = ax.axhspan(-self.noise / size, self.noise / size, color="0.9", zorder=0, label="sensor noise")
+        ax.set_xlabel("time (s)")
+        ax.set_ylabel(f"{self.output[0]}, predicted minus first ({unit})")
+        commands = ax.twinx()
+        line = commands.plot(times, recording.inputs[0], color="0.5", linewidth=0.7, label="input")[0]
+        low, high = ax.get_ylim()
+        ax.set_ylim(low, high + 1.2 * (high - low))  # the input has the upper half to itself
+        span = float(np.ptp(recording.inputs[0])) or 1.0
+        commands.set_ylim(float(recording.inputs[0].min()) - 1.4 * span, float(recording.inputs[0].max()) + 0.1 * span)
+        commands.set_ylabel(f"{recording.input_names[0]} ({recording.input_units[0]})", color="0.4")
+        ax.legend(
+            handles=[*lines, band, line], loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2, frameon=False
+        )
+        before, after = _percent(self.confusion_before), _percent(self.confusion_after)
+        load = "" if self.added_mass is None else f", {1e3 * self.added_mass:.3g} g added"
+        ax.set_title(f"{self.waveform}{load}\nconfusion {before} to {after}", fontsize="medium")
+
+
+def _percent(share: float) -> str:
+    """A probability as a person writes it; predictions of less than a thousandth are not worth their digits."""
+    return f"{100 * share:.2g} %" if share >= 1e-3 else "below 0.1 %"

@@ -1,0 +1,301 @@
+"""How far apart two explanations are on given inputs, and how often a decision between them will be wrong.
+
+The one is taken for the truth, the other is refitted to its readings;
+`deatwin.ident.mismatch.advise.difference` says what that difference counts for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.stats import norm
+
+from deatwin.ident.greybox.fit import Calibration, Part, Problem, simulated
+from deatwin.ident.greybox.minimum import minimise
+from deatwin.ident.mismatch.advise.difference import Difference
+from deatwin.plant.errors import SimulationError
+from deatwin.plant.model import Plant
+
+__all__ = [
+    "TOLD_APART",
+    "Memory",
+    "confusion",
+    "difference",
+    "directions",
+    "distance_squared",
+    "separation",
+]
+
+TOLD_APART = 16.0
+"""d² from which on two explanations can be told apart: the wrong one wins in 2.3 % of all recordings."""
+STEPS = 4
+"""Steps of the rival towards the truth with simulations."""
+SETTLED = 0.02
+"""Share of the squared difference that a step must gain for another one: d² is not wanted to the percent."""
+DAMPING = 1e-2
+"""Of a step to first order, as a share of what each parameter alone does to the readings: undamped it goes far along
+what hardly changes them, where no simulation follows."""
+
+
+def confusion(squared: float) -> float:
+    r"""Probability that the wrong one of two explanations fits a recording better, :math:`\Phi(-d/2)`.
+
+    Parameters
+    ----------
+    squared : float
+        d².
+
+    Returns
+    -------
+    float
+        From 0.5 for explanations that predict the same down to 0.
+
+    Examples
+    --------
+    >>> round(confusion(16.0), 3)
+    0.023
+    """
+    return float(norm.cdf(-np.sqrt(squared) / 2))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Memory:
+    """What some recordings hold against a refit of the rival, to first order about its fitted parameters.
+
+    Parameters
+    ----------
+    known : Difference
+        Of truth and rival on those recordings, with the rival's fitted parameters.
+    jacobian : ndarray, shape (n, n_p)
+        Derivative of the rival's readings by its fitted coordinates, SI.
+    """
+
+    known: Difference
+    jacobian: np.ndarray
+
+    @classmethod
+    def of(cls, truth: Calibration, rival: Calibration, parts: Sequence[Part]) -> Memory:
+        """What the recordings say to which both were fitted; no simulation is needed.
+
+        Parameters
+        ----------
+        truth, rival : Calibration
+            On the same parts.
+        parts : sequence of Part
+            To which they were fitted.
+
+        Returns
+        -------
+        Memory
+        """
+        readings = np.concatenate([part.measured for part in parts]) - truth.residuals
+        left = rival.residuals - truth.residuals
+        known = Difference.between(truth.plant, rival.plant, readings, left, parts)
+        return cls(known=known, jacobian=rival.jacobian)
+
+    @property
+    def refitted(self) -> Difference:
+        """The difference after the rival's refit to these recordings alone."""
+        return replace(self.known, left=self.known.left - self.jacobian @ _step(self.jacobian, self.known.left))
+
+    def beside(self, other: Memory) -> Memory:
+        """This memory and that of other recordings.
+
+        Parameters
+        ----------
+        other : Memory
+            Of the same two explanations.
+
+        Returns
+        -------
+        Memory
+        """
+        return Memory(known=self.known.beside(other.known), jacobian=np.vstack([self.jacobian, other.jacobian]))
+
+
+def separation(
+    one: Calibration, other: Calibration, parts: Sequence[Part], noise: float, *, steps: int = STEPS
+) -> float:
+    """d² between two fitted explanations, the smaller one of both directions.
+
+    Parameters
+    ----------
+    one, other : Calibration
+        The explanations.
+    parts : sequence of Part
+        Inputs, and the samples that count.
+    noise : float
+        Standard deviation of the sensor's noise, SI.
+    steps : int
+        With simulations, at most; with none the distance is that to first order.
+
+    Returns
+    -------
+    float
+        Where one explanation contains the other, which it can always imitate, d² of the way back.
+
+    Raises
+    ------
+    SimulationError
+        If the inputs are such that the plant of an explanation fails.
+    """
+    pairs = directions(one, other)
+    return min(distance_squared(truth.plant, rival, parts, noise, steps=steps) for truth, rival in pairs)
+
+
+def distance_squared(
+    truth: Plant,
+    rival: Calibration,
+    parts: Sequence[Part],
+    noise: float,
+    *,
+    memory: Memory | None = None,
+    steps: int = STEPS,
+) -> float:
+    """d² from a plant to an explanation that is refitted to it.
+
+    Parameters
+    ----------
+    truth : Plant
+        With the values to be imitated.
+    rival : Calibration
+        The explanation, and where its refit starts.
+    parts : sequence of Part
+        Inputs, and the samples that count; readings are not used.
+    noise : float
+        Standard deviation of the sensor's noise, SI.
+    memory : Memory, optional
+        Earlier recordings, which the refit must keep explaining and which count, too.
+    steps : int
+        With simulations, at most; with none the distance is that to first order.
+
+    Returns
+    -------
+    float
+        Infinite where the rival cannot be simulated.
+
+    Raises
+    ------
+    SimulationError
+        If the truth cannot be simulated.
+    """
+    found = difference(truth, rival, parts, memory=memory, steps=steps)
+    return float(np.inf) if found is None else found.squared_distance(noise)
+
+
+def difference(
+    truth: Plant,
+    rival: Calibration,
+    parts: Sequence[Part],
+    *,
+    memory: Memory | None = None,
+    steps: int = STEPS,
+) -> Difference | None:
+    """What a rival cannot imitate of a plant's readings, after a refit of all its parameters.
+
+    To first order the refit is a projection off the rival's Jacobian. That errs where the two are far apart, so some
+    steps with simulations come before it.
+
+    Parameters
+    ----------
+    truth : Plant
+        With the values to be imitated.
+    rival : Calibration
+        The explanation, and where its refit starts.
+    parts : sequence of Part
+        Inputs, and the samples that count; readings are not used.
+    memory : Memory, optional
+        Earlier recordings, which the refit must keep explaining; they are put behind `parts` in the result.
+    steps : int
+        With simulations, at most; with none the projection alone is the result.
+
+    Returns
+    -------
+    Difference or None
+        None where the rival cannot be simulated.
+
+    Raises
+    ------
+    SimulationError
+        If the truth cannot be simulated.
+    """
+    readings = simulated(truth, parts)
+    if readings is None:
+        raise SimulationError("the plant that is to be imitated cannot be simulated on these inputs")
+    start = Difference.between(truth, rival.plant, readings, readings, parts)
+    whole = start if memory is None else start.beside(memory.known)
+    measured = np.concatenate([part.measured for part in parts])
+    imitation = _Imitation(
+        plant=rival.plant, parts=tuple(parts), names=rival.names, beyond=readings - measured, memory=memory
+    )
+    left = imitation.left(steps)
+    return None if left is None else replace(whole, left=left)
+
+
+def directions(one: Calibration, other: Calibration) -> list[tuple[Calibration, Calibration]]:
+    """Truth and rival, in the orders that can tell something.
+
+    Parameters
+    ----------
+    one, other : Calibration
+        Two explanations.
+
+    Returns
+    -------
+    list of tuple
+        One pair where the other order has a rival that contains the truth, else both.
+    """
+    return [(t, r) for t, r in ((one, other), (other, one)) if not _contains(r.plant, t.plant)]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Imitation(Problem):
+    """Least squares of a rival's parameters on readings without noise and, to first order, on earlier recordings.
+
+    `beyond` is the truth's readings less those of the recordings, which `Problem` compares with.
+    """
+
+    beyond: np.ndarray
+    memory: Memory | None
+
+    def evaluate(self, coordinates: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+        found = super().evaluate(coordinates)
+        if found is None:
+            return None
+        left, jacobian = found[0] + self.beyond, found[1]
+        if self.memory is None:
+            return left, jacobian
+        old = self.memory.known.left - self.memory.jacobian @ (coordinates - self.start())
+        return np.concatenate([left, old]), np.vstack([jacobian, self.memory.jacobian])
+
+    def left(self, steps: int) -> np.ndarray | None:
+        """What the rival leaves after some steps with simulations, and a last one to first order if that is less."""
+        found = minimise(self, evaluations=1 + steps, tolerance=SETTLED)
+        if found is None:
+            return None
+        lower, upper = self.bounds()
+        step = _step(found.jacobian, found.residuals)
+        projected = found.residuals - found.jacobian @ (
+            np.clip(found.coordinates + step, lower, upper) - found.coordinates
+        )
+        return min(found.residuals, projected, key=lambda left: float(left @ left))
+
+
+def _step(jacobian: np.ndarray, left: np.ndarray) -> np.ndarray:
+    """A damped Gauss-Newton step."""
+    scale = np.linalg.norm(jacobian, axis=0)
+    scale[scale == 0] = 1.0
+    scaled = jacobian / scale
+    return np.linalg.solve(scaled.T @ scaled + DAMPING**2 * np.eye(scale.size), scaled.T @ left) / scale
+
+
+def _contains(rival: Plant, truth: Plant) -> bool:
+    """Whether a plant is another one with further effects, on the same rig."""
+    return set(rival.effect_names) > set(truth.effect_names) and _form(rival) == _form(truth)
+
+
+def _form(plant: Plant) -> dict[str, object]:
+    """What the rig is, apart from its errors."""
+    return {k: v for k, v in plant.rig.to_dict().items() if k not in ("noise", "model_error")}

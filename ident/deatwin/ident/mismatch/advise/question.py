@@ -1,0 +1,280 @@
+"""What the next experiment is to answer: the explanations that are left, their posteriors, and what is known."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+
+from deatwin.ident.greybox.fit import Calibration, Part, Problem
+from deatwin.ident.mismatch.advise.difference import Difference
+from deatwin.ident.mismatch.advise.distance import Memory, difference, directions
+from deatwin.ident.mismatch.advise.waveforms import Limits, bears, limits_of, safe_limits, waveform
+from deatwin.ident.mismatch.bench import Bench
+from deatwin.plant.model import Plant
+from deatwin.plant.recording import Experiment, Recording
+
+__all__ = ["Question"]
+
+DRAWS = 2
+"""Plants drawn from each posterior, besides the fitted one."""
+STEPS = 2
+"""Steps of a rival's refit with simulations, as there are many refits."""
+PROBE = 100
+"""Samples for which a drawn plant must bear the ends of what was recorded, as the real one did."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Question:
+    """Which of some explanations is right.
+
+    Parameters
+    ----------
+    bench : Bench
+        Rig and recordings.
+    fits : tuple of Calibration
+        The explanations, fitted to the fitted part; the best first.
+    noise : float
+        Standard deviation of the sensor's noise, SI.
+    shifts : tuple of tuple of ndarray
+        For each explanation, coordinates of posterior plants less the fitted ones; zero first.
+    pairs : tuple of pairs of int
+        Truth and rival that are to be told apart, by number.
+    memories : tuple of Memory
+        For each pair, what the recordings at hand say.
+    seed : int
+        Of what is random in waveforms: one is the same at any length, but for the length.
+    """
+
+    bench: Bench
+    fits: tuple[Calibration, ...]
+    noise: float
+    shifts: tuple[tuple[np.ndarray, ...], ...]
+    pairs: tuple[tuple[int, int], ...]
+    memories: tuple[Memory, ...]
+    seed: int
+
+    @classmethod
+    def of(cls, bench: Bench, fits: Sequence[Calibration], noise: float, rng: np.random.Generator) -> Self:
+        """Draw plants from the posteriors and pair the explanations.
+
+        Parameters
+        ----------
+        bench : Bench
+            Rig and recordings.
+        fits : sequence of Calibration
+            The explanations, at least two.
+        noise : float
+            Standard deviation of the sensor's noise, SI.
+        rng : numpy.random.Generator
+            Source of the draws.
+
+        Returns
+        -------
+        Question
+        """
+        number = {id(fit): k for k, fit in enumerate(fits)}
+        couples = [(one, other) for k, one in enumerate(fits) for other in fits[k + 1 :]]
+        pairs = tuple(
+            (number[id(truth)], number[id(rival)]) for couple in couples for truth, rival in directions(*couple)
+        )
+        return cls(
+            bench=bench, fits=tuple(fits), noise=noise, pairs=pairs,
+            shifts=tuple((np.zeros(len(fit.names)), *_draws(bench, fit, rng)) for fit in fits),
+            memories=tuple(Memory.of(fits[truth], fits[rival], bench.fitted) for truth, rival in pairs),
+            seed=int(rng.integers(2**32)),
+        )  # fmt: skip
+
+    @property
+    def before(self) -> float:
+        """d² on the recordings at hand, of the pair that is nearest, to first order."""
+        return min(memory.refitted.squared_distance(self.noise) for memory in self.memories)
+
+    @property
+    def sample_time(self) -> float:
+        """Of the recordings, s."""
+        return self.bench.nominal.rig.sample_time
+
+    @cached_property
+    def limits(self) -> Limits | None:
+        """Commands whose ends all plants of all posteriors bear; None where there are no such."""
+        return safe_limits(self.posterior, limits_of(self.bench.nominal, self.bench.everything))
+
+    @cached_property
+    def posterior(self) -> tuple[Plant, ...]:
+        """All plants that the one on the bench may be."""
+        return tuple(_moved(fit, x) for fit, shifts in zip(self.fits, self.shifts, strict=True) for x in shifts)
+
+    def with_mass(self, mass: float) -> Question:
+        """The same question under another load, which the recordings at hand did not have.
+
+        Parameters
+        ----------
+        mass : float
+            kg.
+
+        Returns
+        -------
+        Question
+        """
+        return replace(self, fits=tuple(replace(f, plant=f.plant.with_values({"mass": mass})) for f in self.fits))
+
+    def commands(self, name: str, count: int) -> np.ndarray | None:
+        """A waveform inside the limits.
+
+        Parameters
+        ----------
+        name : str
+            Of the repertoire.
+        count : int
+            Samples.
+
+        Returns
+        -------
+        ndarray, shape (count,), or None
+            None where the limits do not allow this waveform.
+        """
+        if self.limits is None:
+            return None
+        rng = np.random.default_rng(self.seed)
+        return waveform(name, self.limits, count * self.sample_time, self.sample_time, rng)
+
+    def recording(self, commands: np.ndarray) -> Recording:
+        """Commands as a record of an experiment of its own, without readings.
+
+        Parameters
+        ----------
+        commands : ndarray, shape (n,)
+            In their unit.
+
+        Returns
+        -------
+        Recording
+            Its clock starts at zero; where an explanation has something happen at a time, behind the recordings
+            at hand, since what has happened stays.
+        """
+        events = any(effect.event for fit in self.fits for effect in fit.plant.effects)
+        start = max(part.experiment.end for part in self.bench.everything) if events else 0.0
+        rig = self.bench.nominal.rig
+        return Recording.from_arrays(
+            commands, np.empty((0, commands.size)), self.sample_time, start=start, input_names=(rig.input_name,),
+            input_units=(rig.input_unit,), output_names=(), output_units=(),
+        )  # fmt: skip
+
+    def parts(self, commands: np.ndarray) -> list[Part]:
+        """The same for a fit, with readings of zero.
+
+        Parameters
+        ----------
+        commands : ndarray, shape (n,)
+            In their unit.
+
+        Returns
+        -------
+        list of Part
+        """
+        rig, silent = self.bench.nominal.rig, np.zeros((1, commands.size))
+        record = replace(
+            self.recording(commands), outputs=silent, output_names=(rig.output_name,), output_units=(rig.output_unit,)
+        )
+        return [Part.whole(Experiment(recordings=(record,)))]
+
+    def is_safe(self, commands: np.ndarray) -> bool:
+        """Whether all plants of all posteriors bear an input.
+
+        Parameters
+        ----------
+        commands : ndarray, shape (n,)
+            In their unit.
+
+        Returns
+        -------
+        bool
+        """
+        rest = self.bench.nominal.rig.start.rest_command
+        return all(bears(plant, commands, rest) for plant in self.posterior)
+
+    def first_order(self, commands: np.ndarray) -> float:
+        """d² of the nearest pair after recordings of an input, without a refit by simulations.
+
+        Parameters
+        ----------
+        commands : ndarray, shape (n,)
+            In their unit.
+
+        Returns
+        -------
+        float
+            0 where an explanation cannot be simulated.
+        """
+        parts = self.parts(commands)
+        responses = []
+        for fit in self.fits:
+            problem = Problem(plant=fit.plant, parts=tuple(parts), names=fit.names)
+            found = problem.evaluate(problem.start())
+            if found is None:
+                return 0.0
+            responses.append((-found[0], found[1]))  # measured is zero, so the residual is minus the reading
+        distances = []
+        for (truth, rival), memory in zip(self.pairs, self.memories, strict=True):
+            readings, left = responses[truth][0], responses[truth][0] - responses[rival][0]
+            known = Difference.between(self.fits[truth].plant, self.fits[rival].plant, readings, left, parts)
+            both = Memory(known=known, jacobian=responses[rival][1]).beside(memory)
+            distances.append(both.refitted.squared_distance(self.noise))
+        return min(distances)
+
+    def refitted(self, commands: np.ndarray, draw: int = 0) -> float:
+        """d² of the nearest pair after recordings of an input, with each rival refitted to each truth.
+
+        Parameters
+        ----------
+        commands : ndarray, shape (n,)
+            In their unit.
+        draw : int
+            Which plant of each posterior is the truth; 0 for the fitted one.
+
+        Returns
+        -------
+        float
+            Infinite where no rival can be simulated.
+
+        Raises
+        ------
+        SimulationError
+            If a truth cannot be simulated.
+        """
+        parts = self.parts(commands)
+        least = np.inf
+        for (truth, rival), memory in zip(self.pairs, self.memories, strict=True):
+            fit, shift = self.fits[truth], self.shifts[truth][draw % len(self.shifts[truth])]
+            change = fit.jacobian @ shift
+            known = replace(memory.known, readings=memory.known.readings + change, left=memory.known.left + change)
+            found = difference(
+                _moved(fit, shift), self.fits[rival], parts, memory=replace(memory, known=known), steps=STEPS
+            )
+            if found is not None:
+                least = min(least, found.squared_distance(self.noise))
+        return float(least)
+
+
+def _draws(bench: Bench, fit: Calibration, rng: np.random.Generator) -> list[np.ndarray]:
+    """Differences of coordinates, drawn from the covariance inside the physical range."""
+    problem = Problem(plant=fit.plant, parts=(), names=fit.names)
+    start, (lower, upper) = problem.start(), problem.bounds()
+    variances, axes = np.linalg.eigh(fit.covariance)
+    root = axes * np.sqrt(np.maximum(variances, 0.0))
+    used = np.concatenate([record.inputs[0] for part in bench.everything for record in part.experiment.recordings])
+    probe = np.repeat([used.min(), used.max()], PROBE)
+    shifts = [np.clip(start + root @ rng.standard_normal(start.size), lower, upper) - start for _ in range(DRAWS)]
+    return [shift for shift in shifts if bears(_moved(fit, shift), probe, 0.0, headroom=1.0)]
+
+
+def _moved(fit: Calibration, shift: np.ndarray) -> Plant:
+    """The plant at a distance from the fitted coordinates."""
+    if not shift.any():
+        return fit.plant
+    problem = Problem(plant=fit.plant, parts=(), names=fit.names)
+    return fit.plant.with_values(problem.values(problem.start() + shift))

@@ -1,0 +1,146 @@
+"""The functions among which a free form is sought, and their values along recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.greybox.fit import Part
+from deatwin.plant.effects.primitives import (
+    DeadBand,
+    Largest,
+    LowPass,
+    Magnitude,
+    Play,
+    Power,
+    Primitive,
+    SignedSquare,
+    Smallest,
+)
+from deatwin.plant.model import Plant
+
+__all__ = ["POSITION", "RATE", "dictionary", "evaluated", "signals_along"]
+
+Array = NDArray[np.float64]
+Signals = Mapping[str, Array]
+
+TIMES = np.logspace(-1, 2, 7)
+"""Time constants of low-passes, s: two a decade."""
+WIDTHS = (0.15, 0.4, 1.0)
+"""Half widths of plays and dead bands, in units of the signal's scale."""
+POSITION, RATE = "displacement", "velocity"
+"""Signals that a rig watches where it has something that moves, and how fast that does."""
+
+
+def signals_along(plant: Plant, part: Part, position: str) -> dict[str, Array]:
+    """The signals of which there are functions, along a plant's free run, as means over each sample.
+
+    Parameters
+    ----------
+    plant : Plant
+        That can be simulated on the part.
+    part : Part
+        Recordings.
+    position : str
+        The signal that moves: a watched one, or else the reading is taken.
+
+    Returns
+    -------
+    dict of str to ndarray, each of shape (n,)
+        SI, from rest to the last sample that counts. The velocity, where the plant watches one, is the change of the
+        position over the sample: motion between the ends of samples counts.
+    """
+    timeline, rest = plant.timeline(part.experiment), plant.rig.start.rest_command
+    n = 1 + max(int(r[m].max()) for r, m in zip(timeline.readings, part.masks, strict=True) if m.any())
+    commands, h = timeline.commands[:n], timeline.sample_time
+    run = plant.simulator.run(
+        commands, start=timeline.start, sample_time=h, rest_command=rest, values=plant.free_values,
+        channels=timeline.channels,
+    )  # fmt: skip
+    watched = dict(zip(plant.equations.signals, run.watched if run.watched is not None else (), strict=True))
+    ends = watched.get(position, run.outputs[1:])
+    before = np.concatenate([ends[:1], ends[:-1]])
+    found = {
+        position: (before + ends) / 2,
+        "command": commands,
+        "command_rate": np.diff(commands, prepend=rest) / h,
+        "time": timeline.start + h * (np.arange(n) + 0.5),
+    }
+    return {**found, RATE: (ends - before) / h} if {POSITION, RATE} <= watched.keys() else found
+
+
+def dictionary(along: Sequence[Signals], position: str) -> tuple[Primitive, ...]:
+    """Functions of state, input and time, with and without memory.
+
+    Parameters
+    ----------
+    along : sequence of mapping of str to ndarray, each of shape (n,)
+        For each part the signals from rest on, SI, as `signals_along` gives them: their rms are the scales.
+    position : str
+        The one that moves.
+
+    Returns
+    -------
+    tuple of Primitive
+        The simpler first; none of signals that do not move.
+    """
+    names = [name for name in along[0] if any(np.ptp(signals[name]) > 0 for signals in along)]
+    given: dict[str, dict[str, Any]] = {name: {"variable": name, "scale": _rms([signals[name] for signals in along])} for name in names}
+    found: list[Primitive] = []
+    if position in given:
+        x = given[position]
+        found += [*(Power(order=n, **x) for n in (1, 2, 3)), Magnitude(**x), Largest(**x), Smallest(**x)]
+        found += [kind(width=w, **x) for kind in (DeadBand, Play) for w in WIDTHS]
+        found += [LowPass(time=float(t), **x) for t in TIMES]
+    if RATE in given:
+        v = given[RATE]
+        found += [Power(**v), Magnitude(**v), SignedSquare(**v)]
+    if "command" in given:
+        u = given["command"]
+        found += [*(Power(order=n, **u) for n in (1, 2, 4)), *(LowPass(time=float(t), order=2, **u) for t in TIMES)]
+    found += [Power(**given[name]) for name in ("command_rate", "time") if name in given]
+    return tuple(found)
+
+
+def _rms(pieces: Sequence[Array]) -> float:
+    return float(np.sqrt(np.mean(np.concatenate(pieces) ** 2)))
+
+
+def evaluated(terms: Sequence[Primitive], signals: Signals, sample_time: float) -> Array:
+    """Values of functions along one part.
+
+    Parameters
+    ----------
+    terms : sequence of Primitive
+        k of them.
+    signals : mapping of str to ndarray, each of shape (n,)
+        From rest on, SI.
+    sample_time : float
+        s.
+
+    Returns
+    -------
+    ndarray, shape (n, k)
+        Memories, which start at rest, by implicit Euler steps with one Newton update each.
+    """
+    names = tuple(dict.fromkeys(term.variable for term in terms))
+    sampled, memory = ca.SX.sym("s", len(names)), ca.SX.sym("m", len(terms))
+    values, later, rests = [], [], []
+    for number, term in enumerate(terms):
+        s, m = sampled[names.index(term.variable)] / term.scale, memory[number]
+        shape = term.shape_parameter.value if term.shape_parameter is not None else 0.0
+        if term.remembers:
+            rate = term.rate(s, m, shape, sample_time)
+            m = m + sample_time * rate / (1 - sample_time * ca.jacobian(rate, m))
+        later.append(m)
+        values.append(term.value(s, m, shape))
+        rests.append(term.at_rest(s) if term.remembers else 0.0)
+    step = ca.Function("step", [memory, sampled], [ca.vertcat(*later), ca.vertcat(*values)])
+    start = ca.Function("start", [sampled], [ca.vertcat(*rests)])
+    rows = np.array([signals[name] for name in names])
+    found = step.mapaccum(rows.shape[1])(start(rows[:, 0]), rows)[1]
+    return np.asarray(found).T

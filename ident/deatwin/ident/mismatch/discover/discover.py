@@ -1,0 +1,303 @@
+"""Where no effect explains a mismatch: a free form of what is missing, which stands for no physics.
+
+What enters the plant is sought as a sum of a few functions of its states and its input, with and without memory. They
+are compared in the readings, after the plant has answered to each of them, beside what the plant's parameters can take
+up: a smoothed force lacks what the filter has smoothed away, and holds what the calibration did not bend to imitate.
+Those that the recordings choose again and again are built into the plant, which is fitted anew as a whole. A free form
+is kept only if the free run on the unseen part gains by it; it is never a cause.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.greybox.filter import Floor, Latent, Linear, Opening, linearise, open_place, smoothed
+from deatwin.ident.greybox.fit import Calibration, Part, Problem, calibrate, simulated
+from deatwin.ident.mismatch.bench import Bench
+from deatwin.ident.mismatch.discover.dictionary import POSITION, RATE, dictionary, evaluated, signals_along
+from deatwin.ident.mismatch.discover.discovery import Discovery, FoundTerm, unit_of, unit_per
+from deatwin.ident.mismatch.discover.sparse import Stable, stable_terms
+from deatwin.ident.mismatch.losses import block_losses, bootstrap_gain
+from deatwin.ident.mismatch.naming.candidate import Candidate, free_run_residuals
+from deatwin.plant.effects.base import Place
+from deatwin.plant.effects.free_form import FreeForm
+from deatwin.plant.effects.primitives import Power, Primitive
+from deatwin.plant.errors import ModelError, SimulationError
+from deatwin.plant.model import Plant
+
+__all__ = ["Discovery", "FoundTerm", "discover"]
+
+Array = NDArray[np.float64]
+
+LEAST_GAIN = 0.1
+"""Share by which the error on the unseen part must fall."""
+PREFERRED = (("ball", "force"), ("sensor", "reading"), ("drive", "command"))
+"""Where a free form enters if nobody says, the first that the rig has."""
+STEPS = (1.0, 0.5, 0.25, 0.1)
+"""Shares of the linear prediction from which the fit may start."""
+SHARPER = np.geomspace(0.5, 2.0, 15)
+"""By which factors a shape may be other than in the dictionary."""
+EVALUATIONS, TOLERANCE = 20, 1e-3
+SIGNIFICANT = 2.0
+"""Standard deviations that a coefficient must be away from nothing."""
+
+
+def discover(
+    bench: Bench, base: Candidate, rng: np.random.Generator, *, place: Opening | None = None
+) -> Discovery | None:
+    """Look for a free form of what the base plant lacks.
+
+    Parameters
+    ----------
+    bench : Bench
+        Recordings.
+    base : Candidate
+        The plant that leaves a mismatch.
+    rng : numpy.random.Generator
+        Source of all resampling.
+    place : Opening, optional
+        Where it enters; the force on what moves by default, where the rig has one, else the reading.
+
+    Returns
+    -------
+    Discovery or None
+        None where the plant leaves no mismatch, where no term is stable, or where the error on the unseen part does
+        not fall by a tenth, and certainly.
+    """
+    plant = base.calibration.plant
+    site = _site(plant, place)
+    if site is None or not base.mismatch:
+        return None
+    try:
+        linears = linearise(plant, bench.fitted)
+    except SimulationError:
+        return None
+    search = _Search.of(plant, bench.fitted, linears, site)
+    jacobian, residual = base.calibration.jacobian, base.calibration.residuals
+    stable = stable_terms(search.answers(search.terms), residual, jacobian, rng)
+    # If all of them together gain nothing, perhaps the most stable one does.
+    for some in dict.fromkeys((stable, stable[:1])):
+        fit = _fitted(search, some, base, bench)
+        kept = None if fit is None else _kept(fit, base, bench, rng)
+        if kept is not None:
+            return kept
+    return None
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Site:
+    """Where a free form may enter, and of what it can be a function."""
+
+    opening: Opening
+    position: str
+    unit: str
+
+    def free_form(self, terms: Sequence[Primitive], size: float, coefficients: Sequence[float]) -> FreeForm:
+        return FreeForm(
+            size=size, terms=tuple(terms), coefficients=tuple(coefficients), enters=Place(self.opening.place),
+            node=self.opening.signal, unit=self.unit,
+        )  # fmt: skip
+
+
+def _site(plant: Plant, wanted: Opening | None) -> _Site | None:
+    """The first place that the rig offers; where nothing is watched that moves, the reading is what moves."""
+    preferred = [Opening(place=place, signal=signal) for place, signal in PREFERRED]
+    names = {place.value for place in Place}
+    watched = plant.equations.signals
+    for opening in ([wanted] if wanted is not None else []) + preferred:
+        position = POSITION if POSITION in watched else "reading"
+        if opening.place not in names:
+            continue
+        site = _Site(opening=opening, position=position, unit=_unit_at(opening, plant))
+        probe = [Power(variable=position, scale=1.0)]
+        if {POSITION, RATE} <= set(watched):
+            probe.append(Power(variable=RATE, scale=1.0))
+        if plant.accepts(site.free_form(probe, 1.0, [0.0] * len(probe))):
+            return site
+    return None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Search:
+    """Functions at a site, and what the readings that count answer to each."""
+
+    site: _Site
+    linears: tuple[Linear, ...]
+    along: list[dict[str, Array]]
+    terms: tuple[Primitive, ...]
+
+    @classmethod
+    def of(cls, plant: Plant, parts: Sequence[Part], linears: Sequence[Linear], site: _Site) -> _Search:
+        along = [signals_along(plant, part, site.position) for part in parts]
+        return cls(site=site, linears=tuple(linears), along=along, terms=dictionary(along, site.position))
+
+    def answers(self, terms: Sequence[Primitive]) -> Array:
+        """Of the readings, shape (m, k)."""
+        number = self.linears[0].openings.index(self.site.opening)
+        return np.vstack([
+            linear.response(number, evaluated(terms, signals, linear.interval))[linear.counted]
+            for linear, signals in zip(self.linears, self.along, strict=True)
+        ])  # fmt: skip
+
+    def sharpened(self, terms: Sequence[Primitive], base: Calibration) -> list[Primitive]:
+        """The terms with the shapes that explain most: a fit from far away ends in the next best one."""
+        found = list(terms)
+        for k, term in enumerate(found):
+            if (parameter := term.shape_parameter) is None:
+                continue
+            tried = [replace(term, **{term.shape: parameter.value * f}) for f in SHARPER]
+            beside = [base.jacobian, self.answers(found[:k] + found[k + 1 :])] if len(found) > 1 else [base.jacobian]
+            basis = np.linalg.qr(np.hstack(beside))[0]
+            own = self.answers(tried)
+            own = own - basis @ (basis.T @ own)
+            left = base.residuals - basis @ (basis.T @ base.residuals)
+            found[k] = tried[int(np.argmax((own.T @ left) ** 2 / np.maximum((own**2).sum(axis=0), 1e-300)))]
+        return found
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Fit:
+    """A plant with a free form, fitted as a whole."""
+
+    calibration: Calibration
+    stable: tuple[Stable, ...]
+    site: _Site
+
+    @property
+    def form(self) -> FreeForm:
+        """With the numbers that the fit gave it."""
+        plant = self.calibration.plant
+        made = next(effect for effect in plant.effects if isinstance(effect, FreeForm))
+        terms, coefficients = [], []
+        for k, term in enumerate(made.terms, start=1):
+            coefficients.append(plant.parameters[f"{made.name}.coefficient_{k}"].value)
+            shape = {term.shape: plant.parameters[f"{made.name}.{term.shape}_{k}"].value} if term.shape else {}
+            terms.append(replace(term, **shape))  # type: ignore[arg-type]
+        return replace(made, terms=tuple(terms), coefficients=tuple(coefficients))
+
+    @property
+    def weakest(self) -> int | None:
+        """The term that the fit needs least, if it may well be nothing and there are others."""
+        fit = self.calibration
+        own = [fit.names.index(f"{FreeForm.name}.coefficient_{k + 1}") for k in range(len(self.stable))]
+        deviations = np.sqrt(np.maximum(np.diag(fit.covariance)[own], 1e-300))
+        ratios = np.abs(self.form.coefficients) / deviations
+        return int(np.argmin(ratios)) if len(ratios) > 1 and ratios.min() < SIGNIFICANT else None
+
+    def without(self, number: int, parts: Sequence[Part]) -> _Fit:
+        """Fitted again without a term."""
+        form, left = self.form, [k for k in range(len(self.stable)) if k != number]
+        fewer = self.site.free_form([form.terms[k] for k in left], form.size, [form.coefficients[k] for k in left])
+        start = self.calibration.plant.without_effects(form.name).with_effects(fewer)
+        again = calibrate(start, parts, evaluations=EVALUATIONS, tolerance=TOLERANCE)
+        return replace(self, calibration=again, stable=tuple(self.stable[k] for k in left))
+
+
+def _fitted(search: _Search, stable: tuple[Stable, ...], base: Candidate, bench: Bench) -> _Fit | None:
+    """The plant with the terms, fitted; None where that does not fit better than without."""
+    start = _start(search, stable, base, bench) if stable else None
+    if start is None:
+        return None
+    fit = calibrate(start, bench.fitted, evaluations=EVALUATIONS, tolerance=TOLERANCE)
+    found = _Fit(calibration=fit, stable=stable, site=search.site)
+    while found.calibration.status.ok and (number := found.weakest) is not None:
+        found = found.without(number, bench.fitted)
+    return found if found.calibration.status.ok and found.calibration.rms < base.calibration.rms else None
+
+
+def _start(search: _Search, stable: Sequence[Stable], base: Candidate, bench: Bench) -> Plant | None:
+    """As far towards the linear prediction as the free run gets better."""
+    plain = base.calibration
+    terms = search.sharpened([search.terms[s.column] for s in stable], plain)
+    both = np.hstack([plain.jacobian, search.answers(terms)])
+    scale = np.maximum(np.linalg.norm(both, axis=0), 1e-300)
+    moves = np.linalg.lstsq(both / scale, plain.residuals, rcond=1e-8)[0] / scale
+    shifts, coefficients = np.split(moves, [plain.jacobian.shape[1]])
+    size = float(np.abs(coefficients).max())
+    if not size > 0:
+        return None
+    problem = Problem(plant=plain.plant, parts=tuple(bench.fitted), names=plain.names)
+    starts = []
+    for share in STEPS:
+        moved = problem.values(np.clip(problem.start() + share * shifts, *problem.bounds()))
+        form = search.site.free_form(terms, size, list(share * coefficients / size))
+        starts.append(plain.plant.with_values(moved).with_effects(form))
+    rms = [_rms_on(start, bench.fitted) for start in starts]
+    best = int(np.argmin(rms))
+    return starts[best] if rms[best] < plain.rms else None
+
+
+def _rms_on(plant: Plant, parts: Sequence[Part]) -> float:
+    readings = simulated(plant, parts)
+    if readings is None:
+        return float(np.inf)
+    return float(np.sqrt(np.mean((np.concatenate([part.measured for part in parts]) - readings) ** 2)))
+
+
+def _kept(fit: _Fit, base: Candidate, bench: Bench, rng: np.random.Generator) -> Discovery | None:
+    """The discovery, if the error on the unseen part falls far enough, and certainly."""
+    plant, form = fit.calibration.plant, fit.form
+    unseen = free_run_residuals(plant, bench.unseen)
+    if unseen is None:
+        return None
+    before, after = (float(np.sqrt(np.mean(r**2))) for r in (base.unseen, unseen))
+    gain_low = bootstrap_gain(block_losses(base.unseen), block_losses(unseen), rng)
+    if after > (1 - LEAST_GAIN) * before or gain_low <= 0:
+        return None
+    along = [signals_along(plant, part, fit.site.position) for part in bench.fitted]
+    values = np.vstack([evaluated(form.terms, signals, plant.rig.sample_time) for signals in along])
+    pieces = values * np.array(form.coefficients)
+    order = [int(k) for k in np.argsort(-pieces.std(axis=0), kind="stable")]
+    return Discovery(
+        calibration=fit.calibration, terms=tuple(_found(form, k, fit.stable[k].inclusion, plant) for k in order),
+        before=before, after=after, gain_low=gain_low, unseen=unseen,
+        state=np.concatenate([signals[form.terms[order[0]].variable] for signals in along]),
+        entering=form.size * pieces.sum(axis=1),
+        latent=_latent(plant.without_effects(form.name), bench.fitted, fit.site.opening, base.noise),
+    )  # fmt: skip
+
+
+def _found(form: FreeForm, number: int, inclusion: float, plant: Plant) -> FoundTerm:
+    """A term in SI."""
+    term = form.terms[number]
+    unit, shape = unit_of(term.variable, plant), None
+    if (parameter := term.shape_parameter) is not None:
+        # A width is a pure number times the scale of the signal, a time is in seconds.
+        wide, of = (term.scale, unit) if parameter.unit == "1" else (1.0, parameter.unit)
+        shape = (parameter.name, parameter.value * wide, of)
+    return FoundTerm(
+        term=term, coefficient=form.size * form.coefficients[number] / term.scale**term.degree,
+        unit=unit_per(form.unit, unit, term.degree), shape=shape, inclusion=inclusion,
+    )  # fmt: skip
+
+
+def _latent(plant: Plant, parts: Sequence[Part], opening: Opening, noise: float) -> Latent | None:
+    """What enters beside a plant whose parameters are known."""
+    try:
+        linears = [_with_known_parameters(linear) for linear in linearise(plant, parts)]
+        floor = Floor.of(linears, noise)
+        return smoothed(linears, floor, open_place(linears, floor, opening))
+    except (ModelError, SimulationError):
+        return None
+
+
+def _with_known_parameters(linear: Linear) -> Linear:
+    """Nothing follows from parameters being other than they are."""
+    return replace(
+        linear, by_parameter=np.zeros_like(linear.by_parameter),
+        rows_by_parameter=np.zeros_like(linear.rows_by_parameter),
+        start_by_parameter=np.zeros_like(linear.start_by_parameter),
+    )  # fmt: skip
+
+
+def _unit_at(opening: Opening, plant: Plant) -> str:
+    """Unit of the signal at an opening, as far as it is known."""
+    rig = plant.rig
+    if opening.place == Place.PARAMETER.value:
+        return plant.parameters[opening.signal].unit
+    force = "N" if rig.output_unit == "m" else "1"
+    return {"command": rig.input_unit, "reading": rig.output_unit, "force": force}.get(opening.signal, "1")

@@ -1,0 +1,221 @@
+"""What a search for a free form found: its terms, its gain, and its drawing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.greybox.filter import Latent
+from deatwin.ident.greybox.fit import Calibration
+from deatwin.ident.mismatch.discover.dictionary import RATE
+from deatwin.ident.mismatch.units import amplitude_unit
+from deatwin.plant.drawing import axes_or_new
+from deatwin.plant.effects.free_form import FreeForm
+from deatwin.plant.effects.primitives import Primitive
+from deatwin.plant.model import Plant
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["Discovery", "FoundTerm", "unit_of", "unit_per"]
+
+Array = NDArray[np.float64]
+
+SHOWN = {"m": ("mm", 1e-3), "m/s": ("mm/s", 1e-3), "N": ("mN", 1e-3)}
+"""Units on axes, with their SI size; others are shown as they are."""
+BINS, FEWEST, BAND = 40, 5, 2.0
+"""Bins of the band over the state, samples that a bin needs, and half its width in standard deviations."""
+NOT_PHYSICS = "free form, not physics"
+WORDS = {
+    "power": "{x}", "magnitude": "|{x}|", "signed_square": "{x} |{x}|", "dead_band": "{x} beyond a dead band",
+    "low_pass": "low-pass of {x}", "play": "play of {x}", "largest": "largest {x} so far",
+    "smallest": "smallest {x} so far",
+}  # fmt: skip
+"""Kinds of terms in words."""
+VARIABLES = {"command_rate": "rate of the command"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class FoundTerm:
+    """One term of a free form.
+
+    Parameters
+    ----------
+    term : Primitive
+        The function, its shape as fitted.
+    coefficient : float
+        By which it is multiplied once the scale of its variable is taken out, in `unit`.
+    unit : str
+        SI.
+    shape : tuple of str, float and str, or None
+        Name, SI value and unit of what gives it its shape, where it has that.
+    inclusion : float
+        Share of the resampled records that chose it, or one that can hardly be told from it.
+    """
+
+    term: Primitive
+    coefficient: float
+    unit: str
+    shape: tuple[str, float, str] | None
+    inclusion: float
+
+    @property
+    def variable(self) -> str:
+        """What it is a function of, in words."""
+        return VARIABLES.get(self.term.variable, self.term.variable)
+
+    @property
+    def text(self) -> str:
+        """What it is, in words, its numbers left out."""
+        order = getattr(self.term, "order", 1)
+        return WORDS[self.term.kind].format(x=self.variable if order == 1 else f"{self.variable}^{order}")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data, SI."""
+        shape = None if self.shape is None else dict(zip(("name", "value", "unit"), self.shape, strict=True))
+        return {
+            "term": self.text, "coefficient": self.coefficient, "unit": self.unit, "shape": shape,
+            "inclusion": self.inclusion,
+        }  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Discovery:
+    """A free form of what is missing.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        The plant with the free form, fitted to the fitted part.
+    terms : tuple of FoundTerm
+        Of the free form, the one that adds most first.
+    before, after : float
+        Rms error of the free run on the unseen part without and with it, SI.
+    gain_low : float
+        Lower 95 % bound of the fall, SI.
+    unseen : ndarray, shape (m,)
+        Residuals with it on the unseen part, SI.
+    state : ndarray, shape (n,)
+        What the first term is a function of, along the fitted part, SI.
+    entering : ndarray, shape (n,)
+        What the free form adds there, SI.
+    latent : Latent or None
+        What the recordings say enters there, smoothed, with the other parameters as they are; None where the filter
+        sees nothing.
+    """
+
+    calibration: Calibration
+    terms: tuple[FoundTerm, ...]
+    before: float
+    after: float
+    gain_low: float
+    unseen: Array
+    state: Array
+    entering: Array
+    latent: Latent | None
+
+    @property
+    def model(self) -> Plant:
+        """The plant with the free form."""
+        return self.calibration.plant
+
+    @property
+    def free_form(self) -> FreeForm:
+        """The free form, as it was before the fit."""
+        return next(effect for effect in self.model.effects if isinstance(effect, FreeForm))
+
+    def to_dict(self) -> dict[str, Any]:
+        """What a diagnosis writes under ``free_form``: errors in its unit of amplitudes, terms in SI."""
+        size = amplitude_unit(self.model.rig.output_unit)[1]
+        return {
+            "place": self.free_form.enters.value,
+            "signal": self.free_form.node,
+            "terms": [term.to_dict() for term in self.terms],
+            "before": self.before / size,
+            "after": self.after / size,
+            "gain_low": self.gain_low / size,
+        }
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw what enters against the state that it depends on most.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Where to; new ones by default.
+
+        Returns
+        -------
+        matplotlib Axes
+            With the smoothed force of the recordings as a cloud, and a band of two of its standard deviations.
+        """
+        ax = axes_or_new(ax)
+        variable = self.terms[0].term.variable
+        unit = unit_of(variable, self.model)
+        (across, wide), (up, high) = (SHOWN.get(u, (u, 1.0)) for u in (unit, self.free_form.unit))
+        state = self.state / wide
+        if self.latent is not None:
+            seen = self.latent.counted
+            mean, deviation = self.latent.mean[seen] / high, self.latent.deviation[seen] / high
+            ax.plot(state[seen], mean, ".", color="0.75", ms=5, zorder=1, label="smoothed from the recordings")
+            middle, centre, half = _binned(state[seen], mean, deviation)
+            band = f"its mean and {BAND:g} standard deviations"
+            ax.fill_between(middle, centre - half, centre + half, color="C0", alpha=0.25, lw=0, zorder=2, label=band)
+        ax.plot(state, self.entering / high, ".", color="C3", ms=2, zorder=3, label=NOT_PHYSICS)
+        ax.set_xlabel(f"{self.terms[0].variable} ({across})")
+        ax.set_ylabel(f"added to the {self.free_form.node} ({up})")
+        ax.legend(loc="best", markerscale=2)
+        return ax
+
+
+def unit_of(variable: str, plant: Plant) -> str:
+    """Unit of a signal of which a free form has functions.
+
+    Parameters
+    ----------
+    variable : str
+        As a `Primitive` names it.
+    plant : Plant
+        Whose signal it is.
+
+    Returns
+    -------
+    str
+    """
+    rig = plant.rig
+    rates = {"command_rate": f"{rig.input_unit}/s", RATE: f"{rig.output_unit}/s"}
+    known = {"command": rig.input_unit, "time": "s", **rates}
+    return known.get(variable, rig.output_unit)
+
+
+def unit_per(above: str, below: str, degree: int) -> str:
+    """A unit over a power of another.
+
+    Parameters
+    ----------
+    above, below : str
+        As ``"N"`` and ``"m/s"``.
+    degree : int
+        As 2.
+
+    Returns
+    -------
+    str
+        As ``"N s2/m2"``.
+    """
+    power = "" if degree == 1 else str(degree)
+    length, _, time = below.partition("/")
+    return f"{above} {time}{power}/{length}{power}" if time else f"{above}/{length}{power}"
+
+
+def _binned(state: Array, mean: Array, deviation: Array) -> tuple[Array, Array, Array]:
+    """Middle of each bin of the state, mean of what enters there, and half the width of its band."""
+    edges = np.linspace(state.min(), state.max(), BINS + 1)
+    rows = np.clip(np.searchsorted(edges, state, side="right") - 1, 0, BINS - 1)
+    filled = [rows == k for k in range(BINS) if np.sum(rows == k) >= FEWEST]
+    columns = [(state[k].mean(), mean[k].mean(), BAND * np.sqrt(np.mean(deviation[k] ** 2))) for k in filled]
+    middle, centre, half = np.array(columns).reshape(-1, 3).T
+    return middle, centre, half

@@ -1,0 +1,165 @@
+"""The sensor's noise, as recordings show it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from scipy.signal import welch
+
+from deatwin.ident.mismatch.gate.repeats import Repeats
+from deatwin.ident.soundness import runs
+
+__all__ = ["NoiseFloor", "NoiseSource", "noise_floor", "noise_level", "rests"]
+
+TOP_OF_SPECTRUM = 0.8
+"""Share of the Nyquist frequency above which a residual is taken to be sensor noise."""
+SHEET_TOLERANCE = 1.3
+SEGMENT_SAMPLES = 256
+REST_SECONDS = 4.0
+"""A command must have stood still for this long before the readings rest,"""
+REST_SHARE = 0.002
+"""within this share of its range."""
+FEWEST = 200
+"""Samples from which a noise can be told."""
+
+
+class NoiseSource(Enum):
+    """Where the noise floor comes from."""
+
+    SHEET = "the data sheet"
+    REPEATS = "what differs between repeats of the same command"
+    RESTS = "the readings while the command rests"
+    TOP_OF_SPECTRUM = "the top of the residual's spectrum"
+
+
+@dataclass(frozen=True, kw_only=True)
+class NoiseFloor:
+    """The sensor's noise, and what each source says of it.
+
+    Parameters
+    ----------
+    level : float
+        Standard deviation, SI.
+    source : NoiseSource
+        Which source was believed.
+    estimates : dict of NoiseSource to float
+        What each available source says, SI.
+    """
+
+    level: float
+    source: NoiseSource
+    estimates: dict[NoiseSource, float]
+
+    @property
+    def sentence(self) -> str:
+        """Where the level comes from, in one plain sentence."""
+        return f"the noise floor is that of {self.source.value}"
+
+
+def noise_floor(residuals: Sequence[np.ndarray], sample_time: float, sheet: float) -> float:
+    """Standard deviation of the sensor's noise: the data sheet's, unless the top of the spectrum says more.
+
+    Parameters
+    ----------
+    residuals : sequence of ndarray
+        Of a calibrated plant, one for each record, SI.
+    sample_time : float
+        s.
+    sheet : float
+        What the data sheet says, SI.
+
+    Returns
+    -------
+    float
+        SI. White noise of that strength has the spectrum seen above 80 % of the Nyquist frequency.
+    """
+    return noise_level(residuals, sample_time, sheet).level
+
+
+def noise_level(
+    residuals: Sequence[np.ndarray],
+    sample_time: float,
+    sheet: float,
+    commands: Sequence[np.ndarray] = (),
+    repeats: Repeats | None = None,
+) -> NoiseFloor:
+    """Ask every source for the sensor's noise, the best one first.
+
+    Differences between repeats of a command are free of whatever the plant lacks; readings at rest are free of what it
+    lacks in motion; the top of the residual's spectrum is free of what it lacks at low frequencies. The data sheet is
+    believed unless the best of them that is available says clearly more: what a sensor does in a rig is seldom less.
+    Without a data sheet (0) the best one is believed.
+
+    Parameters
+    ----------
+    residuals : sequence of ndarray, shape (n_r,) each
+        Of a calibrated plant, one for each record, SI.
+    sample_time : float
+        s.
+    sheet : float
+        What the data sheet says, SI; 0 where it is silent.
+    commands : sequence of ndarray, shape (n_r,) each
+        For rests; none are looked for without.
+    repeats : Repeats, optional
+        Over the same samples.
+
+    Returns
+    -------
+    NoiseFloor
+    """
+    found: dict[NoiseSource, float] = {}
+    if repeats is not None and repeats.first.size >= FEWEST:
+        together = np.concatenate(residuals)
+        apart = (together[repeats.first] - together[repeats.second]) / np.sqrt(2)
+        found[NoiseSource.REPEATS] = _white([apart], 0.0)
+    resting = [piece for e, u in zip(residuals, commands, strict=False) for piece in _at_rest(e, u, sample_time)]
+    if sum(piece.size for piece in resting) >= FEWEST:
+        found[NoiseSource.RESTS] = _white([np.concatenate([piece - piece.mean() for piece in resting])], 0.0)
+    found[NoiseSource.TOP_OF_SPECTRUM] = _white(residuals, TOP_OF_SPECTRUM)
+    best = next(iter(found))
+    if found[best] > SHEET_TOLERANCE * sheet:
+        return NoiseFloor(level=found[best], source=best, estimates=found)
+    return NoiseFloor(level=sheet, source=NoiseSource.SHEET, estimates={NoiseSource.SHEET: sheet, **found})
+
+
+def rests(command: np.ndarray, sample_time: float) -> np.ndarray:
+    """Samples at which a command has stood still for four seconds.
+
+    Parameters
+    ----------
+    command : ndarray, shape (n,)
+        In its unit.
+    sample_time : float
+        s.
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+    """
+    resting = np.zeros(command.size, dtype=bool)
+    still = np.abs(np.diff(command, prepend=command[0])) <= REST_SHARE * np.ptp(command)
+    for run in runs(still):
+        if np.ptp(command[run]) <= REST_SHARE * np.ptp(command):
+            resting[run[round(REST_SECONDS / sample_time) :]] = True
+    return resting
+
+
+def _at_rest(residual: np.ndarray, command: np.ndarray, sample_time: float) -> list[np.ndarray]:
+    return [residual[run] for run in runs(rests(command, sample_time)) if run.size >= FEWEST // 4]
+
+
+def _white(pieces: Sequence[np.ndarray], above: float) -> float:
+    """Standard deviation of white noise with the median power density seen above a share of the Nyquist frequency.
+
+    The median over the lines passes by tones, and by what is slow where all lines are asked.
+    """
+    powers, weights = [], []
+    for piece in pieces:
+        frequency, density = welch(piece, 1.0, nperseg=min(SEGMENT_SAMPLES, piece.size))
+        asked = density[1:][frequency[1:] >= above * frequency[-1]]
+        powers.append(np.median(asked) * frequency[-1])
+        weights.append(piece.size)
+    return float(np.sqrt(np.average(powers, weights=weights)))

@@ -1,0 +1,12 @@
+"""Which effects of the catalogue explain a mismatch."""
+
+from deatwin.ident.mismatch.naming.candidate import Candidate
+from deatwin.ident.mismatch.naming.decide import Distance, Naming
+from deatwin.ident.mismatch.naming.name import name_causes
+
+__all__ = [
+    "Candidate",
+    "Distance",
+    "Naming",
+    "name_causes",
+]

@@ -1,0 +1,153 @@
+"""An explanation: a plant with a set of effects, fitted to one part of the recordings and judged on the other."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from deatwin.ident.greybox.fit import Calibration, Part, simulated
+from deatwin.ident.mismatch.bench import Bench
+from deatwin.ident.mismatch.excess import Excess, excess_over_floor
+from deatwin.ident.mismatch.floor import with_model_error
+from deatwin.ident.mismatch.gate.noise import noise_floor
+from deatwin.ident.mismatch.losses import block_losses, evidence
+from deatwin.plant.model import Plant
+
+__all__ = ["Candidate", "free_run_residuals", "judge", "noise_seen"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Candidate:
+    """A plant with a set of effects, fitted to the fitted part and judged on the unseen one.
+
+    Parameters
+    ----------
+    effects : tuple of str
+        Canonical names of the effects that were added to the plant on the bench; none for the base.
+    calibration : Calibration
+        The fit.
+    unseen : ndarray, shape (n,)
+        Residuals on the unseen part, SI.
+    noise : float
+        Standard deviation of the sensor's noise by which it is judged, SI.
+    """
+
+    effects: tuple[str, ...]
+    calibration: Calibration
+    unseen: np.ndarray
+    noise: float
+
+    @cached_property
+    def fitted_test(self) -> Excess:
+        """Whether what is left of the fitted part is more than noise and model error."""
+        return excess_over_floor(self.calibration.residuals, self.noise, self.calibration.plant.rig.model_error)
+
+    @cached_property
+    def unseen_test(self) -> Excess:
+        """The same of the unseen part."""
+        return excess_over_floor(self.unseen, self.noise, self.calibration.plant.rig.model_error)
+
+    def with_floor(self, model_error: float) -> Candidate:
+        """The same candidate, judged by another model error.
+
+        Parameters
+        ----------
+        model_error : float
+            Rms, SI.
+
+        Returns
+        -------
+        Candidate
+        """
+        plant = with_model_error(self.calibration.plant, model_error)
+        return replace(self, calibration=replace(self.calibration, plant=plant))
+
+    @property
+    def mismatch(self) -> bool:
+        """Whether it certainly leaves more than noise and model error, on the fitted or on the unseen part."""
+        return self.fitted_test.mismatch or self.unseen_test.mismatch
+
+    @property
+    def adequate(self) -> bool:
+        """Whether it explains the recordings.
+
+        What it leaves of the fitted part must be no larger than noise and model error, which is more than the
+        absence of a significant mismatch; the unseen part, which is extrapolated, must not refute it.
+        """
+        return self.fitted_test.within_floor and not self.unseen_test.mismatch
+
+    @property
+    def losses(self) -> np.ndarray:
+        """Block losses over both parts."""
+        return np.concatenate([block_losses(self.calibration.residuals), block_losses(self.unseen)])
+
+    @property
+    def evidence(self) -> float:
+        """Logarithm of the evidence over both parts."""
+        return evidence(self.losses, len(self.calibration.names))
+
+
+def judge(bench: Bench, calibration: Calibration, noise: float) -> Candidate | None:
+    """Free-run residuals of a fitted plant on the unseen part.
+
+    Parameters
+    ----------
+    bench : Bench
+        Recordings.
+    calibration : Calibration
+        The fit.
+    noise : float
+        Standard deviation of the sensor's noise, SI.
+
+    Returns
+    -------
+    Candidate or None
+        None if the plant cannot be simulated there.
+    """
+    residuals = free_run_residuals(calibration.plant, bench.unseen)
+    if residuals is None:
+        return None
+    added = tuple(e for e in calibration.plant.effect_names if e not in bench.nominal.effect_names)
+    return Candidate(effects=added, calibration=calibration, unseen=residuals, noise=noise)
+
+
+def free_run_residuals(plant: Plant, parts: Sequence[Part]) -> np.ndarray | None:
+    """Measured minus simulated at the samples that count.
+
+    Parameters
+    ----------
+    plant : Plant
+        Simulated from rest.
+    parts : sequence of Part
+        Which samples.
+
+    Returns
+    -------
+    ndarray, shape (n,), or None
+        SI; None if the plant fails.
+    """
+    readings = simulated(plant, parts)
+    return None if readings is None else np.concatenate([part.measured for part in parts]) - readings
+
+
+def noise_seen(fit: Calibration, parts: Sequence[Part]) -> float:
+    """The sensor's noise as the residuals of a fit show it.
+
+    Parameters
+    ----------
+    fit : Calibration
+        On `parts`.
+    parts : sequence of Part
+        What was fitted.
+
+    Returns
+    -------
+    float
+        Standard deviation, SI; never below the data sheet's.
+    """
+    sizes = [int(mask.sum()) for part in parts for mask in part.masks if mask.any()]
+    pieces = np.split(fit.residuals, np.cumsum(sizes)[:-1])
+    return noise_floor(pieces, fit.plant.rig.sample_time, fit.plant.rig.noise)

@@ -1,0 +1,226 @@
+"""Which explanation is the best, and which others these recordings cannot rule out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from deatwin.ident.mismatch.advise.distance import TOLD_APART, separation
+from deatwin.ident.mismatch.bench import Bench
+from deatwin.ident.mismatch.naming.candidate import Candidate
+from deatwin.ident.parallel import run_jobs
+
+__all__ = [
+    "Distance",
+    "Naming",
+    "cannot_rule_out",
+    "decide",
+    "explained",
+    "nothing_tried",
+    "suffices",
+    "with_distances",
+]
+
+EVIDENCE_RATIO = 20.0
+"""An explanation stands alone where no rival is within this ratio (Kass & Raftery 1995: strong evidence)."""
+RIVAL_SHARE = 0.5
+"""A rival is also kept while its error differs from the best by less than this share of the model error."""
+EXPLAINED, UNSURE = 0.8, 1.5
+"""A model error is itself not known to the digit: an explanation that takes away this share of the mismatch's energy
+suffices if it leaves no more than so many times that error."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Distance:
+    """How far apart two explanations are on the recordings' inputs.
+
+    Parameters
+    ----------
+    effects : tuple of str
+        Names of the two, those of a set joined by ``+``.
+    d2 : float
+        Squared distance after a refit of the one to the other.
+    """
+
+    effects: tuple[str, str]
+    d2: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Naming:
+    """All explanations that were tried.
+
+    Parameters
+    ----------
+    candidates : tuple of Candidate
+        All that could be fitted, in the order in which they were tried; the base plant first.
+    best : Candidate or None
+        The explanation with the most evidence.
+    rivals : tuple of Candidate
+        Other ones that these recordings cannot rule out.
+    probabilities : mapping of tuple of str to float
+        Of each candidate of the size of the best one, by evidence.
+    noise : float
+        Standard deviation of the sensor's noise, as the best explanation shows it, SI.
+    distances : tuple of Distance
+        From the best to each other explanation.
+    failed : tuple of str
+        Effects and sets of effects that could not be tried, since no fit with them could be simulated; that is no
+        evidence against them.
+    """
+
+    candidates: tuple[Candidate, ...]
+    best: Candidate | None
+    rivals: tuple[Candidate, ...]
+    probabilities: Mapping[tuple[str, ...], float]
+    noise: float
+    distances: tuple[Distance, ...] = ()
+    failed: tuple[str, ...] = ()
+
+    @property
+    def base(self) -> Candidate:
+        """The calibrated plant without further effects."""
+        return self.candidates[0]
+
+
+def nothing_tried(base: Candidate) -> Naming:
+    """The naming of recordings that need none.
+
+    Parameters
+    ----------
+    base : Candidate
+        The calibrated plant without further effects.
+
+    Returns
+    -------
+    Naming
+    """
+    return Naming(candidates=(base,), best=None, rivals=(), probabilities={}, noise=base.noise)
+
+
+def decide(
+    tried: Sequence[Candidate], stage: Sequence[Candidate], noise: float, good: Callable[[Candidate], bool]
+) -> Naming:
+    """The best of one stage, and the ones that cannot be ruled out beside it.
+
+    Parameters
+    ----------
+    tried : sequence of Candidate
+        Everything so far, the base plant first.
+    stage : sequence of Candidate
+        Those that compete: all with the same number of effects.
+    noise : float
+        Standard deviation of the sensor's noise, SI.
+    good : callable
+        Whether a candidate is an explanation at all.
+
+    Returns
+    -------
+    Naming
+    """
+    if not stage:
+        return Naming(candidates=tuple(tried), best=None, rivals=(), probabilities={}, noise=noise)
+    ranked = sorted(stage, key=lambda c: -c.evidence)
+    weights = np.exp([c.evidence - ranked[0].evidence for c in ranked])
+    probabilities = {c.effects: float(w / weights.sum()) for c, w in zip(ranked, weights, strict=True)}
+    possible = [c for c in ranked if good(c)]
+    best = possible[0] if possible else None
+    rivals = tuple(c for c in possible[1:] if best is not None and cannot_rule_out(c, best))
+    return Naming(candidates=tuple(tried), best=best, rivals=rivals, probabilities=probabilities, noise=noise)
+
+
+def with_distances(
+    naming: Naming, stage: Sequence[Candidate], bench: Bench, good: Callable[[Candidate], bool]
+) -> Naming:
+    """Also keep as rivals the explanations that these inputs cannot tell from the best, whoever won.
+
+    Parameters
+    ----------
+    naming : Naming
+        Decided over `stage`.
+    stage : sequence of Candidate
+        Those that competed.
+    bench : Bench
+        Recordings.
+    good : callable
+        Whether a candidate is an explanation at all.
+
+    Returns
+    -------
+    Naming
+    """
+    best = naming.best
+    if best is None:
+        return naming
+    others = [c for c in stage if c.effects != best.effects and good(c)]
+    tasks = [(best.calibration, c.calibration, bench.fitted, naming.noise) for c in others]
+    found = run_jobs(separation, tasks, workers=bench.jobs)
+    near = [c for c, d2 in zip(others, found, strict=True) if d2 < TOLD_APART and c not in naming.rivals]
+    distances = tuple(
+        Distance(effects=("+".join(best.effects), "+".join(c.effects)), d2=d2)
+        for c, d2 in zip(others, found, strict=True)
+    )
+    return replace(naming, rivals=(*naming.rivals, *near), distances=distances)
+
+
+def explained(candidate: Candidate, base: Candidate) -> float:
+    """Share of the explainable energy of the mismatch that a candidate takes away, on the part where it takes less.
+
+    No effect can explain the sensor's noise or the plant's own error.
+
+    Parameters
+    ----------
+    candidate, base : Candidate
+        With and without effects.
+
+    Returns
+    -------
+    float
+        1 where no more than noise and model error is left; negative where it makes things worse.
+    """
+    error = candidate.fitted_test.model_error**2
+    pairs = ((candidate.fitted_test, base.fitted_test), (candidate.unseen_test, base.unseen_test))
+    shares = [
+        1.0 - max(after.size**2 - error, 0.0) / (before.size**2 - error) if before.size**2 > error else 0.0
+        for after, before in pairs
+    ]
+    return min(shares)
+
+
+def suffices(candidate: Candidate, base: Candidate) -> bool:
+    """Whether a candidate explains the recordings as far as anybody knows the plant's own error.
+
+    Parameters
+    ----------
+    candidate, base : Candidate
+        With and without effects.
+
+    Returns
+    -------
+    bool
+    """
+    if candidate.adequate:
+        return True
+    left = max(candidate.fitted_test.size, candidate.unseen_test.size)
+    return explained(candidate, base) > EXPLAINED and left < UNSURE * candidate.fitted_test.model_error
+
+
+def cannot_rule_out(rival: Candidate, best: Candidate) -> bool:
+    """Whether the recordings leave a rival possible.
+
+    Parameters
+    ----------
+    rival, best : Candidate
+        Both explain the recordings.
+
+    Returns
+    -------
+    bool
+        True if the evidence for the best is not strong, or if the two differ by less than the plant's own error.
+    """
+    if best.evidence - rival.evidence < np.log(EVIDENCE_RATIO):
+        return True
+    apart = np.sqrt(max(rival.losses.mean() - best.losses.mean(), 0.0))
+    return bool(apart < RIVAL_SHARE * best.calibration.plant.rig.model_error)

@@ -1,0 +1,193 @@
+"""Which missing physics explains a mismatch: effects are built into the plant one after another, until it is gone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from deatwin.ident.mismatch.bench import Bench
+from deatwin.ident.mismatch.floor import floor_of
+from deatwin.ident.mismatch.naming.candidate import Candidate, noise_seen
+from deatwin.ident.mismatch.naming.decide import Naming, decide, explained, suffices, with_distances
+from deatwin.ident.mismatch.naming.screen import Footprint, Lead, footprints, leads
+from deatwin.ident.mismatch.naming.shortlist import shortlist
+from deatwin.ident.mismatch.naming.trial import Trial, run_trials, with_fitted
+
+__all__ = ["name_causes"]
+
+MOST_CAUSES = 3
+"""More effects at once are not told apart."""
+TRIFLE = 0.05
+"""Share of the mismatch's energy below which a further effect mends what another one does to the plant's own error."""
+Finished = Callable[[float], None]
+Names = tuple[str, ...]
+
+
+def name_causes(bench: Bench, base: Candidate, known: Sequence[Footprint], finished: Finished | None = None) -> Naming:
+    """Look for the smallest set of effects that explains the recordings.
+
+    Each promising effect is built into the base plant alone; where none suffices, each further one beside the best,
+    and so on to three. Where a step helps but does not suffice, the effects that were there before it are replaced in
+    turn, since the best single effect may only imitate two others.
+
+    Parameters
+    ----------
+    bench : Bench
+        Effects and recordings.
+    base : Candidate
+        The calibrated plant without further effects, in the form of the rig that is to be used.
+    known : sequence of Footprint
+        Of all effects in that plant.
+    finished : callable, optional
+        Called with the share that is done.
+
+    Returns
+    -------
+    Naming
+    """
+    def tell(number: int, share: float) -> None:
+        if finished is not None:
+            finished((number + share) / MOST_CAUSES)
+
+    search = _Search(bench, base, known)
+    stage = search.beside((), partial(tell, 0))
+    search.judge_by_the_best(stage)
+    naming = search.decided(stage)
+    for number in range(1, MOST_CAUSES):
+        before = search.best_of(stage)
+        if naming.best is not None or before is None or search.leaves_a_trifle(before):
+            break
+        stage = search.beside(before, partial(tell, number))
+        best = search.best_of(stage)
+        if best is None or not search.each_counts(best):
+            break  # a further effect does not help: another one beside it would not be understood
+        if not search.tried[best].adequate:
+            stage += search.replacing(before, best)
+        naming = search.decided(stage)
+    return replace(naming if naming.best is not None else search.nearly(), failed=tuple(search.failed))
+
+
+class _Search:
+    """Everything tried so far; sets of effects are known by their names.
+
+    Parameters
+    ----------
+    bench : Bench
+        Effects and recordings.
+    base : Candidate
+        Without further effects.
+    known : sequence of Footprint
+        Of all effects in the base plant.
+    """
+
+    def __init__(self, bench: Bench, base: Candidate, known: Sequence[Footprint]) -> None:
+        self.bench, self.known = bench, known
+        self.tried: dict[Names, Candidate] = {(): base}
+        seen = {footprint.effect.name for footprint in known}
+        self.failed = [e.name for e in bench.effects if e.name not in seen]
+
+    @property
+    def noise(self) -> float:
+        return self.tried[()].noise
+
+    def best_of(self, stage: Sequence[Names]) -> Names | None:
+        return max(stage, key=lambda names: self.tried[names].evidence, default=None)
+
+    def beside(self, names: Names, finished: Finished | None = None) -> list[Names]:
+        """Try each promising effect beside those of a candidate."""
+        fit = self.tried[names].calibration
+        unbent = with_fitted(self.bench.nominal.with_rig(fit.plant.rig), fit.plant)
+        promising = shortlist(self.bench, unbent, self._leads(names))
+        trials = [
+            Trial(start=unbent.with_effects(lead.effect), bent=fit.plant.with_effects(lead.estimate), without=fit)
+            for lead in promising
+        ]
+        return self._try([t for t in trials if self._names(t) not in self.tried], finished)
+
+    def leaves_a_trifle(self, names: Names) -> bool:
+        """Whether no further effect could count."""
+        return explained(self.tried[names], self.tried[()]) > 1.0 - TRIFLE
+
+    def replacing(self, before: Names, best: Names) -> list[Names]:
+        """Try the best of a stage with each effect that was there before the stage replaced by others."""
+        found: list[Names] = []
+        for old in before:
+            rest = tuple(name for name in best if name != old)
+            if self._reduced(best, rest) is not None:
+                found += self.beside(rest)
+        return found
+
+    def each_counts(self, names: Names) -> bool:
+        """Whether what returns when any of the effects is taken out is more than the model error, and no trifle."""
+        full, base = self.tried[names], self.tried[()]
+        floor = full.calibration.plant.rig.model_error**2
+        least = max(floor, TRIFLE * float(base.losses.mean() - base.noise**2))
+        for old in names:
+            without = self._reduced(names, tuple(name for name in names if name != old))
+            if without is not None and without.losses.mean() - full.losses.mean() < least:
+                return False
+        return True
+
+    def judge_by_the_best(self, stage: Sequence[Names]) -> None:
+        """The base plant was bent to imitate what is missing; the best explanation knows the plant's error better."""
+        best = self.best_of(stage)
+        if best is None:
+            return
+        error = max(self.bench.nominal.rig.model_error, floor_of(self.tried[best].calibration.plant, self.bench))
+        for names in stage:
+            self.tried[names] = self.tried[names].with_floor(error)
+
+    def decided(self, stage: Sequence[Names]) -> Naming:
+        """The decision over sets of one size, of which all explain the recordings."""
+        return self._decided(stage, lambda c: c.adequate)
+
+    def nearly(self) -> Naming:
+        """The decision over the smallest sets that suffice as far as anybody knows the plant's own error."""
+        naming = self.decided(())
+        for size in range(1, MOST_CAUSES + 1):
+            stage = [names for names in self.tried if len(names) == size]
+            naming = self._decided(stage, lambda c: suffices(c, self.tried[()]))
+            if naming.best is not None:
+                break
+        return naming
+
+    def _decided(self, stage: Sequence[Names], good: Callable[[Candidate], bool]) -> Naming:
+        counting = [n for n in stage if not good(self.tried[n]) or len(n) == 1 or self.each_counts(n)]
+        competing = [self.tried[names] for names in counting]
+        naming = decide(tuple(self.tried.values()), competing, self.noise, good)
+        return with_distances(naming, competing, self.bench, good)
+
+    def _try(self, trials: Sequence[Trial], finished: Finished | None = None) -> list[Names]:
+        found = run_trials(self.bench, trials, self.noise, finished)
+        self.tried.update({candidate.effects: candidate for candidate in found})
+        self.failed += ["+".join(self._names(t)) for t in trials if self._names(t) not in self.tried]
+        # What a wrong plant leaves at the top of the spectrum is no noise: the best explanation shows the least.
+        noise = min([self.noise, *(noise_seen(c.calibration, self.bench.fitted) for c in found)])
+        self.tried = {names: replace(candidate, noise=noise) for names, candidate in self.tried.items()}
+        return [candidate.effects for candidate in found]
+
+    def _reduced(self, full: Names, rest: Names) -> Candidate | None:
+        """A candidate with some of its effects only, fitted if nobody has tried it yet."""
+        if rest not in self.tried:
+            plant = self.tried[full].calibration.plant.without_effects(*(name for name in full if name not in rest))
+            unbent = with_fitted(self.bench.nominal.with_rig(plant.rig), plant)
+            self._try([Trial(start=unbent, bent=plant, without=self.tried[()].calibration)])
+        return self.tried.get(rest)
+
+    def _names(self, trial: Trial) -> Names:
+        return tuple(name for name in trial.start.effect_names if name not in self.bench.nominal.effect_names)
+
+    def _leads(self, names: Names) -> tuple[Lead, ...]:
+        """What each further effect could explain of what a candidate leaves."""
+        fit, base = self.tried[names].calibration, self.tried[()].calibration
+        if not names:
+            return leads(self.known, fit)
+        free = [effect for effect in self.bench.effects if effect.name not in fit.plant.effect_names]
+        times = np.concatenate([part.timepts for part in self.bench.fitted])
+        looking = [effect for effect in free if effect.starts(times, fit.residuals)]
+        again = footprints(self.bench, base, looking, fit)
+        others = {e.name for e in free} - {e.name for e in looking}
+        return leads([*(f for f in self.known if f.effect.name in others), *again], fit)

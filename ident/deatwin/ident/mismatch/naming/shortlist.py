@@ -1,0 +1,55 @@
+"""Which effects are worth a fit to all data: those that promise most, on two counts that err in different ways."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from deatwin.ident.greybox.fit import Part, calibrate
+from deatwin.ident.mismatch.bench import Bench
+from deatwin.ident.mismatch.naming.screen import Lead
+from deatwin.ident.mismatch.refit.search import ROUGH, opening
+from deatwin.ident.parallel import run_jobs
+from deatwin.plant.model import Plant
+
+__all__ = ["shortlist"]
+
+BY_SCORE, BY_OPENING = 6, 4
+"""How many effects are taken for what they explain to first order, and of the others for how well they open."""
+OPENING_SAMPLES, EVALUATIONS = 1500, 6
+"""A rough fit of so few samples, with so few simulations, tells a good beginning from a bad one."""
+
+
+def shortlist(bench: Bench, start: Plant, found: Sequence[Lead]) -> tuple[Lead, ...]:
+    """Choose effects to be fitted.
+
+    What an effect explains to first order is blind where the fitted plant was bent far to imitate it, as a lag of
+    the voltage bends the damping. A rough fit of the opening of each experiment sees that, but is blind to what
+    comes late or slowly.
+
+    Parameters
+    ----------
+    bench : Bench
+        Recordings.
+    start : Plant
+        Not bent: where fits begin.
+    found : sequence of Lead
+        All effects, the most promising to first order first.
+
+    Returns
+    -------
+    tuple of Lead
+        The chosen ones.
+    """
+    by_score, others = found[:BY_SCORE], found[BY_SCORE:]
+    openings = [opening(part, OPENING_SAMPLES) for part in bench.fitted]
+    sizes = run_jobs(_opens, [(start.with_effects(lead.effect), openings) for lead in others], workers=bench.jobs)
+    order = sorted(range(len(others)), key=lambda k: sizes[k])
+    return (*by_score, *(others[k] for k in order[:BY_OPENING] if np.isfinite(sizes[k])))
+
+
+def _opens(start: Plant, parts: Sequence[Part]) -> float:
+    """Rms of what a rough fit leaves; infinite where the plant cannot be simulated."""
+    fit = calibrate(start, parts, evaluations=EVALUATIONS, tolerance=ROUGH)
+    return fit.rms if fit.status.ok else float(np.inf)

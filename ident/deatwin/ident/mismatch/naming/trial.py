@@ -1,0 +1,109 @@
+"""One trial: effects are built into the plant, and the whole is fitted anew and judged."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from deatwin.ident.greybox.fit import Calibration
+from deatwin.ident.mismatch.bench import Bench
+from deatwin.ident.mismatch.naming.candidate import Candidate, judge
+from deatwin.ident.mismatch.refit.search import at_its_time, finish, search, settle
+from deatwin.ident.parallel import run_jobs
+from deatwin.plant.model import Plant
+
+__all__ = ["Trial", "run_trials", "with_fitted"]
+
+FAILED_SEARCH = 1.02
+"""A fit whose error is larger than the plant's without the effect by more than this has lost its way."""
+NEAR = 1.1
+"""Fits whose rms is within this ratio of the best are carried to the end."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Trial:
+    """Where the fit of a set of effects begins.
+
+    Parameters
+    ----------
+    start : Plant
+        With the effects, and values that were not bent by a fit without them.
+    bent : Plant
+        With the effects, and the values of the best plant without the last of them: another start.
+    without : Calibration
+        That plant's fit, of which this one is a generalisation.
+    """
+
+    start: Plant
+    bent: Plant
+    without: Calibration
+
+
+def run_trials(
+    bench: Bench, trials: Sequence[Trial], noise: float, finished: Callable[[float], None] | None = None
+) -> list[Candidate]:
+    """Fit and judge each trial.
+
+    Parameters
+    ----------
+    bench : Bench
+        Recordings and number of workers.
+    trials : sequence of Trial
+        What to try.
+    noise : float
+        Standard deviation of the sensor's noise, SI.
+    finished : callable, optional
+        Called with the share that is done.
+
+    Returns
+    -------
+    list of Candidate
+        In the order of the trials, without those whose plant cannot be simulated.
+    """
+
+    def count(done: int) -> None:
+        if finished is not None:
+            finished(done / len(trials))
+
+    tasks = [(bench, trial, noise) for trial in trials]
+    fits = [fit for fit in run_jobs(_tried, tasks, workers=bench.jobs, finished=count) if fit.status.ok]
+    best = min((fit.rms for fit in fits), default=0.0)
+    near = [k for k, fit in enumerate(fits) if fit.rms < NEAR * best]
+    finished_fits = run_jobs(finish, [(fits[k], bench.fitted) for k in near], workers=bench.jobs)
+    for k, fit in zip(near, finished_fits, strict=True):
+        fits[k] = fit
+    judged = run_jobs(judge, [(bench, fit, noise) for fit in fits], workers=bench.jobs)
+    return [candidate for candidate in judged if candidate is not None]
+
+
+def with_fitted(nominal: Plant, fitted: Plant) -> Plant:
+    """The nominal plant with another one's effects and their values.
+
+    Parameters
+    ----------
+    nominal : Plant
+        Not bent by a fit.
+    fitted : Plant
+        Has all effects of the nominal one.
+
+    Returns
+    -------
+    Plant
+    """
+    added = [effect for effect in fitted.effects if effect.name not in nominal.effect_names]
+    own = {p.name: fitted.parameters[p.name].value for effect in added for p in effect.parameters}
+    return nominal.with_effects(*added).with_values(own)
+
+
+def _tried(bench: Bench, trial: Trial, noise: float) -> Calibration:
+    """From the unbent plant; where that leads nowhere, from the bent one.
+
+    A plant that was fitted without an effect has been bent to imitate it, and the way back is long.
+    """
+    found = search(trial.start, bench.fitted, noise)
+    # The plant without the effect is a special case of the one with it: a worse fit is a failed search.
+    if not found.status.ok or found.rms > FAILED_SEARCH * trial.without.rms:
+        again = settle(trial.bent, bench.fitted, noise)
+        if again.status.ok and (not found.status.ok or again.rms < found.rms):
+            found = again
+    return at_its_time(found, bench.fitted, noise) if found.status.ok else found

@@ -1,0 +1,121 @@
+"""The base plant, given every fair chance: other readings of what the rig file leaves open compete."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from deatwin.ident.greybox.fit import Calibration, Part
+from deatwin.ident.mismatch.bench import Bench
+from deatwin.ident.mismatch.naming.candidate import Candidate, free_run_residuals, judge, noise_seen
+from deatwin.ident.mismatch.refit.search import OPENING_SAMPLES, approach, finish, opening, settle
+from deatwin.ident.parallel import run_jobs
+from deatwin.plant.errors import SimulationError
+from deatwin.plant.model import Plant
+
+__all__ = ["Base", "calibrate_base"]
+
+OPENS_AS_WELL = 1.2
+"""Largest ratio of rms residuals on the openings of the experiments for a form to be fitted to all of them."""
+MORE_STARTS, SPREAD = 2, 0.2
+"""Fits also start from so many other values, off by this much: what data sheets of elastomers are wrong by."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Base:
+    """The calibrated base plant, and the rival forms that fit no better.
+
+    Parameters
+    ----------
+    chosen : Candidate
+        The form that the diagnosis goes on with.
+    rivals : tuple of Candidate
+        The other forms, the best first.
+    noise : float
+        Standard deviation of the sensor's noise, SI.
+    """
+
+    chosen: Candidate
+    rivals: tuple[Candidate, ...]
+    noise: float
+
+
+def calibrate_base(bench: Bench) -> Base:
+    """Calibrate the base plant in every form that the rig file leaves open.
+
+    Parameters
+    ----------
+    bench : Bench
+        Plant and recordings.
+
+    Returns
+    -------
+    Base
+        The nominal form, or the first rival that leaves no mismatch where the nominal one does. A rival that
+        merely fits better does not replace it: a missing effect must not be explained away by a wrong rig.
+
+    Raises
+    ------
+    SimulationError
+        If the plant cannot be simulated on these recordings, in any form.
+    """
+    first = _fitted_well(bench, bench.nominal)
+    if first is not None and first.adequate:
+        return Base(chosen=first, rivals=(), noise=first.noise)
+    forms = [bench.nominal.with_rig(rig) for rig in bench.nominal.rig.rivals()]
+    near = run_jobs(approach, [(form, bench.fitted) for form in forms], workers=bench.jobs)
+    limit = np.inf if first is None else OPENS_AS_WELL * _opening_rms(first.calibration.plant, bench)
+    running = [fit.plant for fit in near if fit.status.ok and fit.rms < limit]
+    fits = run_jobs(settle, [(form, bench.fitted, bench.nominal.rig.noise) for form in running], workers=bench.jobs)
+    known = [first, *(_judged(bench, fit) for fit in fits)]
+    usable = [candidate for candidate in known if candidate is not None]
+    if not usable:
+        raise _cannot_simulate(bench.nominal, bench.everything)
+    noise = min(candidate.noise for candidate in usable)
+    usable = [replace(candidate, noise=noise) for candidate in usable]
+    sound = [c for c in usable if c.adequate] or [c for c in usable if not c.mismatch]
+    chosen = sound[0] if sound else usable[0]
+    rivals = sorted((c for c in usable if c is not chosen), key=lambda c: -c.evidence)
+    return Base(chosen=chosen, rivals=tuple(rivals), noise=noise)
+
+
+def _fitted_well(bench: Bench, form: Plant) -> Candidate | None:
+    """A form fitted from the best of several starts, to the end."""
+    openings = run_jobs(approach, [(start, bench.fitted) for start in _starts(form)], workers=bench.jobs)
+    usable = [fit for fit in openings if fit.status.ok]
+    if not usable:
+        return None
+    rough = settle(min(usable, key=lambda fit: fit.rms).plant, bench.fitted, form.rig.noise)
+    return _judged(bench, finish(rough, bench.fitted)) if rough.status.ok else None
+
+
+def _starts(form: Plant) -> list[Plant]:
+    """The form as described, and with all parameters off by typical errors of a data sheet, the same ones always."""
+    rng = np.random.default_rng(0)
+    free = [form.parameters[name] for name in form.parameters.free]
+    starts = [form]
+    for factors in np.exp(SPREAD * rng.standard_normal((MORE_STARTS, len(free)))):
+        pairs = zip(free, factors, strict=True)
+        starts.append(form.with_values({p.name: float(np.clip(f * p.value, p.lower, p.upper)) for p, f in pairs}))
+    return starts
+
+
+def _judged(bench: Bench, fit: Calibration) -> Candidate | None:
+    return judge(bench, fit, noise_seen(fit, bench.fitted)) if fit.status.ok else None
+
+
+def _opening_rms(plant: Plant, bench: Bench) -> float:
+    openings = [opening(part, OPENING_SAMPLES) for part in bench.fitted]
+    residuals = free_run_residuals(plant, openings)
+    return float(np.inf) if residuals is None else float(np.sqrt(np.mean(residuals**2)))
+
+
+def _cannot_simulate(plant: Plant, parts: Sequence[Part]) -> SimulationError:
+    for part in parts:
+        try:
+            plant.simulate(part.experiment).require()
+        except SimulationError as error:
+            return SimulationError(f"the plant as described cannot follow these recordings: {error}")
+    return SimulationError("the plant as described cannot follow these recordings")

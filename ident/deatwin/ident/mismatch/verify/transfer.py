@@ -1,0 +1,103 @@
+"""Does an explanation carry over: to each record with its own waveform, and to small and large amplitudes?"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from deatwin.ident.mismatch.bench import Bench
+from deatwin.ident.mismatch.losses import BLOCK_SAMPLES, block_losses, bootstrap_gain
+from deatwin.ident.mismatch.naming.candidate import Candidate
+from deatwin.plant.recording import label
+
+__all__ = ["Transfer", "transfers"]
+
+FEWEST_BLOCKS = 6
+"""Blocks of the unseen part that a part of it needs to be judged by itself."""
+THIRDS = ("lowest amplitudes", "middle amplitudes", "highest amplitudes")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Transfer:
+    """Before and after on one part of the unseen data: one record, or the blocks of like amplitude.
+
+    Parameters
+    ----------
+    part : str
+        Which part.
+    before, after : float
+        Rms residuals, SI.
+    gain_low, gain_high : float
+        95 % bounds of the fall, each one-sided, SI.
+    floor : float
+        Rms of noise and model error together, SI.
+    """
+
+    part: str
+    before: float
+    after: float
+    gain_low: float
+    gain_high: float
+    floor: float
+
+    @property
+    def worse(self) -> bool:
+        """Whether the error certainly grows here, to more than noise and model error account for."""
+        return self.gain_high < 0.0 and self.after > self.floor
+
+
+def transfers(base: Candidate, amended: Candidate, bench: Bench, rng: np.random.Generator) -> tuple[Transfer, ...]:
+    """Compare two candidates on each part of the unseen data.
+
+    Parameters
+    ----------
+    base, amended : Candidate
+        Judged on the same samples.
+    bench : Bench
+        Recordings.
+    rng : numpy.random.Generator
+        Of the paired block bootstrap.
+
+    Returns
+    -------
+    tuple of Transfer
+        Each record, where there are several of some length, and each third of the blocks by the rms of the command.
+    """
+    floor = float(np.hypot(amended.noise, amended.calibration.plant.rig.model_error))
+    parts = [*_records(base, amended, bench), *_thirds(base, amended, bench)]
+    return tuple(
+        Transfer(
+            part=name, before=float(np.sqrt(before.mean())), after=float(np.sqrt(after.mean())), floor=floor,
+            gain_low=bootstrap_gain(before, after, rng), gain_high=-bootstrap_gain(after, before, rng),
+        )
+        for name, before, after in parts
+    )  # fmt: skip
+
+
+Losses = tuple[str, np.ndarray, np.ndarray]
+
+
+def _records(base: Candidate, amended: Candidate, bench: Bench) -> list[Losses]:
+    records = [record for part in bench.unseen for record in part.experiment.recordings]
+    cuts = np.cumsum([mask.sum() for part in bench.unseen for mask in part.masks])[:-1]
+    pieces = zip(records, np.split(base.unseen, cuts), np.split(amended.unseen, cuts), strict=True)
+    found = [
+        (label(record), block_losses(before), block_losses(after))
+        for record, before, after in pieces
+        if before.size >= FEWEST_BLOCKS * BLOCK_SAMPLES
+    ]
+    return found if len(found) > 1 else []
+
+
+def _thirds(base: Candidate, amended: Candidate, bench: Bench) -> list[Losses]:
+    pairs = [pair for part in bench.unseen for pair in zip(part.experiment.recordings, part.masks, strict=True)]
+    # The same blocks as the losses': the mean square of the command in each.
+    amplitudes = block_losses(np.concatenate([record.inputs[0, mask] for record, mask in pairs]))
+    before, after = block_losses(base.unseen), block_losses(amended.unseen)
+    thirds = np.array_split(np.argsort(amplitudes, kind="stable"), 3)
+    return [
+        (name, before[np.sort(which)], after[np.sort(which)])
+        for name, which in zip(THIRDS, thirds, strict=True)
+        if which.size >= FEWEST_BLOCKS
+    ]

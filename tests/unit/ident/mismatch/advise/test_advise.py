@@ -1,0 +1,243 @@
+"""The next experiment: that it is safe, that it decides, and what is advised where no input can."""
+
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+from scipy.stats import binom
+
+from deatwin.ident.greybox.fit import Part, calibrate
+from deatwin.ident.mismatch.advise.advise import advise
+from deatwin.ident.mismatch.advise.waveforms import REPERTOIRE, Limits, bears, limits_of, safe_limits, waveform
+from deatwin.ident.mismatch.bench import Bench
+from deatwin.ident.mismatch.naming.candidate import Candidate, judge
+from deatwin.ident.mismatch.refit.search import search
+from deatwin.plant import (
+    AmplifierSaturation,
+    Creep,
+    Delay,
+    Diaphragm,
+    DielectricAbsorption,
+    ElectrodeRC,
+    Experiment,
+    Parameter,
+    PermittivityStretch,
+    Plant,
+    Recording,
+    Rig,
+    SensorLag,
+    StartProcedure,
+    actuation_curve,
+)
+from deatwin.plant.builder import Builder
+from deatwin.plant.effects.base import Effect, Place
+from deatwin.plant.files import read_commands
+from deatwin.plant.integrator.compiled import compiler
+
+STEP = 0.02
+NOMINAL = Plant(rig=Diaphragm())
+WRONG = {"shear_modulus": 29e3, "stretch_limit": 140.0, "permittivity": 4.3, "damping": 0.06}
+compiled = pytest.mark.skipif(compiler() is None, reason="many fits: without a C compiler they take ten times as long")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wire(Rig):
+    """A capacitor behind an amplifier, and a sensor that reads its voltage."""
+
+    sample_time: float = STEP
+    noise: float = 2e-6
+
+    kind: ClassVar[str] = "wire"
+    input_name: ClassVar[str] = "command"
+    input_unit: ClassVar[str] = "V"
+    output_name: ClassVar[str] = "displacement"
+    output_unit: ClassVar[str] = "m"
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        return (
+            Parameter(name="gain", value=1e-4, unit="m/V", lower=1e-6, upper=1e-2),
+            Parameter(name="zero", value=0.0, unit="m", lower=-1e-3, upper=1e-3),
+        )
+
+    @property
+    def start(self) -> StartProcedure:
+        return StartProcedure(rest_command=0.0, ramp=0.0, hold=0.0)
+
+    def write(self, build: Builder) -> Any:
+        command = build.place(Place.DRIVE, "command", build.command)
+        build.watch("capacitance", 1e-9 + 0 * command)
+        voltage = build.watch("film_voltage", build.place(Place.DRIVE, "film_voltage", command))
+        return build.place(Place.SENSOR, "reading", build.parameter("gain") * voltage + build.parameter("zero"))
+
+
+def sine(seconds: float, frequency: float, size: float = 0.7) -> np.ndarray:
+    return 2.3 + size * np.sin(2 * np.pi * frequency * STEP * np.arange(round(seconds / STEP)))
+
+
+def blank(commands: np.ndarray) -> Experiment:
+    return Experiment(recordings=(Recording.from_arrays(commands, np.zeros(commands.size), STEP),))
+
+
+def bench_of(nominal: Plant, experiment: Experiment) -> Bench:
+    """70 % of a record to be fitted, the rest to judge."""
+    early = np.arange(experiment.n_samples) < 0.7 * experiment.n_samples
+    return Bench(
+        nominal=nominal, effects=(), fitted=(Part(experiment=experiment, masks=(early,)),),
+        unseen=(Part(experiment=experiment, masks=(~early,)),), everything=(Part.whole(experiment),), jobs=1,
+        stated_error=nominal.rig.model_error, expected_error=nominal.rig.model_error,
+    )  # fmt: skip
+
+
+def rivals_on(bench: Bench, *effects: Effect) -> list[Candidate]:
+    noise = bench.nominal.rig.noise
+    fits = [search(bench.nominal.with_effects(effect), bench.fitted, noise) for effect in effects]
+    found = [judge(bench, fit, noise) for fit in fits]
+    return [candidate for candidate in found if candidate is not None]
+
+
+@pytest.mark.parametrize("name", REPERTOIRE)
+@pytest.mark.parametrize(("seconds", "step"), [(60.0, 0.02), (3.0, 1 / 600), (2400.0, 4.0)])
+def test_a_waveform_keeps_to_limits_and_length(name, seconds, step):
+    limits = Limits(lowest=-1.5, highest=3.0, bottom=1.0, rest=0.0)
+    made = waveform(name, limits, seconds, step, np.random.default_rng(0))
+    assert made is not None
+    assert made.size == round(seconds / step)
+    assert made.min() >= -1.5
+    assert made.max() <= 3.0
+    assert np.ptp(made) > 0.5
+
+
+def test_polarity_is_reversed_only_where_the_drive_can():
+    one_sided = Limits(lowest=0.0, highest=3.0, bottom=0.0, rest=0.0)
+    assert waveform("holds of alternating polarity", one_sided, 10.0, STEP, np.random.default_rng(0)) is None
+    both = replace(one_sided, lowest=-2.0)
+    made = waveform("holds of alternating polarity", both, 10.0, STEP, np.random.default_rng(0))
+    assert made is not None
+    assert made.min() == -2.0
+    assert made.max() == 2.0
+
+
+def test_the_rig_says_what_may_be_given_and_else_the_recordings_do():
+    parts = [Part.whole(blank(sine(10.0, 0.5)))]
+    used = limits_of(NOMINAL, parts)
+    assert (used.lowest, used.highest) == pytest.approx((1.6, 3.0), abs=1e-3)
+    free = limits_of(NOMINAL.with_rig(replace(NOMINAL.rig, command_range=(-5.0, 5.0))), parts)
+    assert (free.lowest, free.highest) == (-5.0, 5.0)
+    assert free.bottom == pytest.approx(1.6, abs=1e-3)  # only a reversal goes where no recording has been
+
+
+def test_safe_limits_stay_below_the_static_limits_of_the_film():
+    wide = Limits(lowest=0.0, highest=5.0, bottom=1.0, rest=0.0)
+    soft = NOMINAL.with_values({"shear_modulus": 24e3})
+    safe = safe_limits([NOMINAL, soft], wide)
+    assert safe is not None
+    curve = actuation_curve(soft, np.linspace(0.0, 5.0, 51))
+    ends = [c for c in (curve.breakdown_command, curve.slack_command, curve.commands[-1]) if c is not None]
+    # 5 % below the first static limit, or above a tenth below that: each try lowers the range by 5 %, and a film
+    # that is held for some seconds has not crept to its equilibrium
+    assert 0.88 * min(ends) < safe.highest < min(ends)
+    assert not bears(soft, np.full(500, 1.1 * min(ends)), 0.0)
+
+
+@compiled
+def test_where_the_reading_cannot_tell_another_signal_is_advised(tmp_path):
+    nominal = Plant(rig=Wire())
+    experiment = nominal.with_effects(ElectrodeRC(time=0.1)).record(blank(sine(8.0, 0.5)), np.random.default_rng(0))
+    bench = bench_of(nominal, experiment)
+    # the capacitor's lag and the sensor's are the same reading of one linear chain
+    rivals = rivals_on(bench, ElectrodeRC(time=0.08), SensorLag(time=0.08))
+    found = advise(bench, rivals, np.random.default_rng(0))
+    assert found is not None
+    assert found.recording is None
+    assert found.measure in ("the current", "the voltage on the film")  # which only the one of them makes late
+    written = found.to_dict()
+    assert written["file"] is None
+    assert written["measure"] == found.measure
+    assert found.confusion_after == found.confusion_before > 0.3
+    assert "measure the" in found.sentence
+    found.save_input(tmp_path / "next_input.csv")
+    assert not (tmp_path / "next_input.csv").exists()
+    assert max(found.tried.values()) < 16
+    axes = found.plot()
+    assert axes.get_xlabel()
+    plt.close(axes.figure)
+
+
+def test_one_explanation_needs_no_advice():
+    nominal = Plant(rig=Wire())
+    experiment = nominal.record(blank(sine(4.0, 0.5)), np.random.default_rng(0))
+    bench = bench_of(nominal, experiment)
+    only = judge(bench, calibrate(nominal, bench.fitted), nominal.rig.noise)
+    assert only is not None
+    assert advise(bench, [only], np.random.default_rng(0)) is None
+
+
+TIES = {
+    "delay": (Delay(time=0.03), ElectrodeRC(), 0.5),
+    "electrode_rc": (ElectrodeRC(time=0.03), Delay(), 0.5),
+    "amplifier_saturation": (AmplifierSaturation(limit=2.35e3, share=0.35), PermittivityStretch(), 0.5),
+    "permittivity_stretch": (PermittivityStretch(slope=-0.07), AmplifierSaturation(), 0.5),
+    "creep": (Creep(modulus=10e3, time=10.0), DielectricAbsorption(time=10.0), 0.5),
+    "dielectric_absorption": (DielectricAbsorption(share=0.03, time=10.0), Creep(time=10.0), 0.5),
+}
+
+
+def decided(truth: Effect, other: Effect, frequency: float, seconds: float, trials: int) -> tuple[Any, int, int]:
+    """The advice on a sine, and how often the other explanation fits better without and with the advised input."""
+    concealed = NOMINAL.with_values(WRONG).with_effects(truth)
+    poor = blank(sine(seconds, frequency))
+    bench = bench_of(NOMINAL, concealed.record(poor, np.random.default_rng(0)))
+    rivals = rivals_on(bench, type(truth)(), other)
+    found = advise(bench, rivals, np.random.default_rng(1))
+    assert found is not None
+    assert found.confusion_before > 0.023  # d² < 16: a tie
+    before = after = 0
+    for trial in range(trials):
+        rng = np.random.default_rng(1000 + trial)
+        parts = [replace(bench.fitted[0], experiment=concealed.record(poor, rng))]
+        right, wrong = (calibrate(rival.calibration.plant, parts) for rival in rivals)
+        before += wrong.rms < right.rms
+        if found.experiment is not None:
+            parts.append(Part.whole(concealed.record(found.experiment, rng)))
+            right, wrong = (calibrate(fit.plant, parts) for fit in (right, wrong))
+            after += wrong.rms < right.rms
+    return found, before, after
+
+
+@compiled
+def test_the_advised_input_decides_a_tie(tmp_path):
+    found, _, wrong = decided(*TIES["delay"], seconds=20.0, trials=2)
+    assert found.experiment is not None
+    assert found.confusion_after < 0.023
+    assert wrong == 0  # it is to be wrong once in 40 times at most
+    assert found.seconds <= 300.0
+    used = found.recording.inputs[0]
+    assert used.min() >= 0.0  # between rest and the highest command that was recorded
+    assert used.max() <= 3.0 + 1e-9
+    found.save_input(tmp_path / "next_input.csv")
+    again = read_commands(tmp_path / "next_input.csv")
+    np.testing.assert_array_equal(again.inputs, found.recording.inputs)
+    written = found.to_dict()
+    assert written["file"] == "next_input.csv"
+    assert written["seconds"] == found.seconds == pytest.approx(again.duration)
+    assert found.rivals == ("delay", "electrode_rc")
+    axes = found.plot()
+    assert "µm" in axes.get_ylabel()
+    plt.close(axes.figure)
+
+
+@pytest.mark.study
+@compiled
+@pytest.mark.parametrize("truth", TIES)
+def test_ties_are_decided_as_predicted(truth):
+    trials = 20
+    found, before, after = decided(*TIES[truth], seconds=60.0, trials=trials)
+    low, high = binom.interval(0.998, trials, found.confusion_before)
+    assert low <= before <= high
+    if found.experiment is None:  # some need a mass or another signal
+        assert found.added_mass is not None or found.measure is not None
+    else:
+        assert after <= max(2, binom.ppf(0.999, trials, found.confusion_after))  # 90 % are right

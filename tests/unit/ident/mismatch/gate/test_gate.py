@@ -1,0 +1,161 @@
+"""What the gate lets through, and how the unseen part is kept."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from deatwin.ident.mismatch.gate.gate import Soundness, confirm, gate, split
+from deatwin.plant import DataError, Diaphragm, Experiment, Plant, Recording
+from deatwin.plant.excitation import band_limited_noise, random_holds
+
+PLANT = Plant(rig=Diaphragm())
+
+
+@pytest.fixture(scope="module")
+def sound() -> Experiment:
+    rng = np.random.default_rng(0)
+    noise = band_limited_noise(rng, 40.0, 0.02)
+    holds = random_holds(rng, 40.0, 0.02, 1.2, 3.2)
+    blank = Experiment(
+        recordings=(
+            Recording.from_arrays(noise, np.zeros_like(noise), 0.02),
+            Recording.from_arrays(holds, np.zeros_like(holds), 0.02, start=40.0),
+        )
+    )
+    return PLANT.record(blank, np.random.default_rng(1))
+
+
+def test_ringing_after_any_jump_is_no_outlier():
+    """Twenty clean records with jumps of all sizes: none is called faulty."""
+    rng = np.random.default_rng(2)
+    for _ in range(20):
+        holds = random_holds(rng, 60.0, 0.02, 1.1, 3.3)
+        blank = Experiment(recordings=(Recording.from_arrays(holds, np.zeros_like(holds), 0.02),))
+        assert gate(PLANT, [PLANT.record(blank, rng)]).soundness is Soundness.SOUND
+
+
+def test_fast_motion_is_suspected_but_not_confirmed():
+    """Limited noise drives the soft nominal film into fast motion; the plant itself explains it."""
+    rng = np.random.default_rng(5)
+    suspects = confirmed = 0
+    for _ in range(10):
+        noise = band_limited_noise(rng, 60.0, 0.02)
+        blank = Experiment(recordings=(Recording.from_arrays(noise, np.zeros_like(noise), 0.02),))
+        checked = gate(PLANT, [PLANT.record(blank, rng)])
+        suspects += len(checked.findings)
+        confirmed += len(confirm(checked, [[y[0] for y in PLANT.simulate(blank).outputs]]).findings)
+    assert suspects > 0
+    assert confirmed == 0
+
+
+def test_a_true_outlier_is_confirmed(sound):
+    outputs = sound.recordings[0].outputs[0].copy()
+    outputs[500:600:4] += 2e-4
+    spoiled = with_outputs(sound, outputs)
+    checked = confirm(gate(PLANT, [spoiled]), [[y[0] for y in PLANT.simulate(spoiled).outputs]])
+    assert checked.soundness is Soundness.FAULTY
+    assert checked.outliers[0][0].sum() >= 20
+
+
+def with_outputs(experiment: Experiment, outputs: np.ndarray) -> Experiment:
+    first, *rest = experiment.recordings
+    return Experiment(recordings=(replace(first, outputs=outputs[None]), *rest))
+
+
+def test_a_sound_experiment_passes(sound):
+    checked = gate(PLANT, [sound])
+    assert checked.soundness is Soundness.SOUND
+    assert all(mask.mean() > 0.995 for mask in checked.sound[0])
+
+
+def test_a_stuck_sensor_is_a_fault_with_its_place(sound):
+    outputs = sound.recordings[0].outputs[0].copy()
+    outputs[1000:1200] = np.median(outputs)
+    checked = gate(PLANT, [with_outputs(sound, outputs)])
+    assert checked.soundness is Soundness.FAULTY
+    assert "stuck in 200 samples between 20.00 and 23.98 s" in checked.findings[0]
+    assert not checked.sound[0][0][1000:1200].any()
+
+
+def test_a_burst_of_outliers_is_a_fault(sound):
+    outputs = sound.recordings[0].outputs[0].copy()
+    outputs[500:600:4] += 2e-4
+    checked = gate(PLANT, [with_outputs(sound, outputs)])
+    assert checked.soundness is Soundness.FAULTY
+    assert "outliers" in checked.findings[0]
+
+
+def test_a_lone_outlier_is_left_out_without_a_fault(sound):
+    outputs = sound.recordings[0].outputs[0].copy()
+    outputs[700] += 2e-4
+    checked = gate(PLANT, [with_outputs(sound, outputs)])
+    assert checked.soundness is Soundness.SOUND
+    assert not checked.sound[0][0][700]
+
+
+def test_a_clipped_reading_is_not_stuck(sound):
+    outputs = sound.recordings[0].outputs[0]
+    clipped = np.minimum(outputs, np.quantile(outputs, 0.8))
+    assert gate(PLANT, [with_outputs(sound, clipped)]).soundness is Soundness.SOUND
+
+
+def test_the_last_part_of_each_record_is_unseen(sound):
+    fitted, unseen, everything = split(gate(PLANT, [sound]))
+    for early, late, all_of_it in zip(fitted[0].masks, unseen[0].masks, everything[0].masks, strict=True):
+        assert not (early & late).any()
+        np.testing.assert_array_equal(early | late, all_of_it)
+        assert np.flatnonzero(late)[0] == round(0.7 * late.size)
+
+
+def test_an_onset_in_the_unseen_part_moves_the_split(sound):
+    fitted, unseen, _ = split(gate(PLANT, [sound]), onset=32.0)
+    # of the eight seconds after the onset the last 30 % stay unseen
+    assert np.flatnonzero(unseen[0].masks[0])[0] == round((32.0 + 0.7 * 8.0) / 0.02)
+    assert np.flatnonzero(unseen[0].masks[1])[0] == round(0.7 * 2000)
+    assert fitted[0].masks[0][: round(37.0 / 0.02)].mean() > 0.99
+
+
+def test_nothing_to_diagnose_is_one_clear_error(sound):
+    with pytest.raises(DataError, match="no recording was given"):
+        gate(PLANT, [])
+    constant = Experiment(recordings=(Recording.from_arrays(np.full(3000, 2.0), np.zeros(3000), 0.02),))
+    with pytest.raises(DataError, match="constant"):
+        gate(PLANT, [constant])
+
+
+def test_limits_jumps_steps_and_gaps_are_reported_but_no_faults(sound):
+    first, second = sound.recordings
+    clipped = np.minimum(first.outputs, np.quantile(first.outputs, 0.8))
+    given = Experiment(recordings=(replace(first, outputs=clipped), replace(second, start=second.start + 3.0)))
+    assert gate(PLANT, [given]).soundness is Soundness.SOUND
+    notes = gate(PLANT, [given]).notes
+    assert notes[0].startswith("record 1: the reading is at a limit in ")
+    assert "no readings between 40.00 and 43.00 s" in notes[-1]
+    coarse = np.round(first.outputs[0] / 8e-6) * 8e-6
+    checked = gate(PLANT, [with_outputs(sound, coarse)])
+    assert checked.soundness is Soundness.SOUND
+    assert "record 1: the readings come in steps of 8 µm" in checked.notes
+    jumped = first.outputs[0] - 3e-4 * (np.arange(2000) >= 1200)
+    jumps = [note for note in gate(PLANT, [with_outputs(sound, jumped)]).notes if "jumps" in note]
+    assert jumps == ["record 1: jumps in 1 samples between 24.00 and 24.00 s"]
+
+
+def test_a_sound_experiment_needs_no_notes(sound):
+    assert gate(PLANT, [sound]).notes == ()
+
+
+def test_a_jump_is_confirmed_by_the_residual(sound):
+    outputs = sound.recordings[0].outputs[0].copy()
+    outputs[1200:] -= 3e-4
+    jumped = with_outputs(sound, outputs)
+    checked = confirm(gate(PLANT, [jumped]), [[y[0] for y in PLANT.simulate(jumped).outputs]])
+    assert np.flatnonzero(checked.jumps[0][0]).tolist() == [1200]
+
+
+def test_the_gate_draws_what_it_found(sound):
+    outputs = sound.recordings[0].outputs[0].copy()
+    outputs[1000:1200] = np.median(outputs)
+    axes = gate(PLANT, [with_outputs(sound, outputs)]).plot()
+    assert axes.get_ylabel() == "reading, µm"
+    assert "stuck, 200 samples" in [text.get_text() for text in axes.get_legend().get_texts()]

@@ -1,0 +1,58 @@
+"""The sensor's noise is the data sheet's, unless the top of the spectrum says more."""
+
+import numpy as np
+import pytest
+
+from deatwin.ident.mismatch.gate.noise import NoiseSource, noise_floor, noise_level, rests
+from deatwin.ident.mismatch.gate.repeats import find_repeats
+
+NOISE = 2e-6
+
+
+def residual(seed: int, slow: float, n: int = 6000) -> np.ndarray:
+    """White noise of the sensor and a slow sine of that rms."""
+    timepts = 0.02 * np.arange(n)
+    noise = NOISE * np.random.default_rng(seed).standard_normal(n)
+    return noise + slow * np.sqrt(2) * np.sin(2 * np.pi * 0.031 * timepts)
+
+
+def test_noise_floor_keeps_the_data_sheet_where_it_is_right():
+    assert noise_floor([residual(0, 3e-6)], 0.02, NOISE) == NOISE
+
+
+def test_noise_floor_sees_a_noisier_sensor():
+    seen = noise_floor([1.8 * residual(0, 3e-6)], 0.02, NOISE)
+    # the median of 5 Hz of a Welch spectrum of 6000 samples scatters by about 5 %
+    assert seen == pytest.approx(1.8 * NOISE, rel=0.15)
+
+
+def test_repeats_show_the_noise_under_any_model_error():
+    """What the plant lacks comes back with the command, up to the highest frequencies, and cancels."""
+    rng = np.random.default_rng(2)
+    one = 2.4 + np.cumsum(rng.standard_normal(1500)) / 30
+    commands, missing = np.tile(one, 4), np.tile(9e-6 * rng.standard_normal(1500), 4)
+    found = noise_level(
+        [missing + 3e-6 * rng.standard_normal(6000)], 0.02, NOISE, [commands], find_repeats([commands], 0.02)
+    )
+    assert found.source is NoiseSource.REPEATS
+    # the median over 127 lines of 17 segments scatters by about 3 %
+    assert found.level == pytest.approx(3e-6, rel=0.1)
+    assert found.estimates[NoiseSource.TOP_OF_SPECTRUM] > 8e-6
+
+
+def test_rests_show_the_noise_where_motion_hides_it():
+    rng = np.random.default_rng(3)
+    commands = np.r_[2.4 + rng.standard_normal(2000), np.full(3000, 2.4)]
+    residual = np.r_[9e-6 * rng.standard_normal(2000), 3e-6 * rng.standard_normal(3000)]
+    found = noise_level([residual], 0.02, NOISE, [commands])
+    assert found.source is NoiseSource.RESTS
+    assert found.level == pytest.approx(3e-6, rel=0.1)
+    np.testing.assert_array_equal(np.flatnonzero(rests(commands, 0.02))[[0, -1]], [2201, 4999])
+
+
+def test_the_data_sheet_is_said_to_be_the_source():
+    found = noise_level([residual(4, 3e-6)], 0.02, NOISE)
+    assert found.source is NoiseSource.SHEET
+    assert "data sheet" in found.sentence
+    # without a data sheet the recordings alone speak
+    assert noise_level([residual(4, 3e-6)], 0.02, 0.0).level == pytest.approx(NOISE, rel=0.15)

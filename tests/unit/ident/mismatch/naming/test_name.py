@@ -1,0 +1,97 @@
+"""Decisions between explanations, on residuals whose sizes are given."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from deatwin.ident.mismatch.naming.candidate import Candidate
+from deatwin.ident.mismatch.naming.decide import cannot_rule_out, decide, suffices
+from deatwin.ident.mismatch.naming.name import _Search
+
+NOISE, MODEL_ERROR = 2.0, 1.2
+RIG = SimpleNamespace(model_error=MODEL_ERROR)
+
+
+def is_adequate(explanation: Candidate) -> bool:
+    return explanation.adequate
+
+
+def candidate(*effects: str, rms: float, unseen: float | None = None) -> Candidate:
+    """An explanation that leaves residuals of exactly these sizes."""
+    fitted, late = np.tile([rms, -rms], 3500), np.tile([unseen or rms, -(unseen or rms)], 1500)
+    calibration = SimpleNamespace(plant=SimpleNamespace(rig=RIG), residuals=fitted, names=("a",) * (7 + len(effects)))
+    return Candidate(effects=effects, calibration=calibration, unseen=late, noise=NOISE)
+
+
+def test_the_best_adequate_explanation_stands_alone():
+    right, wrong = candidate("creep", rms=2.1), candidate("electrode_rc", rms=4.7)
+    decided = decide((right, wrong), (wrong, right), NOISE, is_adequate)
+    assert decided.best is right
+    assert decided.rivals == ()
+    assert decided.probabilities[("creep",)] == pytest.approx(1.0)
+
+
+def test_equal_explanations_are_rivals():
+    one, other = candidate("creep", rms=2.10), candidate("permittivity_drift", rms=2.11)
+    decided = decide((one, other), (one, other), NOISE, is_adequate)
+    assert decided.rivals == (other,)
+    assert cannot_rule_out(other, one)
+
+
+def test_nothing_adequate_is_no_explanation():
+    decided = decide((), (candidate("creep", rms=3.5),), NOISE, is_adequate)
+    assert decided.best is None
+
+
+def test_good_on_the_fitted_part_alone_is_not_enough():
+    assert not candidate("creep", rms=2.1, unseen=5.0).adequate
+
+
+def search_over(*candidates: Candidate) -> _Search:
+    """A search in which these were tried, the base plant first."""
+    search = _Search(SimpleNamespace(effects=(), jobs=1), candidates[0], ())
+    search.tried.update({c.effects: c for c in candidates})
+    return search
+
+
+def test_an_effect_of_a_pair_must_count_for_more_than_the_model_error():
+    base = candidate(rms=5.7)
+    drift, creep = candidate("permittivity_drift", rms=2.54), candidate("creep", rms=4.98)
+    pair = candidate("creep", "permittivity_drift", rms=2.05)
+    # taking creep out costs 2.54² - 2.05² = 2.25, more than 1.2² = 1.44
+    assert search_over(base, drift, creep, pair).each_counts(pair.effects)
+    near = candidate("permittivity_drift", rms=2.2)
+    # taking creep out of this pair costs 2.2² - 2.05² = 0.64 only
+    assert not search_over(base, near, creep, pair).each_counts(pair.effects)
+
+
+def test_an_idle_second_effect_does_not_become_a_cause():
+    base, drift = candidate(rms=5.7), candidate("sensor_drift", rms=4.0)
+    creep = candidate("creep", rms=2.3, unseen=2.75)
+    pair = candidate("creep", "sensor_drift", rms=2.25)
+    search = search_over(base, creep, drift, pair)
+    # the second effect saves 5.97 - 5.06 = 0.91 of 5.7² - 2² = 28.5: less than 1.2², and less than a twentieth
+    assert search.decided([pair.effects]).best is None
+    # alone, creep leaves 1.89 on the unseen part, more than the model error and more than one and a half of it
+    assert search.nearly().best is None
+    better = candidate("creep", rms=2.3, unseen=2.6)
+    # 2.6² - 2² = 1.66²: it takes away 90 % of the energy and leaves 1.4 times the model error
+    assert search_over(base, better, drift).nearly().best is better
+
+
+def test_what_suffices():
+    base = candidate(rms=5.7)
+    assert suffices(candidate("creep", rms=2.1), base)
+    assert not suffices(candidate("creep", rms=2.8), base)  # leaves 1.96, more than 1.5 times 1.2
+    weak = candidate(rms=3.0)
+    assert not suffices(candidate("creep", rms=2.6), weak)  # of 2.24² it takes away 45 % only
+
+
+def test_another_noise_changes_the_judgement_not_the_residuals():
+    loud = candidate("hysteresis", rms=2.9)
+    assert not loud.adequate
+    again = replace(loud, noise=2.8)
+    assert again.adequate
+    assert again.losses.mean() == loud.losses.mean()
