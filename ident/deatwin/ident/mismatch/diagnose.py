@@ -21,7 +21,7 @@ from deatwin.ident.mismatch.locate import locate, locate_time, readings, tracks
 from deatwin.ident.mismatch.naming.candidate import free_run_residuals
 from deatwin.ident.mismatch.naming.decide import Naming, nothing_tried
 from deatwin.ident.mismatch.naming.name import name_causes
-from deatwin.ident.mismatch.naming.screen import Footprint, footprints
+from deatwin.ident.mismatch.naming.screen import footprints
 from deatwin.ident.mismatch.refit.base import Base, calibrate_base
 from deatwin.ident.mismatch.verify.verify import Verification, verify
 from deatwin.ident.parallel import spawn_generators
@@ -35,8 +35,6 @@ Progress = Callable[[float, str], None]
 SETTLED = 1e-6
 """Relative change of the squared residual at which the last fit ends: what is left is a tenth of a standard deviation
 along the flattest direction."""
-CLEARLY_BETTER = 0.8
-"""A rival form of the rig is tried with effects where it leaves less than this share of the mean square."""
 
 
 def diagnose(
@@ -97,7 +95,9 @@ def diagnose(
     naming = nothing_tried(base.chosen)
     if detection.mismatch and checked.soundness is Soundness.SOUND:
         tell(0.3, "building in effects")
-        naming = _name(bench, base, known, lambda share, text: tell(0.3 + 0.5 * share, text))
+        naming = name_causes(
+            bench, base.chosen, known, base.rivals, lambda share: tell(0.3 + 0.5 * share, "building in effects")
+        )
         base = replace(base, chosen=naming.base, noise=naming.noise)
 
     tell(0.8, "verifying on unseen data")
@@ -167,18 +167,6 @@ def _late_onset(base: Base, checked: Gate) -> float | None:
     floor = base.noise**2 + chosen.calibration.plant.rig.model_error**2
     windows = locate_time(tracks(chosen.calibration.plant, checked.experiments), floor)
     return max(windows, key=lambda w: w.score).from_s if windows else None
-
-
-def _name(bench: Bench, base: Base, known: Sequence[Footprint], tell: Progress) -> Naming:
-    """Effects on the chosen form of the rig; where they do not suffice, on a rival form that fits clearly better."""
-    naming = name_causes(bench, base.chosen, known, lambda share: tell(share, "building in effects"))
-    better = [r for r in base.rivals if r.losses.mean() < CLEARLY_BETTER * base.chosen.losses.mean()]
-    if naming.best is None and better:
-        other = better[0].calibration
-        second = name_causes(bench, better[0], footprints(bench, other, bench.effects, other))
-        if second.best is not None:
-            return second
-    return naming
 
 
 def _verdict(

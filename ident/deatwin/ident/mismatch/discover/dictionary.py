@@ -89,7 +89,9 @@ def dictionary(along: Sequence[Signals], position: str) -> tuple[Primitive, ...]
         The simpler first; none of signals that do not move.
     """
     names = [name for name in along[0] if any(np.ptp(signals[name]) > 0 for signals in along)]
-    given: dict[str, dict[str, Any]] = {name: {"variable": name, "scale": _rms([signals[name] for signals in along])} for name in names}
+    given: dict[str, dict[str, Any]] = {
+        name: {"variable": name, "scale": _rms([signals[name] for signals in along])} for name in names
+    }
     found: list[Primitive] = []
     if position in given:
         x = given[position]

@@ -20,16 +20,29 @@ __all__ = ["name_causes"]
 
 MOST_CAUSES = 3
 """More effects at once are not told apart."""
+BESIDE = 6
+"""Effects that are tried beside others."""
+AGAIN = 4
+"""The best single effects of the nominal form, that are tried in a rival one."""
+CLEARLY_BETTER = 0.8
+"""A rival form is gone on with where its best single effect leaves less than this share of the mean square."""
 TRIFLE = 0.05
 """Share of the mismatch's energy below which a further effect mends what another one does to the plant's own error."""
 Finished = Callable[[float], None]
 Names = tuple[str, ...]
 
 
-def name_causes(bench: Bench, base: Candidate, known: Sequence[Footprint], finished: Finished | None = None) -> Naming:
+def name_causes(
+    bench: Bench,
+    base: Candidate,
+    known: Sequence[Footprint],
+    rivals: Sequence[Candidate] = (),
+    finished: Finished | None = None,
+) -> Naming:
     """Look for the smallest set of effects that explains the recordings.
 
-    Each promising effect is built into the base plant alone; where none suffices, each further one beside the best,
+    Each promising effect is built into the base plant alone, then into its rival forms, since another reading of what
+    the rig file leaves open costs less than a further effect; where none suffices, each further one beside the best,
     and so on to three. Where a step helps but does not suffice, the effects that were there before it are replaced in
     turn, since the best single effect may only imitate two others.
 
@@ -38,16 +51,20 @@ def name_causes(bench: Bench, base: Candidate, known: Sequence[Footprint], finis
     bench : Bench
         Effects and recordings.
     base : Candidate
-        The calibrated plant without further effects, in the form of the rig that is to be used.
+        The calibrated plant without further effects.
     known : sequence of Footprint
         Of all effects in that plant.
+    rivals : sequence of Candidate
+        Other forms of the base plant.
     finished : callable, optional
         Called with the share that is done.
 
     Returns
     -------
     Naming
+        Its first candidate is the base plant in the form that was taken.
     """
+
     def tell(number: int, share: float) -> None:
         if finished is not None:
             finished((number + share) / MOST_CAUSES)
@@ -56,6 +73,9 @@ def name_causes(bench: Bench, base: Candidate, known: Sequence[Footprint], finis
     stage = search.beside((), partial(tell, 0))
     search.judge_by_the_best(stage)
     naming = search.decided(stage)
+    if naming.best is None:
+        search, stage = _best_form(search, stage, rivals)
+        naming = search.decided(stage)
     for number in range(1, MOST_CAUSES):
         before = search.best_of(stage)
         if naming.best is not None or before is None or search.leaves_a_trifle(before):
@@ -68,6 +88,23 @@ def name_causes(bench: Bench, base: Candidate, known: Sequence[Footprint], finis
             stage += search.replacing(before, best)
         naming = search.decided(stage)
     return replace(naming if naming.best is not None else search.nearly(), failed=tuple(search.failed))
+
+
+def _best_form(
+    nominal: _Search, stage: Sequence[Names], rivals: Sequence[Candidate]
+) -> tuple[_Search, Sequence[Names]]:
+    """The form in which one effect suffices, or else leaves clearly less; the nominal one if none does."""
+    forms = [(nominal, stage)]
+    for rival in rivals:
+        other = _Search(nominal.bench, rival, nominal.known)
+        found = other.again(nominal, stage)
+        other.judge_by_the_best(found)
+        if other.decided(found).best is not None:
+            return other, found
+        forms.append((other, found))
+    limit = CLEARLY_BETTER * nominal.least(stage)
+    search, found = min(forms, key=lambda form: form[0].least(form[1]))
+    return (search, found) if search.least(found) < limit else (nominal, stage)
 
 
 class _Search:
@@ -86,6 +123,7 @@ class _Search:
     def __init__(self, bench: Bench, base: Candidate, known: Sequence[Footprint]) -> None:
         self.bench, self.known = bench, known
         self.tried: dict[Names, Candidate] = {(): base}
+        self.leads: dict[str, Lead] = {}
         seen = {footprint.effect.name for footprint in known}
         self.failed = [e.name for e in bench.effects if e.name not in seen]
 
@@ -100,7 +138,10 @@ class _Search:
         """Try each promising effect beside those of a candidate."""
         fit = self.tried[names].calibration
         unbent = with_fitted(self.bench.nominal.with_rig(fit.plant.rig), fit.plant)
-        promising = shortlist(self.bench, unbent, self._leads(names))
+        # Beside what explains most, the plant is no longer bent: then the score alone knows what is promising.
+        found = self._leads(names)
+        promising = found[:BESIDE] if names else shortlist(self.bench, unbent, found)
+        self.leads |= {lead.effect.name: lead for lead in promising}
         trials = [
             Trial(start=unbent.with_effects(lead.effect), bent=fit.plant.with_effects(lead.estimate), without=fit)
             for lead in promising
@@ -110,6 +151,21 @@ class _Search:
     def leaves_a_trifle(self, names: Names) -> bool:
         """Whether no further effect could count."""
         return explained(self.tried[names], self.tried[()]) > 1.0 - TRIFLE
+
+    def again(self, other: _Search, stage: Sequence[Names]) -> list[Names]:
+        """Try the best single effects of a search in another form of the plant."""
+        fit = self.tried[()].calibration
+        unbent = self.bench.nominal.with_rig(fit.plant.rig)
+        best = sorted(stage, key=lambda names: -other.tried[names].evidence)[:AGAIN]
+        leads = [other.leads[name] for names in best for name in names]
+        return self._try([
+            Trial(start=unbent.with_effects(lead.effect), bent=fit.plant.with_effects(lead.estimate), without=fit)
+            for lead in leads
+        ])  # fmt: skip
+
+    def least(self, stage: Sequence[Names]) -> float:
+        """Mean square that the best of a stage leaves."""
+        return min((float(self.tried[names].losses.mean()) for names in stage), default=float(np.inf))
 
     def replacing(self, before: Names, best: Names) -> list[Names]:
         """Try the best of a stage with each effect that was there before the stage replaced by others."""

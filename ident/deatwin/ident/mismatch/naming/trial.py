@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from deatwin.ident.greybox.fit import Calibration
+from deatwin.ident.greybox.fit import Calibration, calibrate
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.candidate import Candidate, judge
-from deatwin.ident.mismatch.refit.search import at_its_time, finish, search, settle
+from deatwin.ident.mismatch.refit.search import ROUGH, at_its_time, finish, search
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant.model import Plant
 
@@ -16,6 +16,8 @@ __all__ = ["Trial", "run_trials", "with_fitted"]
 
 FAILED_SEARCH = 1.02
 """A fit whose error is larger than the plant's without the effect by more than this has lost its way."""
+FEW = 4
+"""Simulations that show whether the way from the bent plant leads anywhere."""
 NEAR = 1.1
 """Fits whose rms is within this ratio of the best are carried to the end."""
 
@@ -103,7 +105,7 @@ def _tried(bench: Bench, trial: Trial, noise: float) -> Calibration:
     found = search(trial.start, bench.fitted, noise)
     # The plant without the effect is a special case of the one with it: a worse fit is a failed search.
     if not found.status.ok or found.rms > FAILED_SEARCH * trial.without.rms:
-        again = settle(trial.bent, bench.fitted, noise)
+        again = calibrate(trial.bent, bench.fitted, evaluations=FEW, tolerance=ROUGH)
         if again.status.ok and (not found.status.ok or again.rms < found.rms):
             found = again
     return at_its_time(found, bench.fitted, noise) if found.status.ok else found

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from deatwin.ident.greybox import Part, calibrate
-from deatwin.ident.mismatch.evidence import tracks
-from deatwin.ident.mismatch.locate import Track, locate_frequency, locate_region, locate_time
+from deatwin.ident.mismatch.locate import Track, locate_frequency, locate_region, locate_time, tracks
 from deatwin.plant import Diaphragm, Experiment, Plant, Recording
 from deatwin.plant.excitation import band_limited_noise
 from deatwin.plant.integrator.compiled import compiler

@@ -1,0 +1,65 @@
+"""What the diagnosis is given: recordings of the six actuators, and the plant that they were to be."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from deatwin.plant.excitation import band_limited_noise
+from deatwin.plant.fleet import Actuator, specification
+from deatwin.plant.model import Plant
+from deatwin.plant.recording import Experiment, Recording
+
+__all__ = ["VISITS", "Case", "case_of"]
+
+VISITS = ((0.0, 80.0), (1020.0, 40.0))
+"""Clock time at which the actuator is driven, and for how long, s. In between it rests at 0 V: what follows the drive
+starts anew, what follows the clock goes on."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Case:
+    """What is known of an actuator whose drift is concealed.
+
+    Parameters
+    ----------
+    name : str
+        ``DEA 1`` to ``DEA 6``.
+    plant : Plant
+        The specification: six alike, with hysteresis and without a drift.
+    experiments : tuple of Experiment
+        One for each of `VISITS`, each from rest.
+    """
+
+    name: str
+    plant: Plant
+    experiments: tuple[Experiment, ...]
+
+
+def case_of(actuator: Actuator) -> Case:
+    """Record an actuator with the thesis' noise, and keep what an experimenter would have of it.
+
+    Parameters
+    ----------
+    actuator : Actuator
+        With its fabrication and its drift.
+
+    Returns
+    -------
+    Case
+        With neither.
+
+    Raises
+    ------
+    SimulationError
+        If the film pulls in.
+    """
+    rng = np.random.default_rng((*actuator.seed, 3))
+    step = actuator.plant.rig.sample_time
+    experiments = []
+    for start, duration in VISITS:
+        commands = band_limited_noise(rng, duration, step)
+        planned = Recording.from_arrays(commands, np.zeros_like(commands), step, start=start)
+        experiments.append(actuator.record(Experiment(recordings=(planned,)), rng))
+    return Case(name=actuator.name, plant=specification(), experiments=tuple(experiments))
