@@ -80,6 +80,12 @@ class Part:
         return np.concatenate([r.timepts[m] for r, m in zip(self.experiment.recordings, self.masks, strict=True)])
 
     @property
+    def commands(self) -> np.ndarray:
+        """Commands at the samples that count, one after another, shape (n,), in their unit."""
+        records = zip(self.experiment.recordings, self.masks, strict=True)
+        return np.concatenate([r.inputs[0, m] for r, m in records])
+
+    @property
     def measured(self) -> np.ndarray:
         """Readings that count, one after another, shape (n,), SI."""
         records = zip(self.experiment.recordings, self.masks, strict=True)

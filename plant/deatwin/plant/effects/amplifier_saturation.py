@@ -46,6 +46,7 @@ class AmplifierSaturation(Effect):
     place: ClassVar[Place] = Place.DRIVE
     signal: ClassVar[str] = "amplifier_voltage"
     strength: ClassVar[str] = "share"
+    threshold: ClassVar[str] = "limit"
     wording: ClassVar[str] = "The amplifier clips beyond {limit}, where a share of {share} of the excess is lost"
     width: ClassVar[float] = 20.0
     """Rounding of the corner, V."""

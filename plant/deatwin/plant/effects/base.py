@@ -55,6 +55,9 @@ class Effect(ABC):
     """Among the effects at one signal, those of lower order act first."""
     event: ClassVar[str] = ""
     """The shape that is the time of an event, if any: a fit cannot move it, it is searched for."""
+    threshold: ClassVar[str] = ""
+    """The shape that is a level, if any: of the amplifier's voltage in the drive, else of the reading. Below it the
+    effect does nothing, so that a fit must start where such levels occur."""
     wording: ClassVar[str]
     """Says in a sentence what the physics does; with ``{parameter}`` fields."""
 

@@ -54,6 +54,7 @@ class EndStop(Effect):
     place: ClassVar[Place] = Place.BALL
     signal: ClassVar[str] = "force"
     strength: ClassVar[str] = "stiffness"
+    threshold: ClassVar[str] = "position"
     wording: ClassVar[str] = "The ball meets a stop of {stiffness} at {position}"
     width: ClassVar[float] = 5e-6
     """w in m."""

@@ -46,6 +46,7 @@ class SensorSaturation(Effect):
     place: ClassVar[Place] = Place.SENSOR
     signal: ClassVar[str] = "reading"
     strength: ClassVar[str] = "share"
+    threshold: ClassVar[str] = "limit"
     order: ClassVar[int] = 30
     """Last: the output of the sensor clips."""
     wording: ClassVar[str] = "The sensor clips beyond {limit}, where a share of {share} of the excess is lost"

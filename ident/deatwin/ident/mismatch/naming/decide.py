@@ -27,9 +27,9 @@ EVIDENCE_RATIO = 20.0
 """An explanation stands alone where no rival is within this ratio (Kass & Raftery 1995: strong evidence)."""
 RIVAL_SHARE = 0.5
 """A rival is also kept while its error differs from the best by less than this share of the model error."""
-EXPLAINED, UNSURE = 0.8, 1.5
-"""A model error is itself not known to the digit: an explanation that takes away this share of the mismatch's energy
-suffices if it leaves no more than so many times that error."""
+SUFFICIENT = ((0.8, 1.5), (0.95, 3.0))
+"""A model error is not known to the digit, and the law of a mechanism not to the last term: an explanation that takes
+away such a share of the mismatch's energy suffices if it leaves no more than so many times that error."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -203,8 +203,9 @@ def suffices(candidate: Candidate, base: Candidate) -> bool:
     """
     if candidate.adequate:
         return True
-    left = max(candidate.fitted_test.size, candidate.unseen_test.size)
-    return explained(candidate, base) > EXPLAINED and left < UNSURE * candidate.fitted_test.model_error
+    error = candidate.fitted_test.model_error
+    left, share = max(candidate.fitted_test.size, candidate.unseen_test.size), explained(candidate, base)
+    return any(share > least and left < most * error for least, most in SUFFICIENT)
 
 
 def cannot_rule_out(rival: Candidate, best: Candidate) -> bool:

@@ -11,7 +11,7 @@ import numpy as np
 from deatwin.ident.greybox.fit import Calibration, Part, simulated
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.parallel import run_jobs
-from deatwin.plant.effects.base import Effect
+from deatwin.plant.effects.base import Effect, Place
 from deatwin.plant.parameters import Scale
 
 __all__ = ["Footprint", "Lead", "detectable_size", "footprints", "leads"]
@@ -20,6 +20,8 @@ SHAPES = 3
 """Values of each shape parameter at which an effect is screened,"""
 SHAPE_RANGE = (1 / 8, 8.0)
 """over this range of its typical value."""
+LEVELS = (0.5, 0.75, 0.9)
+"""Quantiles of the readings, or of the voltage, at which an effect with a threshold is screened."""
 EVENT_STEP = 0.04
 """Share of the record by which the time of an event is moved first, in the search for the best one."""
 WEAKER = (1.0, 0.2, 0.02)
@@ -179,7 +181,8 @@ def _of_effect(
         change = _change(base, shape, parts, without)
         return None if change is None else Footprint(effect=shape, change=change)
 
-    found = [f for f in map(footprint, effect.starts(times, fit.residuals) or _shapes(effect)) if f is not None]
+    shapes = effect.starts(times, fit.residuals) or _shapes(effect, base, parts)
+    found = [f for f in map(footprint, shapes) if f is not None]
     return [_at_its_time(found, fit, times, footprint)] if effect.event and found else found
 
 
@@ -209,13 +212,27 @@ def _change(base: Calibration, effect: Effect, parts: Sequence[Part], without: n
     return None
 
 
-def _shapes(effect: Effect) -> list[Effect]:
+def _shapes(effect: Effect, base: Calibration, parts: Sequence[Part]) -> list[Effect]:
     """The effect over a grid of each shape parameter, inside its range and around its typical value."""
     grids = []
     for parameter in effect.describe():
         if parameter.name == effect.strength:
             continue
-        low, high = (float(np.clip(parameter.value * f, parameter.lower, parameter.upper)) for f in SHAPE_RANGE)
-        values = np.geomspace(low, high, SHAPES) if parameter.scale is Scale.LOGARITHMIC else [parameter.value]
-        grids.append([(parameter.name, float(v)) for v in values])
+        if parameter.name == effect.threshold:
+            values = np.quantile(_levels(effect, base, parts), LEVELS)
+        elif parameter.scale is Scale.LOGARITHMIC:
+            values = np.geomspace(*(parameter.value * np.array(SHAPE_RANGE)), SHAPES)
+        else:
+            values = np.array([parameter.value])
+        within = np.unique(np.clip(values, parameter.lower, parameter.upper))
+        grids.append([(parameter.name, float(v)) for v in within])
     return [replace(effect, **dict(combination)) for combination in itertools.product(*grids)]
+
+
+def _levels(effect: Effect, base: Calibration, parts: Sequence[Part]) -> np.ndarray:
+    """What a threshold of an effect is compared with, along the fitted part, SI."""
+    if effect.place is not Place.DRIVE:
+        return np.abs(np.concatenate([part.measured for part in parts]))
+    parameters = base.plant.parameters
+    gain = parameters["gain"].value if "gain" in parameters else 1.0
+    return gain * np.abs(np.concatenate([part.commands for part in parts]))

@@ -84,7 +84,10 @@ def test_an_idle_second_effect_does_not_become_a_cause():
 def test_what_suffices():
     base = candidate(rms=5.7)
     assert suffices(candidate("creep", rms=2.1), base)
-    assert not suffices(candidate("creep", rms=2.8), base)  # leaves 1.96, more than 1.5 times 1.2
+    assert not suffices(candidate("creep", rms=2.8), base)  # leaves 1.96, 1.6 times 1.2, of 5.34: 91 %
+    loud = candidate(rms=12.0)
+    assert suffices(candidate("creep", rms=3.2), loud)  # leaves 2.5, twice 1.2, but takes away 97 % of 11.8²
+    assert not suffices(candidate("creep", rms=4.3), loud)  # leaves 3.8, more than three times 1.2
     weak = candidate(rms=3.0)
     assert not suffices(candidate("creep", rms=2.6), weak)  # of 2.24² it takes away 45 % only
 

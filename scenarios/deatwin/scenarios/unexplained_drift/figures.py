@@ -1,0 +1,181 @@
+"""The figures: what drifts, what the diagnosis made of it, and what repeats."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.scenarios.report.drawing import Drawing
+from deatwin.scenarios.report.svg import COLOURS, draw, legend_above
+from deatwin.scenarios.thesis_data.drifts import moving_mean
+from deatwin.scenarios.unexplained_drift.examine import Finding, Track
+from deatwin.scenarios.unexplained_drift.repeatability import Group
+from deatwin.scenarios.unexplained_drift.score import Judged, Mark
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["drifts", "repeats", "verdicts"]
+
+Array = NDArray[np.float64]
+Columns = Mapping[str, Array]
+INK, MEASURED, BEFORE, AFTER, MARK = (COLOURS[role][0] for role in ("ink", "measured", "before", "after", "mark"))
+WINDOW = 2.0
+"""Of the sliding mean, s: two periods of the highest frequency of the input."""
+KEPT = 10
+"""One point in so many is drawn."""
+SHADES = {Mark.RIGHT: AFTER, Mark.PARTLY: AFTER, Mark.IN_THE_SET: MARK, Mark.OPEN: MEASURED, Mark.WRONG: BEFORE}
+
+
+def drifts(findings: Sequence[Finding], scores: Sequence[Judged]) -> tuple[Drawing, Columns]:
+    """Each actuator's departure from its calibrated base plant, as recorded and as the answer has it.
+
+    Parameters
+    ----------
+    findings : sequence of Finding
+        The answers.
+    scores : sequence of Judged
+        The same, marked.
+
+    Returns
+    -------
+    Drawing
+        The picture.
+    dict of str to ndarray
+        What is drawn of the first actuator's first recording, and so on, one after another.
+    """
+    columns: dict[str, list[Array]] = {"actuator": [], "time_s": [], "recording_um": [], "answer_um": [], "band_um": []}
+    visits = len(findings[0].tracks)
+    with draw((9.6, 1.75 * len(findings) + 0.6)) as figure:
+        grid = figure.subplots(len(findings), visits, sharey="row", width_ratios=[2, 1][:visits], squeeze=False)
+        for number, (row, finding, score) in enumerate(zip(grid, findings, scores, strict=True), start=1):
+            for axes, track in zip(row, finding.tracks, strict=True):
+                time, measured, answer, band = _departures(track)
+                _draw_departures(axes, time, measured, answer, band)
+                shown = np.full(time.size, float(number)), time, measured, answer, band
+                for column, values in zip(columns.values(), shown, strict=True):
+                    column.append(values)
+            row[0].set_title(_title(score), loc="left", fontsize=9.5)
+            row[0].set_ylabel("departure (µm)")
+        for axes in grid[-1]:
+            axes.set_xlabel("clock (s)")
+        legend_above(figure, grid[0, 0], 3)
+        drawing = Drawing.of(
+            figure, "drifts", "What drifts in the six, beside the answers",
+            f"Sliding means over {WINDOW:g} s of recording minus calibrated base plant (grey), and of the answer minus "
+            "base plant (blue, with its predictive 95 % band for one reading). Where nothing is named the answer is "
+            "the base plant, refitted to all samples. Left and right: the two visits.",
+        )  # fmt: skip
+    return drawing, {name: np.concatenate(values) for name, values in columns.items()}
+
+
+def verdicts(scores: Sequence[Judged]) -> tuple[Drawing, Columns]:
+    """The rms residual of each actuator on unseen data, before and after, with the mark of the answer.
+
+    Parameters
+    ----------
+    scores : sequence of Judged
+        Marked answers.
+
+    Returns
+    -------
+    Drawing
+        The picture.
+    dict of str to ndarray
+        Its data.
+    """
+    before, after, floor = (np.array(values) for values in zip(*(_errors(s) for s in scores), strict=True))
+    at = np.arange(len(scores), dtype=float)
+    with draw((9.6, 3.6)) as figure:
+        axes = figure.add_subplot()
+        axes.bar(at - 0.2, before, 0.36, color=BEFORE, label="calibrated base plant")
+        axes.bar(at + 0.2, after, 0.36, color=AFTER, label="answer")
+        axes.plot(at, floor, "_", color=INK, markersize=34, label="noise and model error")
+        top = float(before.max())
+        for place, score in zip(at, scores, strict=True):
+            height = np.nanmax(_errors(score)[:2])
+            axes.text(place, height + 0.03 * top, score.mark.value, ha="center", color=SHADES[score.mark])
+        axes.set(ylabel="rms residual, unseen (µm)", ylim=(0, 1.15 * top))
+        axes.set_xticks(at, [s.name for s in scores])
+        axes.grid(axis="x", visible=False)
+        legend_above(figure, axes, 3)
+        drawing = Drawing.of(
+            figure, "verdicts", "The answers on unseen data",
+            "Over each pair of bars: how the answer stands to what was concealed.",
+        )  # fmt: skip
+    return drawing, {"actuator": at + 1, "before_um": before, "after_um": after, "floor_um": floor}
+
+
+def repeats(groups: Sequence[Group]) -> tuple[Drawing, Columns]:
+    """Shifts of the mean between two runs of the same noise, by mechanism and history.
+
+    Parameters
+    ----------
+    groups : sequence of Group
+        The six as they are come first.
+
+    Returns
+    -------
+    Drawing
+        The picture.
+    dict of str to ndarray
+        Its data.
+    """
+    columns: dict[str, list[float]] = {"group": [], "actuator": [], "shift_um": [], "error_um": [], "gain_percent": []}
+    with draw((9.6, 4.6)) as figure:
+        left, right = figure.subplots(1, 2, sharey=True)
+        for place, group in enumerate(groups):
+            colour = INK if place == 0 else AFTER
+            spread = np.linspace(-0.2, 0.2, group.sizes.size)
+            if place:
+                left.barh(place, 1e6 * np.diff(group.next_one)[0], 0.66, 1e6 * group.next_one[0], color=MARK, alpha=0.3)
+            left.plot(1e6 * group.sizes, place + spread, "o", color=colour, markersize=4)
+            right.plot([100 * d.gain for d in group.drifts], place + spread, "o", color=colour, markersize=4)
+            for number, d in enumerate(group.drifts, start=1):
+                found = (place, number, 1e6 * d.shift, 1e6 * d.shift_error, 100 * d.gain)
+                for column, value in zip(columns.values(), found, strict=True):
+                    column.append(float(value))
+        left.set_yticks(range(len(groups)), [f"{g.name}:\n{g.assumption}" for g in groups])
+        left.invert_yaxis()
+        for axes, label in ((left, "shift of the mean (µm)"), (right, "change of the gain (%)")):
+            axes.axvline(0.0, color=INK, linewidth=0.8)
+            axes.set_xlabel(label)
+        drawing = Drawing.of(
+            figure, "repeats", "What repeats, and under which condition",
+            "One point an actuator: the same noise twice, ten minutes apart. Below the six as they are: six "
+            "fabrications of the specification with one mechanism of one size. Ochre: where 95 % of further actuators "
+            "would lie.",
+        )  # fmt: skip
+    return drawing, {name: np.array(values) for name, values in columns.items()}
+
+
+def _departures(track: Track) -> tuple[Array, Array, Array, Array]:
+    samples = round(WINDOW / (track.timepts[1] - track.timepts[0]))
+    slow = [moving_mean(values, samples) for values in (track.measured - track.base, track.answer - track.base)]
+    kept = np.flatnonzero(np.isfinite(slow[0]))[::KEPT]
+    measured, answer = (1e6 * values[kept] for values in slow)
+    return track.timepts[kept], measured, answer, 1.96e6 * track.deviation[kept]
+
+
+def _draw_departures(axes: Axes, time: Array, measured: Array, answer: Array, band: Array) -> None:
+    axes.axhline(0.0, color=BEFORE, label="calibrated base plant")
+    axes.fill_between(time, answer - band, answer + band, color=AFTER, alpha=0.2, linewidth=0)
+    axes.plot(time, measured, color=MEASURED, linewidth=2.0, label="recording")
+    axes.plot(time, answer, color=AFTER, label="answer")
+
+
+def _title(score: Judged) -> str:
+    truth = " and ".join(score.truth).replace("_", " ")
+    causes = " and ".join(c.effect for c in score.diagnosis.causes).replace("_", " ")
+    answer = f"{score.diagnosis.verdict.value.replace('_', ' ')}{': ' if causes else ''}{causes}"
+    return f"{score.name}, with {truth}. Answer: {answer} ({score.mark.value})"
+
+
+def _errors(score: Judged) -> tuple[float, float, float]:
+    """Before, after (NaN where nothing is built in), and what no plant can get below, µm."""
+    unseen = score.diagnosis.fit["unseen"]
+    after = np.nan if unseen["after"] is None else unseen["after"]
+    return unseen["before"], after, float(np.hypot(score.diagnosis.noise, score.diagnosis.model_error))

@@ -1,0 +1,282 @@
+"""Does a drift that differs from actuator to actuator rule out creep and relaxation? The argument, tried out.
+
+The thesis argues (section 2.3.2) that stress relaxation and creep are repeatable, and hence are not what makes six
+actuators of one specification drift in six ways. Here six fabrications are given creep, or relaxation, of one and the
+same size, and one and the same experiment. What differs is what each went through before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from deatwin.ident.parallel import run_jobs
+from deatwin.plant.effects import Creep, PrestretchRelaxation
+from deatwin.plant.effects.base import Effect
+from deatwin.plant.excitation import band_limited_noise
+from deatwin.plant.fleet import Actuator, fleet
+from deatwin.plant.model import Plant
+from deatwin.plant.recording import Experiment, Recording
+from deatwin.scenarios.unexplained_drift.sealed import concealed_in
+
+__all__ = ["CREEP", "HELD", "RELAXATION", "SPAN", "Drift", "Group", "History", "between", "drift_of", "try_out"]
+
+Array = NDArray[np.float64]
+SECTION, SETTLING = 20.0, 5.0
+"""Length of the section of noise that is repeated, and of what is not counted of it, s: after 5 s the specification,
+which does not drift, gives the second time what it gave the first, to a nanometre."""
+SPAN = 640.0
+"""From the beginning of its first run to that of its second, s; in between the last command is held."""
+MEAN = 2.4
+"""Of the commands, V."""
+CREEP = Creep(modulus=42e3, time=400.0)
+RELAXATION = PrestretchRelaxation(relative_loss=0.06, time=1000.0)
+AGES = (0.0, 300.0, 800.0, 1500.0, 3000.0, 6000.0)
+"""Times since the film was mounted, s, when histories differ."""
+HELD, HOLD = 3.3, 600.0
+"""Command (V) that the actuator was held at before, and for how long (s)."""
+RESTS = (5.0, 100.0, 200.0, 400.0, 800.0, 1600.0)
+"""Times at 0 V after that, s, when histories differ."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class History:
+    """What an actuator went through before the experiment.
+
+    Parameters
+    ----------
+    age : float
+        Clock time at which its first recording begins, s: how long the film has been mounted.
+    hold : float
+        Time that it was held at `HELD`, s; 0 if it was not.
+    rest : float
+        Time at 0 V after that, s.
+    """
+
+    age: float = 0.0
+    hold: float = 0.0
+    rest: float = 0.0
+
+
+FRESH = (History(),) * 6
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drift:
+    """How readings have changed from one run of a noise to another.
+
+    Parameters
+    ----------
+    shift, shift_error : float
+        Of the mean, and its standard error, m.
+    gain, gain_error : float
+        Relative change of the gain, and its standard error.
+    """
+
+    shift: float
+    shift_error: float
+    gain: float
+    gain_error: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Group:
+    """Drifts of six actuators under one assumption.
+
+    Parameters
+    ----------
+    name, assumption : str
+        What drifts, and what is assumed of the histories.
+    histories : tuple of History
+        One for each actuator.
+    drifts : tuple of Drift
+        One for each actuator.
+    """
+
+    name: str
+    assumption: str
+    histories: tuple[History, ...]
+    drifts: tuple[Drift, ...]
+
+    @property
+    def sizes(self) -> Array:
+        """Shifts of the mean, shape (n,), m."""
+        return np.array([d.shift for d in self.drifts])
+
+    @property
+    def spread(self) -> tuple[float, float, float]:
+        """Standard deviation of the shifts from actuator to actuator, with its 95 % interval, m.
+
+        The interval is that of normal shifts: (n - 1) s² / σ² follows the chi-square law.
+        """
+        from scipy.stats import chi2
+
+        n, s = self.sizes.size, float(self.sizes.std(ddof=1))
+        low, high = (s * float(np.sqrt((n - 1) / chi2.ppf(q, n - 1))) for q in (0.975, 0.025))
+        return s, low, high
+
+    @property
+    def next_one(self) -> tuple[float, float]:
+        """Where the shift of a further actuator lies in 95 % of all cases, if this were its mechanism and history, m.
+
+        The interval for one more normal value: mean ± t s √(1 + 1/n).
+        """
+        from scipy.stats import t
+
+        n = self.sizes.size
+        reach = float(t.ppf(0.975, n - 1) * self.sizes.std(ddof=1) * np.sqrt(1 + 1 / n))
+        return float(self.sizes.mean()) - reach, float(self.sizes.mean()) + reach
+
+    def rules_out(self, other: Drift) -> bool:
+        """Whether the shift of a drift is not what this mechanism with these histories would give.
+
+        Parameters
+        ----------
+        other : Drift
+            Of another actuator.
+
+        Returns
+        -------
+        bool
+            True if it lies outside `next_one` by more than twice its own standard error.
+        """
+        low, high = self.next_one
+        return other.shift + 2 * other.shift_error < low or other.shift - 2 * other.shift_error > high
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for the story's file; SI."""
+        return {
+            "name": self.name, "assumption": self.assumption, "histories": [asdict(h) for h in self.histories],
+            "drifts": [asdict(d) for d in self.drifts],
+            "spread": self.spread, "next_one": self.next_one,
+        }  # fmt: skip
+
+
+def try_out(seed: int, jobs: int = 1, finished: Callable[[int, int], None] | None = None) -> tuple[Group, ...]:
+    """Run the experiment under all assumptions.
+
+    Parameters
+    ----------
+    seed : int
+        Of the fleet.
+    jobs : int
+        Worker processes.
+    finished : callable, optional
+        Called with the number of runs that are through, and that of all.
+
+    Returns
+    -------
+    tuple of Group
+        The six as they are, each with its own drift, come first.
+
+    Raises
+    ------
+    SimulationError
+        If a film pulls in.
+    """
+    six = fleet(seed)
+    aged = tuple(History(age=a) for a in AGES)
+    strained = tuple(History(hold=HOLD, rest=r) for r in RESTS)
+    plans: list[tuple[str, str, Effect | None, tuple[History, ...]]] = [
+        ("six actuators", "each with its own drift", None, FRESH),
+        ("creep", "all rested", CREEP, FRESH),
+        ("creep", "driven before, rested for 5 s to 27 min", CREEP, strained),
+        ("relaxation", "all freshly mounted", RELAXATION, FRESH),
+        ("relaxation", "mounted 0 s to 100 min before", RELAXATION, aged),
+    ]
+    tasks = [
+        (_subject(a, effect), h, (seed, 7, number))
+        for _, _, effect, histories in plans
+        for number, (a, h) in enumerate(zip(six, histories, strict=True))
+    ]
+    done = run_jobs(
+        drift_of, tasks, workers=jobs, finished=None if finished is None else lambda count: finished(count, len(tasks))
+    )
+    return tuple(
+        Group(name=name, assumption=assumption, histories=histories, drifts=tuple(done[6 * k : 6 * k + 6]))
+        for k, (name, assumption, _, histories) in enumerate(plans)
+    )
+
+
+def _subject(actuator: Actuator, effect: Effect | None) -> Plant:
+    """The actuator as it is, or its fabrication with another drift instead."""
+    if effect is None:
+        return actuator.plant
+    return actuator.plant.without_effects(*(e.name for e in concealed_in(actuator))).with_effects(effect)
+
+
+def drift_of(plant: Plant, history: History, seed: Sequence[int] | None) -> Drift:
+    """Drive an actuator twice with the same noise, and compare the readings.
+
+    Parameters
+    ----------
+    plant : Plant
+        With its drift.
+    history : History
+        What it went through before.
+    seed : sequence of int or None
+        Of the sensor's noise; None leaves the sensor out.
+
+    Returns
+    -------
+    Drift
+        From the first to the second section.
+
+    Raises
+    ------
+    SimulationError
+        If the film pulls in.
+    """
+    step = plant.rig.sample_time
+    commands = band_limited_noise(np.random.default_rng(0), SECTION, step, mean=MEAN)
+    before = _before(history, step)
+    start = history.age if not before else before[-1].end + history.rest
+    held = np.concatenate([commands, [MEAN]])
+    sections = [Recording.from_arrays(held, np.zeros_like(held), step, start=start + t) for t in (0.0, SPAN)]
+    experiment = Experiment(recordings=(*before, *sections))
+    if seed is None:
+        readings = [outputs[0] for outputs in plant.simulate(experiment).require().outputs[-2:]]
+    else:
+        recorded = plant.record(experiment, np.random.default_rng(tuple(seed)))
+        readings = [r.outputs[0] for r in recorded.recordings[-2:]]
+    early, late = (y[round(SETTLING / step) : commands.size] for y in readings)
+    return between(early, late)
+
+
+def between(early: ArrayLike, late: ArrayLike) -> Drift:
+    """Compare readings of two runs of one and the same noise.
+
+    The input is the same sample by sample, so the mean of the differences is the shift, and a line through the late
+    over the early readings has the gain's change as its slope, less one. Errors are the sensor's: white noise, whose
+    size the second differences of what is left give.
+
+    Parameters
+    ----------
+    early, late : (n,) array_like
+        Readings at the same commands, m.
+
+    Returns
+    -------
+    Drift
+    """
+    first, second = np.asarray(early, dtype=np.float64), np.asarray(late, dtype=np.float64)
+    difference = second - first
+    noise = np.std(np.diff(difference, 2)) / np.sqrt(6)
+    slope = np.cov(second, first)[0, 1] / np.var(first, ddof=1)
+    root = np.sqrt(first.size)
+    return Drift(
+        shift=float(difference.mean()), shift_error=float(noise / root),
+        gain=float(slope - 1), gain_error=float(noise / (root * first.std())),
+    )  # fmt: skip
+
+
+def _before(history: History, step: float) -> tuple[Recording, ...]:
+    if not history.hold:
+        return ()
+    command = np.full(round(history.hold / step), HELD)
+    command[-1] = 0.0
+    return (Recording.from_arrays(command, np.zeros_like(command), step),)

@@ -1,0 +1,43 @@
+"""Where the screen looks for an effect."""
+
+import numpy as np
+import pytest
+
+from deatwin.ident.greybox import Part, calibrate
+from deatwin.ident.mismatch.naming.screen import _shapes
+from deatwin.plant import AmplifierSaturation, Creep, Diaphragm, EndStop, Experiment, Plant, Recording, SensorSaturation
+from deatwin.plant.excitation import band_limited_noise
+from deatwin.plant.integrator.compiled import compiler
+
+pytestmark = pytest.mark.skipif(compiler() is None, reason="a fit: without a C compiler it takes ten times as long")
+PLANT = Plant(rig=Diaphragm())
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    commands = band_limited_noise(np.random.default_rng(0), 20.0, 0.02)
+    blank = Recording.from_arrays(commands, np.zeros_like(commands), 0.02)
+    part = Part.whole(PLANT.record(Experiment(recordings=(blank,)), np.random.default_rng(1)))
+    return calibrate(PLANT, [part], evaluations=3), part
+
+
+@pytest.mark.parametrize("effect, name", [(EndStop(), "position"), (SensorSaturation(), "limit")])
+def test_a_threshold_is_looked_for_among_the_readings(fitted, effect, name):
+    fit, part = fitted
+    places = [getattr(shape, name) for shape in _shapes(effect, fit, [part])]
+    assert len(places) == 3
+    # each has readings on both sides: elsewhere the effect would do nothing, or what the zero does
+    assert part.measured.min() < min(places)
+    assert max(places) < part.measured.max()
+
+
+def test_a_voltage_is_looked_for_among_the_voltages(fitted):
+    fit, part = fitted
+    limits = [shape.limit for shape in _shapes(AmplifierSaturation(), fit, [part])]
+    assert 800 * part.commands.min() < min(limits) < max(limits) < 800 * part.commands.max()
+
+
+def test_a_time_is_looked_for_around_the_typical_one(fitted):
+    fit, part = fitted
+    times = [shape.time for shape in _shapes(Creep(), fit, [part])]
+    assert times == pytest.approx([60 / 8, 60, 480])
