@@ -201,7 +201,7 @@ def _padded(array: Array, count: int) -> Array:
 
 
 def _blocks(array: Array, size: int) -> Array:
-    return array.reshape(-1, size, *array.shape[1:])
+    return array.reshape(len(array) // size, size, *array.shape[1:])
 
 
 def linearise(plant: Plant, parts: Sequence[Part], openings: Sequence[Opening] | None = None) -> tuple[Linear, ...]:

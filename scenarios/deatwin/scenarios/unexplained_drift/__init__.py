@@ -126,7 +126,8 @@ def _about(scores: Sequence[Judged], seal: Mapping[str, Any]) -> Note:
             f"Each actuator is driven with the thesis' noise for {first:g} s, rests at 0 V, and is driven for "
             f"{second:g} s more at {again:g} s of the clock. The thesis drove its six for 1100 s on end: two visits "
             "with a rest cost the diagnosis a ninth of the time, and tell what follows the drive, which starts anew, "
-            "from what follows the clock, which goes on. The film is taken as recovered after the rest.",
+            "from what follows the clock, which goes on. The film is taken as recovered after the rest. What swings in "
+            "between is not seen, so a period that fits both visits need not be the true one.",
             "The diagnosis is given these recordings and the specification: hysteresis and the chain of converters, "
             "amplifier and laser are in it, the permittivity's law of the thesis' plant is not, for that is a drift. "
             "It knows neither the fabrication (twelve quantities are off by up to 20 %) nor what drifts.",

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from deatwin.scenarios.report.story import Note, Row, Table
-from deatwin.scenarios.unexplained_drift.repeatability import CREEP, HELD, RELAXATION, SPAN, Group
+from deatwin.scenarios.unexplained_drift.repeatability import AGES, CREEP, HELD, RELAXATION, RESTS, SPAN, Group
 
 __all__ = ["notes", "rows_of", "sentence_of", "table_of"]
 
@@ -99,13 +100,16 @@ def notes(groups: Sequence[Group]) -> list[Note]:
                 "drifts of both signs.",
                 f"Without it, it fails. Held at {HELD:g} V before and given 5 s to 27 min of rest, films of the very "
                 f"same creep move by {_range(strained)}: one that comes from a higher voltage recovers, and its mean "
-                f"falls. Mounted 0 s to 100 min before, films of the same relaxation move by {_range(aged)}: what has "
-                "decayed before decays no more. Creep repeats after a rest of several of its time constants, and "
-                "relaxation never repeats on one and the same film, unless it is over.",
-                f"So repeatability rules out creep or relaxation only where times since mounting and since the last "
-                f"drive are kept the same, or are known. What the recordings do show without them is the sign: of the "
-                f"six means {falls} fall, and tension that relaxes lets the mean rise whatever the film's age. A mean "
-                "that falls is not relaxation alone; creep it may be.",
+                f"falls. After {RESTS[-1] / CREEP.time:g} time constants of rest creep is back at "
+                f"{100 * strained.sizes[-1] / creep.sizes[-1]:.0f} % of what the same actuator shows rested. Mounted "
+                f"0 s to 100 min before, films of the same relaxation move by {_range(aged)}, which is "
+                f"{_shares(aged.sizes / relaxation.sizes)} % of what the same actuator shows fresh; the exponential "
+                f"alone says {_shares(np.exp(-np.array(AGES) / RELAXATION.time))} %. What has decayed decays no more: "
+                "relaxation does not repeat on one film, unless it is over.",
+                "So repeatability rules out creep or relaxation of a known size only where times since mounting and "
+                "since the last drive are kept the same, or are known. What the recordings do show without them is "
+                f"the sign: of the six means {falls} fall, and tension that relaxes lets the mean rise whatever the "
+                "film's age. A mean that falls is not relaxation alone; creep it may be.",
             ],
         )
     ]
@@ -169,3 +173,7 @@ def _range(group: Group) -> str:
 def _interval(group: Group) -> str:
     low, high = (1e6 * v for v in group.next_one)
     return f"{low:.1f} to {high:.1f} µm"
+
+
+def _shares(values: NDArray[np.float64]) -> str:
+    return ", ".join(f"{100 * v:.0f}" for v in values)

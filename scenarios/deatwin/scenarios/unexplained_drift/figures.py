@@ -93,7 +93,7 @@ def verdicts(scores: Sequence[Judged]) -> tuple[Drawing, Columns]:
         axes = figure.add_subplot()
         axes.bar(at - 0.2, before, 0.36, color=BEFORE, label="calibrated base plant")
         axes.bar(at + 0.2, after, 0.36, color=AFTER, label="answer")
-        axes.plot(at, floor, "_", color=INK, markersize=34, label="noise and model error")
+        axes.hlines(floor, at - 0.4, at + 0.4, color=INK, linewidth=1.2, label="noise and model error")
         top = float(before.max())
         for place, score in zip(at, scores, strict=True):
             height = np.nanmax(_errors(score)[:2])

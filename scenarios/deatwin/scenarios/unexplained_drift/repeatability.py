@@ -23,7 +23,10 @@ from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.scenarios.unexplained_drift.sealed import concealed_in
 
-__all__ = ["CREEP", "HELD", "RELAXATION", "SPAN", "Drift", "Group", "History", "between", "drift_of", "try_out"]
+__all__ = [
+    "AGES", "CREEP", "HELD", "RELAXATION", "RESTS", "SPAN", "Drift", "Group", "History", "between",
+    "drift_of", "try_out",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
 SECTION, SETTLING = 20.0, 5.0
