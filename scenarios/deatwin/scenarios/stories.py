@@ -155,6 +155,10 @@ STORIES: Mapping[str, Story] = MappingProxyType({
             line="the diagnosis on trial: effects are concealed from it in sealed cases, and it has to find them",
         ),
         Story(
+            name="unexplained-drift", minutes=5, module="deatwin.scenarios.unexplained_drift",
+            line="six actuators, their drifts concealed: what the diagnosis names, and what repeatability proves",
+        ),
+        Story(
             name="real-data", minutes=1, module="deatwin.scenarios.real_data",
             line="free runs on public recordings: Silverbox, buck converter, cascaded tanks, EMPS",
         ),

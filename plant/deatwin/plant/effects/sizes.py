@@ -59,7 +59,7 @@ class Sizes:
     >>> from deatwin.plant import CubicStiffness
     >>> circuit = Sizes(motion=0.1, force=2e4, period=0.015, command=0.1, motion_unit="V", force_unit="V/s2")
     >>> circuit.of(CubicStiffness()).describe()[0].unit
-    '1/(s2 V2)'
+    '1/(V2 s2)'
     """
 
     motion: float = MOTION

@@ -17,6 +17,7 @@ from deatwin.ident.greybox.fit import Calibration, Part, calibrate, simulated
 from deatwin.ident.mismatch import Diagnosis, diagnose
 from deatwin.plant.errors import DeatwinError, SimulationError
 from deatwin.plant.model import Plant
+from deatwin.plant.recording import Experiment
 from deatwin.scenarios.concealed_physics.baselines import BASELINES, track_of
 from deatwin.scenarios.concealed_physics.cases import CaseSpec, Specimen, make
 from deatwin.scenarios.concealed_physics.oracle import consult
@@ -173,15 +174,26 @@ def _squares(plant: Plant, parts: Sequence[Part]) -> float:
 
 
 def _advised(spec: CaseSpec, specimen: Specimen, diagnosis: Diagnosis) -> dict[str, Any] | None:
-    """What a second diagnosis says when the advised experiment is there as well; of ties only."""
+    """What a second diagnosis says when the advised experiment is there as well; of ties only.
+
+    Where a mass has to be added the rig is another one, so that the further record is diagnosed alone: which of the
+    effects that were left is it?
+    """
     advice = diagnosis.evidence.advice if diagnosis.evidence is not None else None
     if spec.kind != "tie" or advice is None:
         return None
-    if advice.experiment is None:
+    if advice.recording is None:
         return {"failure": advice.sentence}
+    further = Experiment(recordings=(advice.recording,))
     try:
-        more = specimen.record(advice.experiment, spec.seed + 1)
+        if advice.added_mass is None:
+            records = (*specimen.experiments, specimen.record(further, spec.seed + 1))
+            again = diagnose(specimen.plant, records, jobs=1, seed=spec.seed)
+        else:
+            heavier = specimen.heavier(advice.added_mass)
+            effects = [effect for effect in heavier.plant.rig.effects() if effect.name in diagnosis.names]
+            record = heavier.record(further, spec.seed + 1)
+            again = diagnose(heavier.plant, record, effects=effects, jobs=1, seed=spec.seed)
     except SimulationError as error:
         return {"failure": str(error)}
-    again = diagnose(specimen.plant, (*specimen.experiments, more), jobs=1, seed=spec.seed)
     return {"failure": "", **{k: v for k, v in _essence(again).items() if k in ("verdict", "causes", "set")}}

@@ -10,7 +10,7 @@ from deatwin.plant.model import Plant
 from deatwin.plant.rigs.base import ReadingTime
 from deatwin.plant.rigs.diaphragm import BALLS, Diaphragm
 
-__all__ = ["ELEMENTS", "FILM_ERROR", "Rigging", "drawn_rig"]
+__all__ = ["ELEMENTS", "FILM_ERROR", "Rigging", "drawn_rig", "with_added_mass"]
 
 FILM_ERROR = 0.2
 """By how much a film's parameter may lie beside the published one, as a share."""
@@ -78,3 +78,22 @@ def drawn_rig(rng: np.random.Generator) -> Rigging:
     return Rigging(
         nominal=nominal, actual=Plant(rig=fine, values=values), reduced=Plant(rig=there, values=values), before=before
     )
+
+
+def with_added_mass(plant: Plant, added: float) -> Plant:
+    """The plant of a diaphragm with a heavier ball.
+
+    Parameters
+    ----------
+    plant : Plant
+        On a `Diaphragm`.
+    added : float
+        kg.
+
+    Returns
+    -------
+    Plant
+    """
+    if not isinstance(plant.rig, Diaphragm):
+        raise TypeError(f"a {type(plant.rig).__name__} has no ball to which a mass could be added")
+    return plant.with_rig(replace(plant.rig, mass=plant.rig.mass + added))

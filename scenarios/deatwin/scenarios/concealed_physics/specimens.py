@@ -17,7 +17,7 @@ from deatwin.scenarios.concealed_physics.apparatus import Apparatus
 from deatwin.scenarios.concealed_physics.excitations import RICH, commands
 from deatwin.scenarios.concealed_physics.mechanisms import Mechanism, Setting, mechanism_named
 from deatwin.scenarios.concealed_physics.noise import SensorNoise
-from deatwin.scenarios.concealed_physics.rigs import Rigging, drawn_rig
+from deatwin.scenarios.concealed_physics.rigs import Rigging, drawn_rig, with_added_mass
 from deatwin.scenarios.concealed_physics.specs import CaseSpec
 from deatwin.scenarios.concealed_physics.strength import StructuralScale
 
@@ -115,6 +115,22 @@ class Specimen:
             If the film pulls in.
         """
         return self.apparatus.record(experiment, np.random.default_rng([self.apparatus.seed, seed, 7]), run=1 + seed)
+
+    def heavier(self, added: float) -> Self:
+        """The same specimen with a mass added to its load, which the experimenter knows.
+
+        Parameters
+        ----------
+        added : float
+            kg.
+
+        Returns
+        -------
+        Specimen
+            The experiments are still those without the mass.
+        """
+        apparatus = replace(self.apparatus, plant=with_added_mass(self.apparatus.plant, added))
+        return replace(self, plant=with_added_mass(self.plant, added), apparatus=apparatus)
 
 
 def make(spec: CaseSpec, *, seconds: float = SECONDS, check_seconds: float = CHECK_SECONDS) -> Specimen:

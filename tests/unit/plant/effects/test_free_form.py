@@ -133,7 +133,7 @@ ZIGZAG = np.concatenate([np.linspace(0, 3, 16), np.linspace(3, -2, 26), np.linsp
     [
         (Power(order=3, **U), (ZIGZAG / 2) ** 3),
         (SignedSquare(**U), (ZIGZAG / 2) * np.abs(ZIGZAG / 2)),
-        (Magnitude(**U), np.hypot(ZIGZAG / 2, CORNER) - CORNER),
+        (Magnitude(**U), np.hypot(ZIGZAG / 2, 0.001) - 0.001),
     ],
     ids=lambda value: getattr(value, "kind", ""),
 )

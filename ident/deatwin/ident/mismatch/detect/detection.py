@@ -13,7 +13,7 @@ from deatwin.ident.mismatch.detect.leftover import Leftover, leftover_of
 from deatwin.ident.mismatch.detect.origin import Origin, OriginEvidence, origin_of
 from deatwin.ident.mismatch.detect.power import Power
 from deatwin.ident.mismatch.detect.statistics import GROUPS, Scores
-from deatwin.ident.mismatch.excess import BEYOND_DOUBT
+from deatwin.ident.mismatch.excess import BEYOND_DOUBT, practical_size
 from deatwin.ident.mismatch.gate.noise import NoiseFloor, noise_level
 from deatwin.ident.mismatch.gate.repeats import Repeatability, find_repeats, repeatability
 from deatwin.ident.mismatch.units import amplitude_unit
@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 __all__ = ["Curves", "Detection", "Statistic", "detect", "detect_in"]
 
 DRAWS = 400
-PRACTICAL_SHARE = 0.1
-"""Of the noise's power, that an excess must have besides the model error's: no sensor's noise is known better."""
 POINTS = 400
 """Of a curve that is drawn."""
 
@@ -257,7 +255,7 @@ def detect_in(
     law = Law(left, rng, draws)
     scores = law.battery(left.residual[None])
     groups = law.groups(scores)[0]
-    practical = float(max(left.model_error, np.sqrt(PRACTICAL_SHARE) * left.noise))
+    practical = practical_size(left.noise, left.model_error)
     pieces = [left.residual[r] for r in left.records]
     commands = [left.commands[r] for r in left.records]
     repeats = find_repeats(commands, left.sample_time)

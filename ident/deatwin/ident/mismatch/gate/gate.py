@@ -301,14 +301,15 @@ def _called(record: Recording, number: int) -> str:
 
 
 def _quiet(record: Recording) -> np.ndarray:
-    """Samples away from jumps of the command, after which the film rings."""
+    """Samples away from jumps and corners of the command, after which the film rings."""
     command = record.inputs[0]
-    step = np.abs(np.diff(command, prepend=command[0]))
-    # Holds jump by less than noise wanders in a sample or two, so the size is relative to the usual step.
-    jumps = np.flatnonzero(step > max(0.005 * np.ptp(command), 5 * float(np.median(step))))
+    step = np.diff(command, prepend=command[0])
+    bend = np.diff(step, prepend=0.0)
     quiet = np.ones(command.size, dtype=bool)
     ring = round(QUIET_SECONDS / record.sample_time)
-    for jump in jumps:
-        quiet[max(0, jump - 2) : jump + ring] = False
+    for change in (np.abs(step), np.abs(bend)):
+        # Holds jump by less than noise wanders in a sample or two, so the size is relative to the usual step.
+        for sudden in np.flatnonzero(change > max(0.005 * np.ptp(command), 5 * float(np.median(change)))):
+            quiet[max(0, sudden - 2) : sudden + ring] = False
     quiet[:ring] = quiet[-2:] = False  # the record before this one may have ended at another command
     return quiet

@@ -17,7 +17,8 @@ __all__ = ["NoiseFloor", "NoiseSource", "noise_floor", "noise_level", "rests"]
 TOP_OF_SPECTRUM = 0.8
 """Share of the Nyquist frequency above which a residual is taken to be sensor noise."""
 SHEET_TOLERANCE = 1.3
-SEGMENT_SAMPLES = 256
+SEGMENT_SAMPLES = 64
+"""So short that what rings after a step or a reversal is in few of the segments."""
 REST_SECONDS = 4.0
 """A command must have stood still for this long before the readings rest,"""
 REST_SHARE = 0.002
@@ -154,11 +155,12 @@ def _at_rest(residual: np.ndarray, command: np.ndarray, sample_time: float) -> l
 def _white(pieces: Sequence[np.ndarray], above: float) -> float:
     """Standard deviation of white noise with the median power density seen above a share of the Nyquist frequency.
 
-    The median over the lines passes by tones, and by what is slow where all lines are asked.
+    The median over the lines passes by tones, and by what is slow where all lines are asked; that over the segments, by
+    what comes in bursts, as the error of a plant that answers too early to each step.
     """
     powers, weights = [], []
     for piece in pieces:
-        frequency, density = welch(piece, 1.0, nperseg=min(SEGMENT_SAMPLES, piece.size))
+        frequency, density = welch(piece, 1.0, nperseg=min(SEGMENT_SAMPLES, piece.size), average="median")
         asked = density[1:][frequency[1:] >= above * frequency[-1]]
         powers.append(np.median(asked) * frequency[-1])
         weights.append(piece.size)

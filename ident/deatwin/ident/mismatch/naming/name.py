@@ -91,8 +91,8 @@ def name_causes(
 
 
 def _best_form(
-    nominal: _Search, stage: Sequence[Names], rivals: Sequence[Candidate]
-) -> tuple[_Search, Sequence[Names]]:
+    nominal: _Search, stage: list[Names], rivals: Sequence[Candidate]
+) -> tuple[_Search, list[Names]]:
     """The form in which one effect suffices, or else leaves clearly less; the nominal one if none does."""
     forms = [(nominal, stage)]
     for rival in rivals:

@@ -221,7 +221,7 @@ def _shapes(effect: Effect, base: Calibration, parts: Sequence[Part]) -> list[Ef
         if parameter.name == effect.threshold:
             values = np.quantile(_levels(effect, base, parts), LEVELS)
         elif parameter.scale is Scale.LOGARITHMIC:
-            values = np.geomspace(*(parameter.value * np.array(SHAPE_RANGE)), SHAPES)
+            values = parameter.value * np.geomspace(*SHAPE_RANGE, SHAPES)
         else:
             values = np.array([parameter.value])
         within = np.unique(np.clip(values, parameter.lower, parameter.upper))

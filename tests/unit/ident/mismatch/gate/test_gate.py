@@ -35,12 +35,27 @@ def test_ringing_after_any_jump_is_no_outlier():
         assert gate(PLANT, [PLANT.record(blank, rng)]).soundness is Soundness.SOUND
 
 
+def test_a_corner_of_the_command_makes_no_outlier():
+    """Where a command that moves turns within a sample, the ball overshoots: not suspected, let alone a fault."""
+    slope = np.concatenate([np.linspace(1.2, 3.2, 150), np.linspace(3.2, 1.2, 150)[1:]])
+    commands = np.tile(slope, 8)
+    blank = Experiment(recordings=(Recording.from_arrays(commands, np.zeros_like(commands), 0.02),))
+    reading = PLANT.record(blank, np.random.default_rng(6)).recordings[0].outputs[0].copy()
+    corner = int(np.argmax(commands[1000:])) + 1000
+    reading[corner + 5] += 2e-4
+    spoiled = with_outputs(blank, reading)
+    assert not gate(PLANT, [spoiled]).outliers[0][0][corner : corner + 50].any()
+    reading[corner + 80] += 2e-4
+    spoiled = with_outputs(blank, reading)
+    assert gate(PLANT, [spoiled]).outliers[0][0][corner + 80]
+
+
 def test_fast_motion_is_suspected_but_not_confirmed():
-    """Limited noise drives the soft nominal film into fast motion; the plant itself explains it."""
+    """Limited noise of 3 Hz drives the soft nominal film into fast motion; the plant itself explains it."""
     rng = np.random.default_rng(5)
     suspects = confirmed = 0
     for _ in range(10):
-        noise = band_limited_noise(rng, 60.0, 0.02)
+        noise = band_limited_noise(rng, 60.0, 0.02, band=3.0)
         blank = Experiment(recordings=(Recording.from_arrays(noise, np.zeros_like(noise), 0.02),))
         checked = gate(PLANT, [PLANT.record(blank, rng)])
         suspects += len(checked.findings)
