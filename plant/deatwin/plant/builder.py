@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from deatwin.plant.effects.base import Effect, Place
-from deatwin.plant.equations import Equations
+from deatwin.plant.equations import SAMPLE_START, Equations
 from deatwin.plant.errors import RigError, nearest
 from deatwin.plant.parameters import ParameterSet
 
@@ -113,6 +113,11 @@ class Builder:
         while len(self._past) < count:
             self._past.append(ca.SX.sym(f"command_{len(self._past) + 1}_ago"))
         return [self.command, *self._past[:count]]
+
+    @property
+    def sample_start(self) -> Symbol:
+        """Clock time at which the present sample begins, s; `time` runs on within it."""
+        return self.channel(SAMPLE_START, 0.0)
 
     def channel(self, name: str, default: float) -> Symbol:
         """A further measured input, such as the temperature.

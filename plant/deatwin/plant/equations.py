@@ -18,7 +18,10 @@ import numpy as np
 
 from deatwin.plant.parameters import ParameterSet
 
-__all__ = ["Equations"]
+__all__ = ["SAMPLE_START", "Equations"]
+
+SAMPLE_START = "sample_start"
+"""Name of the input that is the clock time at which a sample begins, s."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -52,7 +55,8 @@ class Equations:
     history : int
         How many past samples of the command follow it in *u*.
     channels : mapping of str to float
-        Further inputs at the end of *u*, each with the value that it has where nobody measured it.
+        Further inputs at the end of *u*, each with the value that it has where nobody measured it. `SAMPLE_START` is
+        measured by nobody: it is known.
     """
 
     states: tuple[str, ...]
@@ -87,8 +91,18 @@ class Equations:
         """
         return np.array([command] * (1 + self.history) + list(self.channels.values()))
 
+    @property
+    def sample_start(self) -> int | None:
+        """Where in *u* the clock time at which a sample begins is; None where no effect asks for it."""
+        names = list(self.channels)
+        return 1 + self.history + names.index(SAMPLE_START) if SAMPLE_START in names else None
+
     def inputs(
-        self, commands: np.ndarray, rest_command: float, measured: Mapping[str, np.ndarray] | None = None
+        self,
+        commands: np.ndarray,
+        rest_command: float,
+        times: np.ndarray,
+        measured: Mapping[str, np.ndarray] | None = None,
     ) -> np.ndarray:
         """Inputs of each sample.
 
@@ -98,6 +112,8 @@ class Equations:
             In their unit.
         rest_command : float
             What was applied before them.
+        times : ndarray, shape (n,)
+            Clock time at which each sample begins, s.
         measured : mapping of str to ndarray, each of shape (n,) or longer, optional
             Channels by name, SI.
 
@@ -108,7 +124,7 @@ class Equations:
         n = commands.size
         before = np.concatenate([np.full(self.history, rest_command), commands])
         past = [before[self.history - k : self.history - k + n] for k in range(self.history + 1)]
-        known = measured or {}
+        known = {**(measured or {}), SAMPLE_START: times}
         return np.vstack([*past, *(known.get(name, np.full(n, value))[:n] for name, value in self.channels.items())])
 
     @property

@@ -129,7 +129,8 @@ class Simulator:
             return _run(RunStatus.NO_REST, [np.empty(0)], None, None)
         status = RunStatus.DONE
         first = float(self._reading(rest, rest_command, start, values))
-        inputs = self.equations.inputs(commands, rest_command, channels)
+        times = start + sample_time * np.arange(commands.size)
+        inputs = self.equations.inputs(commands, rest_command, times, channels)
         outputs, watched = [np.array([first])], []
         march = March(self._march["plain_march"])
         x, z, d = march.arguments[:3]
@@ -175,7 +176,8 @@ class Simulator:
         n_p = values.size
         at_rest = self.equations.held_inputs(rest_command)
         point = (rest.x, rest.z, rest.d, at_rest, start, values, self.equations.constants)
-        inputs = self.equations.inputs(commands, rest_command, channels)
+        times = start + sample_time * np.arange(commands.size)
+        inputs = self.equations.inputs(commands, rest_command, times, channels)
         first = float(self.equations.output(*point))
         outputs, slopes = [np.array([first])], [self._rest_slope(point, rest.x_p, rest.z_p, rest.d_p)]
         march = March(self._march["sensitive_march"])
@@ -217,7 +219,7 @@ class Simulator:
         fixed = (sample_time, values, self.equations.constants)
         return Stepper(
             self._step, rest, float(first), start=start, fixed=fixed, inputs=self.equations.held_inputs(rest_command),
-            history=self.equations.history,
+            history=self.equations.history, clock=self.equations.sample_start,
             why=lambda command: self._why(rest, rest_command, command, values),
         )  # fmt: skip
 
@@ -307,6 +309,8 @@ class Stepper:
         At rest.
     history : int
         How many past commands follow the command among the inputs.
+    clock : int or None
+        Where among the inputs the clock time at which a sample begins is.
     why : callable
         Says why a command could not be followed.
     """
@@ -314,10 +318,10 @@ class Stepper:
     def __init__(
         self, step: ca.Function, rest: RestState, reading: float, *, start: float,
         fixed: tuple[float, np.ndarray, np.ndarray], inputs: np.ndarray, history: int,
-        why: Callable[[float], RunStatus],
+        clock: int | None, why: Callable[[float], RunStatus],
     ) -> None:  # fmt: skip
         self._step, self._fixed, self._why = step, fixed, why
-        self._inputs, self._history = inputs, history
+        self._inputs, self._history, self._clock = inputs, history, clock
         self._x: Any = rest.x
         self._z: Any = rest.z
         self._held = rest.d
@@ -363,6 +367,8 @@ class Stepper:
         if self._status.ok:
             inputs = self._inputs.copy()
             inputs[: 1 + self._history] = [command, *self._inputs[: self._history]]
+            if self._clock is not None:
+                inputs[self._clock] = self.time
             found = next((f for f in (self._in_steps(inputs, n) for n in (1, *SHORTER_STEPS)) if f is not None), None)
             if found is not None:
                 self._x, self._z, self._reading = found

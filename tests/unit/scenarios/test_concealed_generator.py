@@ -68,7 +68,8 @@ def test_the_integrator_has_the_order_of_its_scheme():
     reads = np.array([timeline.start + 4.0])
     steps = [
         integrate(
-            plant.equations, plant.free_values, times, plant.equations.inputs(commands, 0.0), reads, tolerance=tolerance
+            plant.equations, plant.free_values, times, plant.equations.inputs(commands, 0.0, times), reads,
+            tolerance=tolerance,
         ).steps
         for tolerance in (1e-10, 256e-10)
     ]

@@ -245,7 +245,8 @@ def _linearised(plant: Plant, part: Part, openings: tuple[Opening, ...], step: L
     # Plants of one structure share the step, not its values; what may enter is zero.
     values = np.concatenate([plant.free_values, np.zeros(len(equations.parameters.free) - plant.free_values.size)])
     rest = rest_state(equations, rig.start.rest_command, values)
-    inputs = equations.inputs(timeline.commands[:n], rig.start.rest_command, timeline.channels)
+    times = timeline.start + timeline.sample_time * np.arange(n)
+    inputs = equations.inputs(timeline.commands[:n], rig.start.rest_command, times, timeline.channels)
     x, z, slopes, reading_slopes = step.along(rest, inputs, timeline.start, timeline.sample_time, values)
 
     residual = np.full(n, np.nan)

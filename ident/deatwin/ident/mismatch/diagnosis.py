@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 __all__ = ["SCHEMA", "Cause", "Diagnosis", "FittedParameter", "Interval", "Verdict"]
 
 SCHEMA = "deatwin/diagnosis/1"
+NOTHING = 1e-3
+"""Share of its interval below which a value is written as 0."""
 
 
 class Verdict(Enum):
@@ -73,9 +75,13 @@ class Interval:
 
     @property
     def shown(self) -> dict[str, Any]:
-        """The same as a person writes it: ``value``, ``low`` and ``high`` in a ``unit`` with a prefix."""
-        size, unit = prefixed(self.value, self.unit)
-        return {"value": self.value / size, "low": self.low / size, "high": self.high / size, "unit": unit}
+        """The same as a person writes it: ``value``, ``low`` and ``high`` in a ``unit`` with a prefix.
+
+        A value that is nothing beside its interval, as on a bound at zero, is 0.
+        """
+        value = self.value if abs(self.value) > NOTHING * (self.high - self.low) else 0.0
+        size, unit = prefixed(value or self.high, self.unit)
+        return {"value": value / size, "low": self.low / size, "high": self.high / size, "unit": unit}
 
 
 @dataclass(frozen=True, kw_only=True)

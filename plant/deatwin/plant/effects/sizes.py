@@ -163,6 +163,10 @@ class _View:
     def time(self) -> Any:
         return self._build.time / self._ratio("s")
 
+    @property
+    def sample_start(self) -> Any:
+        return self._build.sample_start / self._ratio("s")
+
     def own(self, name: str) -> Any:
         return self._build.own(name) / self._ratio(self._units[name])
 

@@ -52,7 +52,7 @@ def reference_outputs(
     system = _System(equations, values, timeline.sample_time, relative_tolerance)
     unknowns = np.concatenate([rest.x, rest.z])
     times = timeline.start + timeline.sample_time * np.arange(timeline.commands.size)
-    inputs = equations.inputs(timeline.commands, command, timeline.channels)
+    inputs = equations.inputs(timeline.commands, command, times, timeline.channels)
     readings = [float(equations.output(rest.x, rest.z, rest.d, equations.held_inputs(command), times[0], *known))]
     for held, time in zip(inputs.T, times, strict=True):
         try:

@@ -139,7 +139,7 @@ class Apparatus:
     def _integrated(self, drive: Drive, reads: np.ndarray) -> np.ndarray:
         plant = self.plant.with_effects(*(e for m in self.mechanisms for e in m.effects))
         equations = plant.equations
-        inputs = equations.inputs(drive.commands, drive.rest_command, drive.channels)
+        inputs = equations.inputs(drive.commands, drive.rest_command, drive.times, drive.channels)
         return integrate(
             equations, plant.free_values, drive.times, inputs, reads, rest_command=drive.rest_command
         ).outputs

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from deatwin.ident.mismatch.diagnosis import Interval
 from deatwin.ident.mismatch.prefixes import prefixed
 
 __all__ = ["quantity", "three_digits", "with_interval"]
@@ -67,10 +68,10 @@ def with_interval(value: float, low: float, high: float, unit: str) -> tuple[str
     tuple of str
         For example ``("54.1 s", "50.2 to 59.3 s")``.
     """
-    factor, shown = prefixed(value, unit)
+    shown = Interval(value=value, low=low, high=high, unit=unit).shown
     return (
-        f"{_digits(value / factor)} {shown}".rstrip(),
-        f"{_digits(low / factor)} to {_digits(high / factor)} {shown}".rstrip(),
+        f"{_digits(shown['value'])} {shown['unit']}".rstrip(),
+        f"{_digits(shown['low'])} to {_digits(shown['high'])} {shown['unit']}".rstrip(),
     )
 
 

@@ -208,6 +208,13 @@ def test_numbers_are_rounded_to_significant_digits():
     assert [number(x, 2) for x in (2.0, 0.04)] == ["2.0", "0.040"]
 
 
+def test_a_value_that_is_nothing_beside_its_interval_is_written_as_none():
+    on_bound = Interval(value=6.58e-31, low=0.0, high=0.0093, unit="s")
+    assert on_bound.shown == {"value": 0.0, "low": 0.0, "high": pytest.approx(9.3), "unit": "ms"}
+    near = Interval(value=6e-6, low=0.0, high=0.005, unit="1")  # a thousandth of the interval and more is a value
+    assert near.shown["value"] == 6e-6
+
+
 @pytest.mark.skipif(compiler() is None, reason="many fits: without a C compiler they take ten times as long")
 def test_every_number_of_a_real_diagnosis_is_a_field():
     rng = np.random.default_rng(1)

@@ -61,7 +61,9 @@ def test_an_effect_that_is_off_is_not_there_among_others(effect, chain):
     others = [e for e in CHAINED if e is not effect]
     without, with_it = (chain(NOISE, *others), chain(NOISE, *others, off(effect)))
     np.testing.assert_allclose(with_it["reading"], without["reading"], rtol=0, atol=1e-12)
-    np.testing.assert_allclose(with_it["squared_voltage"], without["squared_voltage"], rtol=1e-9, atol=1e-4)
+    # Newton's method leaves 1e-10 of a kilovolt, and where the corners of a slew limit lie within a sample, a digit or
+    # two less: 1e-8 of a squared kilovolt.
+    np.testing.assert_allclose(with_it["squared_voltage"], without["squared_voltage"], rtol=1e-8, atol=1e-2)
 
 
 def central_difference(run, plant, number):

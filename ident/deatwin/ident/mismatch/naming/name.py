@@ -11,7 +11,7 @@ import numpy as np
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.floor import floor_of
 from deatwin.ident.mismatch.naming.candidate import Candidate, noise_seen
-from deatwin.ident.mismatch.naming.decide import Naming, decide, explained, suffices, with_distances
+from deatwin.ident.mismatch.naming.decide import Naming, cannot_rule_out, decide, explained, suffices, with_distances
 from deatwin.ident.mismatch.naming.screen import Footprint, Lead, footprints, leads
 from deatwin.ident.mismatch.naming.shortlist import shortlist
 from deatwin.ident.mismatch.naming.trial import Trial, run_trials, with_fitted
@@ -42,7 +42,8 @@ def name_causes(
     """Look for the smallest set of effects that explains the recordings.
 
     Each promising effect is built into the base plant alone, then into its rival forms, since another reading of what
-    the rig file leaves open costs less than a further effect; where none suffices, each further one beside the best,
+    the rig file leaves open costs less than a further effect; where one suffices, only into those that fit clearly
+    better without any, lest it explain a wrong form away. Where none suffices, each further one beside the best,
     and so on to three. Where a step helps but does not suffice, the effects that were there before it are replaced in
     turn, since the best single effect may only imitate two others.
 
@@ -73,9 +74,9 @@ def name_causes(
     stage = search.beside((), partial(tell, 0))
     search.judge_by_the_best(stage)
     naming = search.decided(stage)
-    if naming.best is None:
-        search, stage = _best_form(search, stage, rivals)
-        naming = search.decided(stage)
+    others = [rival for rival in rivals if naming.best is None or search.is_clearly_worse_than(rival)]
+    if others:
+        search, stage, naming = _best_form([(search, stage), *(search.in_form(rival, stage) for rival in others)])
     for number in range(1, MOST_CAUSES):
         before = search.best_of(stage)
         if naming.best is not None or before is None or search.leaves_a_trifle(before):
@@ -90,21 +91,25 @@ def name_causes(
     return replace(naming if naming.best is not None else search.nearly(), failed=tuple(search.failed))
 
 
-def _best_form(
-    nominal: _Search, stage: list[Names], rivals: Sequence[Candidate]
-) -> tuple[_Search, list[Names]]:
-    """The form in which one effect suffices, or else leaves clearly less; the nominal one if none does."""
-    forms = [(nominal, stage)]
-    for rival in rivals:
-        other = _Search(nominal.bench, rival, nominal.known)
-        found = other.again(nominal, stage)
-        other.judge_by_the_best(found)
-        if other.decided(found).best is not None:
-            return other, found
-        forms.append((other, found))
-    limit = CLEARLY_BETTER * nominal.least(stage)
-    search, found = min(forms, key=lambda form: form[0].least(form[1]))
-    return (search, found) if search.least(found) < limit else (nominal, stage)
+def _best_form(forms: Sequence[tuple[_Search, list[Names]]]) -> tuple[_Search, list[Names], Naming]:
+    """The form in which one effect suffices with the most evidence, or else leaves clearly less; or else the first.
+
+    What suffices in other forms and cannot be ruled out is a rival.
+    """
+    decided = [(search, stage, search.decided(stage)) for search, stage in forms]
+    sufficing = [(naming.best, k) for k, (_, _, naming) in enumerate(decided) if naming.best is not None]
+    if not sufficing:
+        least = [search.least(stage) for search, stage in forms]
+        lowest = int(np.argmin(least))
+        return decided[lowest if least[lowest] < CLEARLY_BETTER * least[0] else 0]
+    best, number = max(sufficing, key=lambda pair: pair[0].evidence)
+    first, k = sufficing[0]
+    if k == 0 and cannot_rule_out(first, best):
+        best, number = first, 0
+    search, stage, naming = decided[number]
+    seen = {best.effects, *(rival.effects for rival in naming.rivals)}
+    further = [c for c, _ in sufficing if c.effects not in seen and cannot_rule_out(c, best)]
+    return search, stage, replace(naming, rivals=(*naming.rivals, *further))
 
 
 class _Search:
@@ -152,16 +157,28 @@ class _Search:
         """Whether no further effect could count."""
         return explained(self.tried[names], self.tried[()]) > 1.0 - TRIFLE
 
-    def again(self, other: _Search, stage: Sequence[Names]) -> list[Names]:
-        """Try the best single effects of a search in another form of the plant."""
-        fit = self.tried[()].calibration
-        unbent = self.bench.nominal.with_rig(fit.plant.rig)
-        best = sorted(stage, key=lambda names: -other.tried[names].evidence)[:AGAIN]
-        leads = [other.leads[name] for names in best for name in names]
-        return self._try([
+    def is_clearly_worse_than(self, rival: Candidate) -> bool:
+        """Whether another form of the plant without effects leaves clearly less than this one."""
+        own, other = (float(c.losses.mean()) - self.noise**2 for c in (self.tried[()], rival))
+        return other < CLEARLY_BETTER * own
+
+    def in_form(self, rival: Candidate, stage: Sequence[Names]) -> tuple[_Search, list[Names]]:
+        """A search in another form of the plant, begun with the best single effects of this one.
+
+        Where that form leaves clearly less, what promises most there is tried as well.
+        """
+        other = _Search(self.bench, rival, self.known)
+        unbent, fit = self.bench.nominal.with_rig(rival.calibration.plant.rig), rival.calibration
+        best = sorted(stage, key=lambda names: -self.tried[names].evidence)[:AGAIN]
+        chosen = {name: self.leads[name] for names in best for name in names}
+        if self.is_clearly_worse_than(rival):
+            chosen |= {lead.effect.name: lead for lead in leads(self.known, fit)[:BESIDE]}
+        found = other._try([
             Trial(start=unbent.with_effects(lead.effect), bent=fit.plant.with_effects(lead.estimate), without=fit)
-            for lead in leads
+            for lead in chosen.values()
         ])  # fmt: skip
+        other.judge_by_the_best(found)
+        return other, found
 
     def least(self, stage: Sequence[Names]) -> float:
         """Mean square that the best of a stage leaves."""

@@ -162,7 +162,9 @@ def _lead(footprint: Footprint, residual: np.ndarray, basis: np.ndarray) -> Lead
 
 def _basis(fit: Calibration) -> np.ndarray:
     """What the plant's parameters can do to the readings, orthonormal."""
-    return np.linalg.qr(fit.jacobian / np.linalg.norm(fit.jacobian, axis=0))[0]
+    sizes = np.linalg.norm(fit.jacobian, axis=0)
+    acting = sizes > 0.0  # a parameter on a bound at which it does nothing takes up nothing
+    return np.linalg.qr(fit.jacobian[:, acting] / sizes[acting])[0]
 
 
 def _off(direction: np.ndarray, basis: np.ndarray) -> np.ndarray:
