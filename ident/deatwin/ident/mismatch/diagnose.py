@@ -83,7 +83,8 @@ def diagnose(
 
     tell(0.02, "calibrating the base plant")
     bench, base = _calibrated(plant, checked, plant.rig.effects() if effects is None else effects, jobs)
-    checked = confirm(checked, readings(base.chosen.calibration.plant, several))
+    for form in (base.chosen, *base.rivals):  # what is wrong with the readings stands out whatever the form
+        checked = confirm(checked, readings(form.calibration.plant, several))
 
     tell(0.25, "looking for a mismatch")
     fit = base.chosen.calibration

@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 
 __all__ = ["ReadingTime", "Rig", "StartProcedure"]
 
+SOLVED = 1e-6
+"""Share of the motion to which a plant is simulated: recordings without noise agree no better."""
+
 
 class ReadingTime(Enum):
     """When, within its row, a reading is taken."""
@@ -180,7 +183,8 @@ class Rig(ABC):
         -------
         Rig
         """
-        return replace(self, model_error=max(self.model_error, self.model_share * motion))
+        share = max(self.model_share, SOLVED)
+        return replace(self, model_error=max(self.model_error, share * motion))
 
     def rivals(self) -> tuple[Rig, ...]:
         """Other readings of what the experimenter left open; this one is not among them."""

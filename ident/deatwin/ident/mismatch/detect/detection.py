@@ -265,7 +265,7 @@ def detect_in(
     return Detection(
         p_value=p_value, statistics=_statistics(law, left, scores, groups), size=size, practical=practical,
         noise=left.noise, model_error=left.model_error,
-        sensor=noise_level(pieces, left.sample_time, left.noise, commands, repeats),
+        sensor=noise_level(pieces, left.sample_time, left.sheet, commands, repeats),
         repeatability=None if repeats is None else repeatability(left.residual, repeats, left.noise),
         evidence=origin_of(left, repeats, practical) if counts else OriginEvidence.none(size),
         moved=float(np.sqrt(np.mean(left.moved**2))), visible=visible, smallest=smallest,

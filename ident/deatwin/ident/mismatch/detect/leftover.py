@@ -49,6 +49,8 @@ class Leftover:
         s.
     noise, model_error : float
         Rms of sensor noise and of the plant's own error after a calibration, SI.
+    sheet : float
+        The sensor's noise as the data sheet has it, SI; 0 where it is silent.
     output_unit : str
         SI unit of the readings.
     """
@@ -65,6 +67,7 @@ class Leftover:
     sample_time: float
     noise: float
     model_error: float
+    sheet: float = 0.0
     output_unit: str = "m"
 
     def __post_init__(self) -> None:
@@ -136,7 +139,7 @@ def leftover_of(base: Candidate, bench: Bench) -> Leftover:
         record=np.repeat(np.arange(len(of_record)), of_record),
         experiment=np.repeat(np.arange(len(of_experiment)), of_experiment),
         sample_time=parts[0].experiment.sample_time, noise=base.noise, model_error=fit.plant.rig.model_error,
-        output_unit=fit.plant.rig.output_unit,
+        sheet=fit.plant.rig.noise, output_unit=fit.plant.rig.output_unit,
     )  # fmt: skip
 
 

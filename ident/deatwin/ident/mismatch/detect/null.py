@@ -37,6 +37,8 @@ MOVING = 0.995
 QUIET_BAND = 0.6
 """which is at most this share of the Nyquist frequency."""
 SEGMENT_SAMPLES = 256
+SHORTEST_SAMPLES = 64
+"""A record with fewer sound samples says nothing of the spectrum."""
 DEGREE = 4
 MEMORIES = 6
 """Number of lags of the model error's memory, of which a draw has one."""
@@ -215,10 +217,12 @@ def _gain(filtering: np.ndarray, frequency: np.ndarray) -> np.ndarray:
 
 def _welch(left: Leftover) -> tuple[np.ndarray, np.ndarray, float]:
     """Spectrum of the residual at frequencies in cycles a sample, and of how many periodograms it is the mean."""
-    segment = min(SEGMENT_SAMPLES, *(r.stop - r.start for r in left.records))
+    longest = max(r.stop - r.start for r in left.records)
+    records = [r for r in left.records if r.stop - r.start >= min(SHORTEST_SAMPLES, longest)]
+    segment = min(SEGMENT_SAMPLES, *(r.stop - r.start for r in records), longest)
     total, weight = np.zeros(segment // 2 + 1), 0.0
     frequency = np.zeros(segment // 2 + 1)
-    for r in left.records:
+    for r in records:
         frequency, density = welch(left.residual[r], 1.0, nperseg=segment)
         total, weight = total + density * (r.stop - r.start), weight + (r.stop - r.start)
     # Half-overlapping Hann segments: as many independent ones as the record holds, and neighbouring lines share.

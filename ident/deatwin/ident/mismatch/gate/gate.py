@@ -28,11 +28,17 @@ Masks = tuple[tuple[np.ndarray, ...], ...]
 UNSEEN_SHARE = 0.3
 """The last part of each record that no fit sees until verification."""
 STUCK_SECONDS = 1.0
+MOVES = 0.02
+"""Share of the command's range that is motion, over which a reading cannot stay the same."""
 SPIKE_DEVIATIONS = 12.0
 """A normal reading this far from its neighbours' cubic comes once in 10^32 samples."""
 QUIET_SECONDS = 1.0
 """After a jump of the command the film rings: readings are not called spikes for this long."""
 FEWEST_PER_PARAMETER = 20
+FEWEST_SOUND = 0.1
+"""Share of sound samples below which nothing is left out: the verdict is on the recordings, whatever the fit."""
+FROZEN = 0.9
+"""Share of the command's range over which a reading that stays the same is stuck even at its limit."""
 COARSE = 0.1
 """Share of the noise's variance that steps of the readings add (their square over 12) before they are reported."""
 STEP_BENDS_LESS = 0.85
@@ -72,6 +78,14 @@ class Gate:
         """For each experiment and record, the samples without a fault."""
         pairs = zip(self.stuck, self.outliers, strict=True)
         return tuple(tuple(~(s | o) for s, o in zip(*pair, strict=True)) for pair in pairs)
+
+    @property
+    def usable(self) -> Masks:
+        """The sound samples; of a sensor that is dead all along, all: a fit needs some, whatever it is worth."""
+        everything = [mask for masks in self.sound for mask in masks]
+        if sum(int(m.sum()) for m in everything) >= FEWEST_SOUND * sum(m.size for m in everything):
+            return self.sound
+        return tuple(tuple(np.ones_like(mask) for mask in masks) for masks in self.sound)
 
     @property
     def soundness(self) -> Soundness:
@@ -210,8 +224,8 @@ def split(
 ) -> tuple[tuple[Part, ...], tuple[Part, ...], tuple[Part, ...]]:
     """The fitted part, the unseen part, and both together.
 
-    The last 30 % of each record are unseen. Where the mismatch begins inside such a part, the last 30 % of what
-    follows its onset are, so that the fit can see it too.
+    The last 30 % of the sound samples of each record are unseen. Where the mismatch begins inside such a part, the
+    last 30 % of what follows its onset are, so that the fit can see it too.
 
     Parameters
     ----------
@@ -226,8 +240,8 @@ def split(
         One part for each experiment.
     """
     fitted, unseen, everything = [], [], []
-    for experiment, sound in zip(checked.experiments, checked.sound, strict=True):
-        cuts = [_cut(record, onset) for record in experiment.recordings]
+    for experiment, sound in zip(checked.experiments, checked.usable, strict=True):
+        cuts = [_cut(record, mask, onset) for record, mask in zip(experiment.recordings, sound, strict=True)]
         early = tuple(np.arange(m.size) < cut for m, cut in zip(sound, cuts, strict=True))
         fitted.append(Part(experiment=experiment, masks=tuple(s & e for s, e in zip(sound, early, strict=True))))
         unseen.append(Part(experiment=experiment, masks=tuple(s & ~e for s, e in zip(sound, early, strict=True))))
@@ -235,13 +249,21 @@ def split(
     return tuple(fitted), tuple(unseen), tuple(everything)
 
 
-def _cut(record: Recording, onset: float | None) -> int:
+def _cut(record: Recording, sound: np.ndarray, onset: float | None) -> int:
     """First unseen sample of a record."""
-    cut = round((1 - UNSEEN_SHARE) * record.n_samples)
-    if onset is None or not record.timepts[cut] <= onset < record.timepts[-1]:
+    whole = np.flatnonzero(sound)
+    if whole.size == 0:
+        return record.n_samples
+    cut = int(_late(whole)[0])
+    if onset is None or not record.timepts[cut] <= onset < record.timepts[whole[-1]]:
         return cut
-    begin = int(np.searchsorted(record.timepts, onset))
-    return begin + round((1 - UNSEEN_SHARE) * (record.n_samples - begin))
+    later = whole[record.timepts[whole] >= onset]
+    return int(_late(later)[0])
+
+
+def _late(samples: np.ndarray) -> np.ndarray:
+    """The unseen share of some samples, one at least."""
+    return samples[min(round((1 - UNSEEN_SHARE) * samples.size), samples.size - 1) :]
 
 
 def _stuck(record: Recording) -> np.ndarray:
@@ -251,10 +273,13 @@ def _stuck(record: Recording) -> np.ndarray:
     shortest = max(3, round(STUCK_SECONDS / record.sample_time))
     for same in runs(np.diff(reading) == 0.0):
         first, last = same[0], same[-1] + 2
-        if last - first >= shortest and np.ptp(command[first:last]) > 0.02 * np.ptp(command):
+        # A reading at the end of its range is clipped, not stuck: that is physics, and an effect of the catalogue. But
+        # nothing clips under high commands and low ones alike.
+        at_end = reading[first] in (reading.max(), reading.min())
+        moved = np.ptp(command[first:last]) / (np.ptp(command) or 1.0)
+        if last - first >= shortest and moved > (FROZEN if at_end else MOVES):
             mask[first:last] = True
-    # A reading at the end of its range is clipped, not stuck: that is physics, and an effect of the catalogue.
-    return mask & (reading != reading.max()) & (reading != reading.min())
+    return mask
 
 
 def _spikes(signal: np.ndarray) -> np.ndarray:
@@ -277,8 +302,13 @@ def _jumps(signal: np.ndarray) -> np.ndarray:
 
 
 def _typical(deviation: np.ndarray, signal: np.ndarray) -> float:
-    """Standard deviation of normal values with the median absolute deviation seen; half a step of coarse readings."""
-    return max(1.4826 * float(np.median(deviation)), resolution(signal) / 2) + 1e-15
+    """Standard deviation of normal values with the median absolute deviation seen; half a step of coarse readings.
+
+    Where the readings stand still for most of the time, it is that of the rest.
+    """
+    moving = deviation[deviation > 0.0]
+    median = float(np.median(deviation)) or (float(np.median(moving)) if moving.size else 0.0)
+    return max(1.4826 * median, resolution(signal) / 2) + 1e-15
 
 
 def _clipped(record: Recording) -> np.ndarray:

@@ -87,11 +87,12 @@ def noise_level(
     commands: Sequence[np.ndarray] = (),
     repeats: Repeats | None = None,
 ) -> NoiseFloor:
-    """Ask every source for the sensor's noise, the best one first.
+    """Ask every source for the sensor's noise; the one that says least is the best.
 
     Differences between repeats of a command are free of whatever the plant lacks; readings at rest are free of what it
-    lacks in motion; the top of the residual's spectrum is free of what it lacks at low frequencies. The data sheet is
-    believed unless the best of them that is available says clearly more: what a sensor does in a rig is seldom less.
+    lacks in motion; the top of the residual's spectrum is free of what it lacks at low frequencies. Each can only say
+    too much: repeats where a disturbance comes in, rests where it is there too, the spectrum where fast motion is
+    missing. The data sheet is believed unless all of them say clearly more: what a sensor does in a rig is seldom less.
     Without a data sheet (0) the best one is believed.
 
     Parameters
@@ -120,7 +121,7 @@ def noise_level(
     if sum(piece.size for piece in resting) >= FEWEST:
         found[NoiseSource.RESTS] = _white([np.concatenate([piece - piece.mean() for piece in resting])], 0.0)
     found[NoiseSource.TOP_OF_SPECTRUM] = _white(residuals, TOP_OF_SPECTRUM)
-    best = next(iter(found))
+    best = min(found, key=lambda source: found[source])
     if found[best] > SHEET_TOLERANCE * sheet:
         return NoiseFloor(level=found[best], source=best, estimates=found)
     return NoiseFloor(level=sheet, source=NoiseSource.SHEET, estimates={NoiseSource.SHEET: sheet, **found})

@@ -12,7 +12,7 @@ from deatwin.ident.greybox.fit import Calibration, Part, simulated
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.excess import Excess, excess_over_floor
 from deatwin.ident.mismatch.floor import with_model_error
-from deatwin.ident.mismatch.gate.noise import noise_floor
+from deatwin.ident.mismatch.gate.noise import noise_level
 from deatwin.ident.mismatch.losses import block_losses, evidence
 from deatwin.plant.model import Plant
 
@@ -78,6 +78,15 @@ class Candidate:
         absence of a significant mismatch; the unseen part, which is extrapolated, must not refute it.
         """
         return self.fitted_test.within_floor and not self.unseen_test.mismatch
+
+    @cached_property
+    def acts(self) -> bool:
+        """Whether every added effect is there at all: the 95 % interval of its strength excludes 0."""
+        fit = self.calibration
+        added = [effect for effect in fit.plant.effects if effect.name in self.effects]
+        names = [f"{effect.name}.{effect.strength}" for effect in added]
+        intervals = [fit.interval(name) for name in names if name in fit.names]
+        return all(low > 0.0 or high < 0.0 for low, high in intervals)
 
     @property
     def losses(self) -> np.ndarray:
@@ -149,5 +158,8 @@ def noise_seen(fit: Calibration, parts: Sequence[Part]) -> float:
         Standard deviation, SI; never below the data sheet's.
     """
     sizes = [int(mask.sum()) for part in parts for mask in part.masks if mask.any()]
-    pieces = np.split(fit.residuals, np.cumsum(sizes)[:-1])
-    return noise_floor(pieces, fit.plant.rig.sample_time, fit.plant.rig.noise)
+    residuals, commands = (
+        np.split(whole, np.cumsum(sizes)[:-1])
+        for whole in (fit.residuals, np.concatenate([part.commands for part in parts]))
+    )
+    return noise_level(residuals, fit.plant.rig.sample_time, fit.plant.rig.noise, commands).level

@@ -28,6 +28,11 @@ CLEARLY_BETTER = 0.8
 """A rival form is gone on with where its best single effect leaves less than this share of the mean square."""
 TRIFLE = 0.05
 """Share of the mismatch's energy below which a further effect mends what another one does to the plant's own error."""
+MOST = 0.5
+"""Share of the mismatch's energy that an explanation takes away: a base plant that is nearly adequate becomes so with
+any effect."""
+BENT = 1.5
+"""Largest ratio by which an explanation may raise the model error by which all are judged."""
 Finished = Callable[[float], None]
 Names = tuple[str, ...]
 
@@ -167,12 +172,14 @@ class _Search:
 
         Where that form leaves clearly less, what promises most there is tried as well.
         """
-        other = _Search(self.bench, rival, self.known)
-        unbent, fit = self.bench.nominal.with_rig(rival.calibration.plant.rig), rival.calibration
+        fit, known = rival.calibration, self.known
+        unbent = self.bench.nominal.with_rig(fit.plant.rig)
         best = sorted(stage, key=lambda names: -self.tried[names].evidence)[:AGAIN]
         chosen = {name: self.leads[name] for names in best for name in names}
         if self.is_clearly_worse_than(rival):
-            chosen |= {lead.effect.name: lead for lead in leads(self.known, fit)[:BESIDE]}
+            known = footprints(self.bench, fit, self.bench.effects, fit)
+            chosen |= {lead.effect.name: lead for lead in leads(known, fit)[:BESIDE]}
+        other = _Search(self.bench, rival, known)
         found = other._try([
             Trial(start=unbent.with_effects(lead.effect), bent=fit.plant.with_effects(lead.estimate), without=fit)
             for lead in chosen.values()
@@ -209,23 +216,32 @@ class _Search:
         best = self.best_of(stage)
         if best is None:
             return
-        error = max(self.bench.nominal.rig.model_error, floor_of(self.tried[best].calibration.plant, self.bench))
+        known = self.bench.nominal.rig.model_error
+        found = floor_of(self.tried[best].calibration.plant, self.bench)
+        # A wrong effect may bend the plant to where its equations hold no more.
+        error = min(max(known, found), BENT * known)
         for names in stage:
             self.tried[names] = self.tried[names].with_floor(error)
 
     def decided(self, stage: Sequence[Names]) -> Naming:
         """The decision over sets of one size, of which all explain the recordings."""
-        return self._decided(stage, lambda c: c.adequate)
+        return self._decided(stage, lambda c: c.adequate and self._counts(c))
 
     def nearly(self) -> Naming:
         """The decision over the smallest sets that suffice as far as anybody knows the plant's own error."""
         naming = self.decided(())
         for size in range(1, MOST_CAUSES + 1):
             stage = [names for names in self.tried if len(names) == size]
-            naming = self._decided(stage, lambda c: suffices(c, self.tried[()]))
+            naming = self._decided(stage, lambda c: suffices(c, self.tried[()]) and self._counts(c))
             if naming.best is not None:
                 break
         return naming
+
+    def _counts(self, candidate: Candidate) -> bool:
+        """Whether a candidate's effects are there, and take away most of what is more than noise."""
+        base = self.tried[()]
+        missing, gained = float(base.losses.mean() - self.noise**2), float((base.losses - candidate.losses).mean())
+        return candidate.acts and gained > MOST * missing
 
     def _decided(self, stage: Sequence[Names], good: Callable[[Candidate], bool]) -> Naming:
         counting = [n for n in stage if not good(self.tried[n]) or len(n) == 1 or self.each_counts(n)]

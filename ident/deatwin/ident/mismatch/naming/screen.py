@@ -20,7 +20,7 @@ SHAPES = 3
 """Values of each shape parameter at which an effect is screened,"""
 SHAPE_RANGE = (1 / 8, 8.0)
 """over this range of its typical value."""
-LEVELS = (0.5, 0.75, 0.9)
+LEVELS = (0.5, 0.75, 0.9, 0.98)
 """Quantiles of the readings, or of the voltage, at which an effect with a threshold is screened."""
 EVENT_STEP = 0.04
 """Share of the record by which the time of an event is moved first, in the search for the best one."""

@@ -21,7 +21,7 @@ def is_adequate(explanation: Candidate) -> bool:
 def candidate(*effects: str, rms: float, unseen: float | None = None) -> Candidate:
     """An explanation that leaves residuals of exactly these sizes."""
     fitted, late = np.tile([rms, -rms], 3500), np.tile([unseen or rms, -(unseen or rms)], 1500)
-    calibration = SimpleNamespace(plant=SimpleNamespace(rig=RIG), residuals=fitted, names=("a",) * (7 + len(effects)))
+    calibration = SimpleNamespace(plant=SimpleNamespace(rig=RIG, effects=()), residuals=fitted, names=("a",) * (7 + len(effects)))
     return Candidate(effects=effects, calibration=calibration, unseen=late, noise=NOISE)
 
 
