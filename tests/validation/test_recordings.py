@@ -1,7 +1,7 @@
 """Recordings of an independent rig: a finite-element membrane with another integrator (tests/recordings/README.md).
 
-noise.csv and steps.csv are diagnosed; check.csv only judges. Bounds: 2.0 µm is the sensor alone,
-2.2 µm is what an independent three-coordinate prototype reached. Three cases run always, all nine as a study:
+noise.csv and steps.csv are diagnosed; check.csv only judges. 2.0 µm is the sensor alone, and 2.2 µm what an
+independent three-coordinate prototype reached. Two cases run always, all nine as a study:
 ``python -m pytest -m study tests/validation/test_recordings.py``.
 """
 
@@ -19,9 +19,13 @@ from deatwin.plant.integrator.compiled import compiler
 from deatwin.plant.sources import load_plant
 
 FOLDER = Path(__file__).parents[1] / "recordings"
-OFTEN = ("open_none_1", "open_creep", "open_electrode_loss")
+OFTEN = ("open_none_1", "open_creep")
 CASES = sorted(case.name for case in FOLDER.iterdir() if case.is_dir())
 UM = 1e-6
+CHECK = 2.4
+"""Largest rms error on check.csv, µm, in which 1.3 µm of the plant's own may stand beside the sensor's 2.0."""
+COVERED = (0.92, 0.98)
+"""Of the readings of check.csv by the 95 % band: by chance a share of 6000 white ones is off by 0.6 % in 1 of 20."""
 
 pytestmark = pytest.mark.skipif(
     compiler() is None, reason="many fits: without a C compiler they take ten times as long"
@@ -56,11 +60,10 @@ def test_verdict_and_prediction(case: str, tmp_path: Path) -> None:
         assert diagnosis.verdict in (Verdict.NONE, Verdict.PARAMETERS)
         assert named == []
         assert diagnosis.fit["fitted"]["before"] <= 2.6
-        assert error <= 2.6
     else:
         assert diagnosis.verdict is Verdict.NAMED
         assert sorted(named) == sorted(truth)
-        assert error <= 2.6
         without, _ = check_error(diagnosis, diagnosis.evidence.base_model, history, check)
         assert without >= 2 * error
-        assert 0.90 <= cover <= 0.99
+    assert error <= CHECK
+    assert COVERED[0] <= cover <= COVERED[1]

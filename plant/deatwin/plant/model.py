@@ -312,7 +312,7 @@ class Plant:
 
 
 NOT_IN_EQUATIONS = frozenset(
-    {"reading", "noise", "model_error", "command_range", "ball_is_known", "chain"}
+    {"reading", "noise", "model_error", "command_range", "ball_is_known", "prestretch_is_known", "chain"}
 )
 """What a rig says of itself besides its equations."""
 

@@ -2,6 +2,7 @@
 
 import json
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from deatwin.plant import (
     Hysteresis,
     PermittivityDrift,
     Plant,
+    ReadingTime,
     Recording,
     RigError,
     SimulationError,
@@ -102,6 +104,35 @@ def test_a_rig_file_that_names_the_support_leaves_no_rival():
     rig = Diaphragm.from_rig_file(RigFile.from_dict(named))
     assert rig.ball_is_known
     assert {r.ball for r in (rig, *rig.rivals())} == {"sliding"}
+
+
+def test_a_prestretch_that_is_known_leaves_no_rival():
+    assert {r.prestretch for r in (Diaphragm(), *Diaphragm().rivals())} == {3.5}
+    rig = Diaphragm.from_rig_file(RigFile.from_dict(RIG_FILE))  # a rig file states it
+    assert rig.prestretch_is_known
+
+
+@pytest.mark.parametrize(("given", "other"), [(3.5, 4.5), (4.5, 3.5), (3.7, 4.5), (5.0, 3.5)])
+def test_a_prestretch_that_is_not_known_has_the_farther_one_of_the_thesis_as_rival(given, other):
+    rig = Diaphragm(prestretch=given, prestretch_is_known=False, ball_is_known=True)
+    reading_time, stretched = rig.rivals()
+    assert reading_time == replace(rig, reading=ReadingTime.START_OF_HOLD)
+    assert stretched == replace(rig, prestretch=other)
+
+
+def test_all_that_is_left_open_has_a_rival_of_its_own():
+    rig = Diaphragm(prestretch_is_known=False)
+    assert [(r.reading, r.ball, r.prestretch) for r in rig.rivals()] == [
+        (ReadingTime.START_OF_HOLD, "sliding", 3.5),
+        (ReadingTime.END_OF_HOLD, "bonded", 3.5),
+        (ReadingTime.END_OF_HOLD, "sliding", 4.5),
+    ]
+
+
+def test_whether_the_prestretch_is_known_is_stored_and_changes_no_equations():
+    plant = Plant(rig=Diaphragm(prestretch_is_known=False))
+    assert Plant.from_dict(json.loads(json.dumps(plant.to_dict()))).rig == plant.rig
+    assert plant.equations is Plant(rig=Diaphragm()).equations
 
 
 def test_a_resolution_adds_the_noise_of_rounding():

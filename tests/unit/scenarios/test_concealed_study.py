@@ -40,10 +40,10 @@ from deatwin.scenarios.concealed_physics.rates import (
     most,
     reliability,
 )
-from deatwin.scenarios.concealed_physics.score import Goal, gaps_closed, score
+from deatwin.scenarios.concealed_physics.score import Goal, gaps_closed, score, sentence
 from deatwin.scenarios.concealed_physics.seal import Seal, digest, thresholds
 from deatwin.scenarios.concealed_physics.store import Store
-from deatwin.scenarios.concealed_physics.tables import csv_files, results_page, write_results
+from deatwin.scenarios.concealed_physics.tables import csv_files, reported, results_page, tables, write_results
 
 TINY_SEED = 1001
 
@@ -100,7 +100,7 @@ def spec(name: str, kind: str, *effects: str, ratio: float = 2.0, rich: bool = T
 def done(
     verdict: str, *causes: str, ratio: float, probability: float = 0.9, also: tuple[str, ...] = (),
     d2: float | None = None, check: Mapping[str, float | None] | None = None, term: str = "",
-    advised: Mapping[str, Any] | None = None,
+    advised: Mapping[str, Any] | None = None, mass: float | None = None,
 ) -> dict[str, Any]:  # fmt: skip
     errors = {"nominal": 9e-6, "base": 4e-6, "diagnosis": 2e-6, "oracle": 2e-6} if check is None else dict(check)
     near = [] if d2 is None else [{"effects": ["a", "b"], "d2": d2}]
@@ -109,6 +109,7 @@ def done(
         "diagnosis": {
             "verdict": verdict, "causes": [{"effect": c, "probability": probability} for c in causes],
             "set": [*causes, *also] if causes else [], "indistinguishable": near,
+            "next_experiment": None if advised is None else {"added_mass_g": mass},
         },
         "baselines": {
             "pysindy": {"rms": 5e-6, "term": term, "failure": ""},
@@ -144,6 +145,11 @@ MADE: list[tuple[dict[str, Any], dict[str, Any]]] = [
     (spec("t2", "tie", "glass_lag", rich=False),
      done("ambiguous", "delay", ratio=1.0, also=("sensor_lag",), d2=1.0,
           advised={"verdict": "ambiguous", "causes": [{"effect": "sensor_lag"}], "failure": ""})),
+    # named rightly at once; too weak to be demanded of, resolved with a mass
+    (spec("t3", "tie", "glass_lag", rich=False), done("named", "sensor_lag", ratio=0.8)),
+    (spec("t4", "tie", "glass_lag", ratio=0.4, rich=False),
+     done("ambiguous", "delay", ratio=0.4, also=("sensor_lag",), d2=1.0, mass=5.0,
+          advised={"verdict": "named", "causes": [{"effect": "sensor_lag"}], "failure": ""})),
 ]  # fmt: skip
 INTERVALS = [
     ({"name": f"interval-{k}", "kind": "interval"},
@@ -188,8 +194,8 @@ def test_every_goal_is_counted_as_a_person_would(opened: Opened) -> None:
 
     assert counted("false alarm") == (1, 4)  # ambiguous names a cause as well
     assert counted("called none or parameters") == (2, 4)
-    # detected and in the catalogue: e1 e2 e3 e5, p1 p2, t1 t2; named wrong: e3, p2
-    assert counted("confident wrong name") == (2, 8)
+    # detected and in the catalogue: e1 e2 e3 e5, p1 p2, t1 to t4; named wrong: e3, p2
+    assert counted("confident wrong name") == (2, 10)
     # ratio 0.5 or more: e1 e2 e3 e4 e5 e7; e5 has a near rival
     assert counted("first cause right") == (2, 5)
     assert counted("family right") == (2, 5)
@@ -198,8 +204,9 @@ def test_every_goal_is_counted_as_a_person_would(opened: Opened) -> None:
     assert counted("a cause named", "same") == (1, 2)
     assert counted("both named") == (1, 2)
     assert counted("no cause is wrong") == (1, 2)
-    assert counted("resolved by the advised") == (1, 2)
-    assert counted("ties, ratio", "truth inside") == (2, 2)
+    assert counted("called ambiguous", "resolved by the advised") == (2, 3)  # t1 t4, not t2
+    assert counted("all ties", "resolved so, or named rightly") == (2, 3)  # t1 t3, not t2; t4 is weak
+    assert counted("ties, ratio", "truth inside") == (3, 3)
     # named: e1 e2 e3, p1 p2, all with 2 µm against 3 and 5 µm
     assert counted("ahead of every baseline") == (5, 5)
     assert counted("data of the reduced plant") == (3, 4)
@@ -210,16 +217,38 @@ def test_every_goal_is_counted_as_a_person_would(opened: Opened) -> None:
     # e1 e2 e3 close it, e5 by half, e7 failed
     assert sorted(gaps_closed(opened)) == [0.0, pytest.approx(0.5), 1.0, 1.0, 1.0]
     assert goal(goals, "harm").value == pytest.approx(1.0)
-    # Stated 0.9 ten times (c4 e1 e2 e5, p1 and p2 twice each, t1 t2), right in five; 0.7 and 0.6 once, wrong.
-    assert goal(goals, "calibration error").count == 12
-    assert goal(goals, "calibration error").value == pytest.approx((10 * 0.4 + 0.7 + 0.6) / 12)
+    # Stated 0.9 twelve times (c4 e1 e2 e5, p1 and p2 twice each, t1 to t4), right in six; 0.7 and 0.6 once, wrong.
+    assert goal(goals, "calibration error").count == 14
+    assert goal(goals, "calibration error").value == pytest.approx((12 * 0.4 + 0.7 + 0.6) / 14)
 
 
 def test_goals_are_met_only_where_cases_count(tmp_path: Path) -> None:
     key: dict[str, Any] = {"names": {"key": NAMES}, "cases": []}
     goals = score(open_key(Store(tmp_path, sealed(key)), key))
-    assert {g.measure for g in goals if g.met} == {g.measure for g in goals if g.demanded == "reported"}
+    assert not any(g.met for g in goals)
     assert {g.reached for g in goals} == {"no case"}
+
+
+def test_what_is_only_reported_is_neither_met_nor_missed(opened: Opened) -> None:
+    goals = score(opened)
+    (only,) = (g for g in goals if g.met is None)
+    assert (only.demanded, only.outcome) == ("reported", "reported")
+    assert "fine plant" in only.measure
+    assert {g.outcome for g in goals if g is not only} == {"yes", "no"}
+    # It is met, or not: one goal fewer than there are rows.
+    met = sum(g.outcome == "yes" for g in goals)
+    assert sentence(opened, goals).endswith(f"; {met} of {len(goals) - 1} goals are met.")
+    page = results_page(opened, goals, sealed({}))
+    assert [line.split(" | ")[-1] for line in page.splitlines() if "fine plant" in line] == ["reported |"]
+    assert reported(goals).rows == [[only.measure, only.reached]]
+
+
+def test_ties_tell_what_was_diagnosed_with_a_mass_and_what_needed_no_experiment(opened: Opened) -> None:
+    cells = {row[0]: row[-2:] for table in tables(opened, sealed({})) if "†" in table.title for row in table.rows}
+    assert cells == {
+        "t1": ["named: sensor_lag", "yes"], "t2": ["ambiguous: sensor_lag", "no"], "t3": ["–", "at once"],
+        "t4": ["named: sensor_lag†", "yes"],
+    }  # fmt: skip
 
 
 def test_confusion_counts_every_single_case_once(opened: Opened) -> None:
@@ -251,6 +280,28 @@ def test_figures_tables_and_page_hold_the_counts(
     (tmp_path / "key.json").write_text(json.dumps(made[1]), encoding="utf-8")
     write_results(tmp_path, tmp_path / "results.md")
     assert (tmp_path / "results.md").read_text(encoding="utf-8") == page
+    assert "interrupted" not in page
+
+
+def test_of_an_interrupted_study_the_results_of_what_has_run_are_written(tmp_path: Path) -> None:
+    specs = running.labels("tiny", 2)
+    store = Store(tmp_path, Seal.of("tiny", 2, running.key_of(specs)))
+    clean = [each.name for each in specs if each.kind == "clean"][:2]
+    store.put(clean[0], done("none", ratio=0.0, check=CLEAN))
+    store.put(clean[1], done("unknown", ratio=0.0, check=CLEAN))
+    write_results(tmp_path, tmp_path / "results.md")
+    page = (tmp_path / "results.md").read_text(encoding="utf-8")
+    assert f"2 of {len(specs)} cases have run (the order is mixed" in page.splitlines()[2]
+    assert "| clean data called none or parameters | at least 95 % | 1 of 2, 50.0 %" in page
+    assert not (tmp_path / "key.json").exists()  # the key stays shut until the last case is through
+    with pytest.raises(DataError, match=f"{len(specs) - 2} cases have not been run"):
+        open_key(store, running.key_of(specs))
+
+
+def test_results_of_a_part_are_not_written_under_another_key(tmp_path: Path) -> None:
+    Store(tmp_path, Seal.of("tiny", 2, {"names": {}, "cases": []}))
+    with pytest.raises(DataError, match="not the one that was sealed"):
+        write_results(tmp_path, tmp_path / "results.md")
 
 
 # --- the seal -------------------------------------------------------------------------------------------------------

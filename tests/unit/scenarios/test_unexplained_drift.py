@@ -1,6 +1,8 @@
 """The story of the concealed drifts: its seal, its marks, and what it calls repeatable."""
 
+import json
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -8,14 +10,15 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from deatwin.ident.mismatch import Cause, Diagnosis, Interval, Verdict
+from deatwin.ident.mismatch import Cause, Diagnosis, Interval, Verdict, excess
 from deatwin.plant.effects import PrestretchRelaxation
 from deatwin.plant.errors import DataError
 from deatwin.plant.fleet import fleet, specification
 from deatwin.scenarios import unexplained_drift
+from deatwin.scenarios.concealed_physics import seal
 from deatwin.scenarios.folder import ResultFolder
 from deatwin.scenarios.stories import Setting
-from deatwin.scenarios.unexplained_drift import argument, figures, repeatability
+from deatwin.scenarios.unexplained_drift import argument, figures, repeatability, sealed
 from deatwin.scenarios.unexplained_drift.examine import Finding, Track
 from deatwin.scenarios.unexplained_drift.recordings import VISITS, case_of
 from deatwin.scenarios.unexplained_drift.repeatability import FRESH, Drift, Group, History, between, drift_of
@@ -76,18 +79,74 @@ def test_the_key_lists_what_the_specification_has_not() -> None:
     assert [e.name for e in concealed_in(fleet(5)[3])] == ["thermal_stiffness"]
 
 
-def test_a_sealed_key_says_nothing_and_cannot_be_changed() -> None:
+def sealed_folder(folder: Path, seed: int = 5, **changed: Any) -> Path:
+    content = {**Key.of(fleet(seed)).seal(seed), **changed}
+    (folder / "seal.json").write_text(json.dumps(content), encoding="utf-8")
+    return folder
+
+
+def test_a_sealed_key_says_nothing_and_is_opened_from_its_seed(tmp_path: Path) -> None:
     key = Key.of(fleet(5))
-    seal = key.seal(5)
-    assert len(seal["key"]) == 64
-    assert "creep" not in str(seal)
-    assert opened(key, seal) is key
-    other = {name: dict(drift) for name, drift in key.drifts.items()}
-    other["DEA 2"] = {"prestretch_relaxation": {"relative_loss": 0.0601, "time": 1000.0}}
-    with pytest.raises(DataError, match="seal is broken: key changed"):
-        opened(Key(drifts=other), seal)
-    with pytest.raises(DataError, match="thresholds changed"):
-        opened(key, {**seal, "thresholds": "0" * 64})
+    text = (sealed_folder(tmp_path) / "seal.json").read_text(encoding="utf-8")
+    assert {len(json.loads(text)[part]) for part in ("key", "thresholds", "code")} == {64}
+    assert not [effect for drift in key.drifts.values() for effect in drift if effect in text]
+    assert opened(tmp_path, 5).drifts == key.drifts
+    path = tmp_path / "seal.json"
+    path.write_text("{", encoding="utf-8")
+    with pytest.raises(DataError, match="line 1"):
+        opened(tmp_path, 5)
+    path.write_text("{}", encoding="utf-8")
+    with pytest.raises(DataError, match="no seal of the drifts"):
+        opened(tmp_path, 5)
+    path.unlink()
+    with pytest.raises(DataError, match="no such file"):
+        opened(tmp_path, 5)
+
+
+@pytest.mark.parametrize("part", ["seed", "key", "thresholds", "code"])
+def test_a_seal_in_which_one_hash_differs_is_broken(tmp_path: Path, part: str) -> None:
+    with pytest.raises(DataError, match=f"seal is broken: {part} changed"):
+        opened(sealed_folder(tmp_path, **{part: "0" * 64}), 5)
+
+
+def test_drifts_thresholds_and_code_that_change_break_the_seal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    sealed_folder(tmp_path)
+    first, second, *others = fleet(5)
+    sound = second.plant.without_effects("prestretch_relaxation")
+    other = replace(second, plant=sound.with_effects(PrestretchRelaxation(relative_loss=0.0601, time=1000.0)))
+    with monkeypatch.context() as patch:
+        patch.setattr(sealed, "fleet", lambda seed: (first, other, *others))
+        with pytest.raises(DataError, match="broken: key changed"):
+            opened(tmp_path, 5)
+    with monkeypatch.context() as patch:
+        patch.setattr(excess, "SIGNIFICANCE", 0.5)
+        with pytest.raises(DataError, match="broken: thresholds changed"):
+            opened(tmp_path, 5)
+    with monkeypatch.context() as patch:
+        patch.setattr(seal, "SEALED_CODE", seal.SEALED_CODE[:1])
+        with pytest.raises(DataError, match="broken: code changed"):
+            opened(tmp_path, 5)
+    copied = tmp_path / "story" / "sealed.py"  # as if a source of the story had been edited
+    copied.parent.mkdir()
+    copied.write_text("", encoding="utf-8")
+    monkeypatch.setattr(sealed, "__file__", str(copied))
+    with pytest.raises(DataError, match="broken: code changed"):
+        opened(tmp_path, 5)
+
+
+def test_the_story_is_sealed_before_the_first_diagnosis_and_opened_from_the_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def tampering(setting: Setting) -> list[Finding]:
+        path = setting.folder.path / "seal.json"
+        content = json.loads(path.read_text(encoding="utf-8"))
+        path.write_text(json.dumps({**content, "key": "0" * 64}), encoding="utf-8")
+        return [finding(diagnosis(Verdict.NAMED, RELAXED), name) for name in Key.of(fleet(0)).drifts]
+
+    monkeypatch.setattr(unexplained_drift, "_diagnosed", tampering)
+    with pytest.raises(DataError, match="broken: key changed"):
+        unexplained_drift.run(setting(tmp_path))
+    assert not (tmp_path / "key.json").exists()
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ from deatwin.ident.mismatch.gate import Gate, gate
 from deatwin.ident.mismatch.locate import Location, locate
 from deatwin.ident.mismatch.naming import Candidate, Distance, Naming, name_causes
 from deatwin.ident.mismatch.refit import Base, calibrate_base
+from deatwin.ident.mismatch.say import say
 from deatwin.ident.mismatch.verify import Verification, verify
 
 __all__ = [
@@ -40,5 +41,6 @@ __all__ = [
     "gate",
     "locate",
     "name_causes",
+    "say",
     "verify",
 ]

@@ -21,7 +21,7 @@ from deatwin.ident.mismatch.gate.gate import Gate
 from deatwin.ident.mismatch.locate import Location, readings
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming
-from deatwin.ident.mismatch.refit.base import Base
+from deatwin.ident.mismatch.refit.base import Base, differences
 from deatwin.ident.mismatch.refit.fitted import fitted_parameters
 from deatwin.ident.mismatch.say import say
 from deatwin.ident.mismatch.units import amplitude_unit
@@ -173,12 +173,10 @@ def _left_over(findings: Findings) -> list[str]:
 
 def _form(findings: Findings) -> list[str]:
     """What the recordings say of the rig where they speak against its file, or where the file is silent."""
-    nominal, final = findings.bench.nominal, findings.final.plant
-    stated, found = nominal.rig.to_dict(), with_model_error(final, nominal.rig.model_error).rig.to_dict()
+    stated, found = differences([findings.bench.nominal.rig, findings.final.plant.rig])
     return [
         f"the recordings fit a rig with {name} = {found[name]!r} better than with {value!r}"
         for name, value in stated.items()
-        if found[name] != value
     ]
 
 

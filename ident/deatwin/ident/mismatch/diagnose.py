@@ -99,7 +99,7 @@ def diagnose(
         naming = name_causes(
             bench, base.chosen, known, base.rivals, lambda share: tell(0.3 + 0.5 * share, "building in effects")
         )
-        base = replace(base, chosen=naming.base, noise=naming.noise)
+        base = base.in_form_of(naming.base)
 
     tell(0.8, "verifying on unseen data")
     verification = verify(base.chosen, naming.best or base.chosen, for_verification, bench, naming.candidates)
@@ -155,7 +155,7 @@ def _bench(
 
 def _motion(checked: Gate) -> float:
     """Standard deviation of the sound readings within each record, SI."""
-    pairs = zip(checked.experiments, checked.sound, strict=True)
+    pairs = zip(checked.experiments, checked.usable, strict=True)
     pieces = [r.outputs[0, m] for e, masks in pairs for r, m in zip(e.recordings, masks, strict=True) if m.any()]
     return float(np.sqrt(sum(p.var() * p.size for p in pieces) / sum(p.size for p in pieces)))
 

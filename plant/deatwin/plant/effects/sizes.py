@@ -47,6 +47,9 @@ class Sizes:
         Of the ringing, or another time in which the plant moves, s.
     command : float
         A usual command.
+    voltage : float, optional
+        Of the amplifier, V, where its gain lies between it and the command; without it, `command` and its unit are
+        those of the amplifier too.
     reading : float, optional
         A usual reading; `motion` by default.
     motion_unit, force_unit, command_unit, reading_unit : str
@@ -66,6 +69,7 @@ class Sizes:
     force: float = FORCE
     period: float = PERIOD
     command: float = COMMAND
+    voltage: float | None = None
     reading: float | None = None
     motion_unit: str = "m"
     force_unit: str = "N"
@@ -102,7 +106,7 @@ class Sizes:
             "m": (reading / MOTION, reading_unit) if read else (self.motion / MOTION, self.motion_unit),
             "N": (self.force / FORCE, self.force_unit),
             "s": (self.period / PERIOD, "s"),
-            "V": (self.command / (COMMAND if effect.signal == "command" else VOLTAGE), self.command_unit),
+            "V": self._drive(effect),
         }
         ratio, powers = 1.0, Counter[str]()
         for name, power in _powers(unit).items():
@@ -111,6 +115,14 @@ class Sizes:
             for own, inner in _powers(here).items():
                 powers[own] += inner * power
         return float(ratio), unit if unit in DERIVED and dict(powers) == dict(_powers(unit)) else _written(powers)
+
+    def _drive(self, effect: Effect) -> tuple[float, str]:
+        """The same for a volt, which is one of the command or one of the amplifier."""
+        if effect.signal == "command":
+            return self.command / COMMAND, self.command_unit
+        if self.voltage is None:
+            return self.command / VOLTAGE, self.command_unit
+        return self.voltage / VOLTAGE, "V"
 
 
 class _Similar(Effect):

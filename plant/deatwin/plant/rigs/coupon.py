@@ -10,6 +10,7 @@ import casadi as ca
 
 from deatwin.plant.builder import Builder
 from deatwin.plant.effects.base import Place
+from deatwin.plant.effects.sizes import Sizes
 from deatwin.plant.film import Film, FilmPoint, relaxation_stiffness
 from deatwin.plant.material import Material, material
 from deatwin.plant.parameters import Parameter
@@ -60,6 +61,8 @@ class Coupon(Rig):
     input_unit: ClassVar[str] = "1"
     output_name: ClassVar[str] = "force"
     output_unit: ClassVar[str] = "N"
+    sizes: ClassVar[Sizes] = Sizes(command=1.0, command_unit="1", reading=1.0, reading_unit="N")
+    """The command is the strip's own length, not the longest pull: no offset in range takes all of it away."""
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:

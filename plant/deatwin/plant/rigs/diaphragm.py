@@ -30,6 +30,8 @@ __all__ = ["Ball", "Diaphragm"]
 
 GRAVITY = 9.80665
 BALLS = ("bonded", "sliding")
+THESIS_PRESTRETCHES = (3.5, 4.5)
+"""The thesis leaves open which of them its films had."""
 RESOLUTIONS = {"reduced": reduced, "fine": membrane}
 
 Symbol = Any
@@ -61,6 +63,8 @@ class Diaphragm(Rig):
         How the film sits on the ball.
     ball_is_known : bool
         Whether the experimenter said so; if not, the other form is a rival.
+    prestretch_is_known : bool
+        Whether the experimenter is sure of it; if not, 3.5 or 4.5 is a rival, whichever is farther from it.
     resolution : {"reduced", "fine"}
         A few coordinates, or axisymmetric elements whose branches flow at each point by themselves.
     elements : int
@@ -81,6 +85,7 @@ class Diaphragm(Rig):
     start_hold: float = 3.0
     ball: Ball = "sliding"
     ball_is_known: bool = False
+    prestretch_is_known: bool = True
     resolution: str = "reduced"
     elements: int = 4
     sample_time: float = 0.02
@@ -122,12 +127,15 @@ class Diaphragm(Rig):
         return StartProcedure(rest_command=0.0, ramp=self.start_ramp, hold=self.start_hold)
 
     def rivals(self) -> tuple[Diaphragm, ...]:
-        """The other support of the ball, where the experimenter did not say, and the other reading time."""
+        """The other reading time; the other support of the ball and another prestretch, where they are not known."""
         other_time = next(t for t in ReadingTime if t is not self.reading)
         rivals = [replace(self, reading=other_time)]
         if not self.ball_is_known:
             other = "sliding" if self.ball == "bonded" else "bonded"
             rivals.append(replace(self, ball=other))
+        if not self.prestretch_is_known:
+            farther = max(THESIS_PRESTRETCHES, key=lambda stretch: abs(stretch - self.prestretch))
+            rivals.append(replace(self, prestretch=farther))
         return tuple(rivals)
 
     def finer(self) -> Diaphragm:

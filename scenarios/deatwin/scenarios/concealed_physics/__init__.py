@@ -19,12 +19,12 @@ from deatwin.scenarios.concealed_physics.opened import FAR, Opened, open_key
 from deatwin.scenarios.concealed_physics.score import score, sentence
 from deatwin.scenarios.concealed_physics.seal import Seal
 from deatwin.scenarios.concealed_physics.study import carry_out, key_of, labels
-from deatwin.scenarios.concealed_physics.tables import csv_files, results_page, tables
+from deatwin.scenarios.concealed_physics.tables import csv_files, reported, results_page, tables, write_results
 from deatwin.scenarios.provenance import RunRecord
 from deatwin.scenarios.report.story import Note, StoryPage, write_story
 from deatwin.scenarios.stories import Setting
 
-__all__ = ["run"]
+__all__ = ["run", "write_results"]
 
 SIZE = "standard"
 
@@ -64,9 +64,9 @@ def run(setting: Setting) -> Mapping[str, Any]:
     setting.folder.text("summary.svg", summary(study))
     setting.folder.text("results.md", results_page(study, goals, store.seal))
     page = StoryPage(
-        title="concealed-physics", sentence=line, rows=[goal.row for goal in goals],
+        title="concealed-physics", sentence=line, rows=[goal.row for goal in goals if goal.met is not None],
         notes=_notes(study, store.seal, Seal.of(size, setting.seed, key)), figures=figures,
-        tables=tables(study, store.seal),
+        tables=[reported(goals), *tables(study, store.seal)],
     )  # fmt: skip
     write_story(setting.folder, page, setting.seed)
     result = {"sentence": line, "seal": store.seal.hash, "goals": [asdict(goal) for goal in goals], **_counts(study)}
@@ -106,6 +106,7 @@ def _notes(study: Opened, sealed: Seal, now: Seal) -> Sequence[Note]:
                 "The oracle is told the effect. It fits the same reduced plant with the catalogue's form of it to "
                 "the same recordings. All plants run free over the check record, which comes after the recordings "
                 "and which no fit has seen.",
+                _told_of_mass(study),
                 "Baselines learn the residual of the same calibrated base plant. The sparse dynamics are pysindy's "
                 "weak form with an ensemble; its strongest term counts as right if any of the effects that such a "
                 "term may stand for is. A run of it that diverges counts as no correction.",
@@ -114,3 +115,13 @@ def _notes(study: Opened, sealed: Seal, now: Seal) -> Sequence[Note]:
             ],
         ),
     ]
+
+
+def _told_of_mass(study: Opened) -> str:
+    advised = [case for case in study.of("tie") if "verdict" in (case.result.get("advised") or {})]
+    return (
+        "Where an experiment is advised, it is recorded and diagnosed together with the first recordings. Where a mass "
+        "is to be added for it, the rig is another one: that record is diagnosed alone, with the tied effects as the "
+        "whole catalogue, which is easier than to find the effect among all. "
+        f"{sum(case.heavier for case in advised)} of {len(advised)} advised experiments were of this kind."
+    )

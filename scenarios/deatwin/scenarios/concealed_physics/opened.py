@@ -13,7 +13,7 @@ from deatwin.scenarios.concealed_physics.baselines import TERM_NAMES
 from deatwin.scenarios.concealed_physics.seal import digest
 from deatwin.scenarios.concealed_physics.store import Store
 
-__all__ = ["FAR", "Case", "Opened", "open_key"]
+__all__ = ["FAR", "Case", "Opened", "open_key", "open_part"]
 
 FAR = 16.0
 """Distance d² from which on two explanations can be told apart."""
@@ -127,6 +127,11 @@ class Case:
         return bool(self.accepted) and all(names & set(self.causes) for names in self.accepted)
 
     @property
+    def named_right(self) -> bool:
+        """Whether the verdict is named, with a right name for every mechanism and no other cause."""
+        return self.verdict == "named" and self.all_named and not self.wrong_cause
+
+    @property
     def nearest(self) -> float:
         """Distance d² to the nearest rival that the diagnosis states; infinite where it states none."""
         stated = self.diagnosis.get("indistinguishable", ())
@@ -138,6 +143,13 @@ class Case:
         again = self.result.get("advised") or {}
         names = {cause["effect"] for cause in again.get("causes", ())}
         return again.get("verdict") == "named" and bool(names) and names <= self.right
+
+    @property
+    def heavier(self) -> bool:
+        """Whether the advised experiment, with a mass added, was diagnosed: with the tied effects as catalogue."""
+        again = self.result.get("advised") or {}
+        advice = self.diagnosis.get("next_experiment") or {}
+        return "verdict" in again and advice.get("added_mass_g") is not None
 
     @property
     def sparse_right(self) -> bool:
@@ -160,7 +172,7 @@ class Case:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Opened:
-    """A study that is through, with its key.
+    """A study with its key: all that has been run of it.
 
     Parameters
     ----------
@@ -172,12 +184,18 @@ class Opened:
         Messages of the cases and fits that ended in an error.
     seconds : tuple of float
         Processor time of each case.
+    planned : int
+        How many cases and fits the key has.
+    missing : tuple of str
+        Those of them that have not been run.
     """
 
     cases: tuple[Case, ...]
     intervals: tuple[Mapping[str, Any], ...]
     failures: Mapping[str, str]
     seconds: tuple[float, ...]
+    planned: int
+    missing: tuple[str, ...]
 
     def of(self, *kinds: str, ratio: float = 0.0) -> list[Case]:
         """The cases of some kinds.
@@ -197,7 +215,7 @@ class Opened:
 
 
 def open_key(store: Store, key: Mapping[str, Any]) -> Opened:
-    """Put the truth beside the results.
+    """Put the truth beside the results of a study that is through.
 
     Parameters
     ----------
@@ -215,15 +233,39 @@ def open_key(store: Store, key: Mapping[str, Any]) -> Opened:
     DataError
         If the key is not the one that was sealed, or a case is missing.
     """
+    study = open_part(store, key)
+    if study.missing:
+        raise DataError(f"{len(study.missing)} cases have not been run, {study.missing[0]} first: go on with the study")
+    return study
+
+
+def open_part(store: Store, key: Mapping[str, Any]) -> Opened:
+    """Put the truth beside the results that there are.
+
+    Parameters
+    ----------
+    store : Store
+        With the results of some cases.
+    key : mapping
+        As it was sealed.
+
+    Returns
+    -------
+    Opened
+
+    Raises
+    ------
+    DataError
+        If the key is not the one that was sealed.
+    """
     if digest(key) != store.seal.key:
         raise DataError(
             f"the key (hash {digest(key)[:12]}) is not the one that was sealed ({store.seal.key[:12]}): "
             "labels must not change once a study has begun"
         )
-    missing = store.missing([spec["name"] for spec in key["cases"]])
-    if missing:
-        raise DataError(f"{len(missing)} cases have not been run, {missing[0]} first: go on with the study")
-    results = [(spec, store.get(spec["name"])) for spec in key["cases"]]
+    missing = tuple(store.missing([spec["name"] for spec in key["cases"]]))
+    absent = frozenset(missing)
+    results = [(spec, store.get(spec["name"])) for spec in key["cases"] if spec["name"] not in absent]
     names = key["names"]["key"]
     return Opened(
         cases=tuple(_case(spec, result, names) for spec, result in results if spec["kind"] != "interval"),
@@ -234,6 +276,8 @@ def open_key(store: Store, key: Mapping[str, Any]) -> Opened:
         seconds=tuple(
             float(result.get("seconds_in_all", 0.0)) for spec, result in results if spec["kind"] != "interval"
         ),
+        planned=len(key["cases"]),
+        missing=missing,
     )
 
 

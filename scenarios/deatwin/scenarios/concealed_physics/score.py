@@ -42,8 +42,8 @@ class Goal:
         What was reached, and the ends of its 95 % interval; None where no case counts.
     count : int
         Cases that count.
-    met : bool
-        Whether what is demanded is reached; not where no case counts.
+    met : bool or None
+        Whether what is demanded is reached; not where no case counts. None where nothing is demanded.
     """
 
     measure: str
@@ -53,12 +53,17 @@ class Goal:
     low: float | None
     high: float | None
     count: int
-    met: bool
+    met: bool | None
+
+    @property
+    def outcome(self) -> str:
+        """In a word: ``yes``, ``no``, or ``reported`` where nothing is demanded."""
+        return REPORTED if self.met is None else "yes" if self.met else "no"
 
     @property
     def row(self) -> Row:
-        """For the page."""
-        return Row(measure=self.measure, demanded=self.demanded, reached=self.reached, passed=self.met)
+        """For the page; of a goal that demands something."""
+        return Row(measure=self.measure, demanded=self.demanded, reached=self.reached, passed=bool(self.met))
 
 
 def score(study: Opened) -> list[Goal]:
@@ -94,11 +99,12 @@ def sentence(study: Opened, goals: Sequence[Goal]) -> str:
     alarms = sum(bool(case.causes) for case in clean)
     wrong = sum(case.confidently_wrong for case in study.of("effect", "tie", "pair"))
     named = sum(case.first_right for case in concealed)
-    met = sum(goal.met for goal in goals)
+    demanding = [goal for goal in goals if goal.met is not None]
+    met = sum(bool(goal.met) for goal in demanding)
     return (
         f"In {len(study.cases)} sealed cases: {alarms} of {len(clean)} clean ones with a cause named; of "
         f"{len(concealed)} with a concealed effect that is at least half the noise, {named} have it as first cause; "
-        f"{wrong} confident wrong names; {met} of {len(goals)} goals are met."
+        f"{wrong} confident wrong names; {met} of {len(demanding)} goals are met."
     )
 
 
@@ -133,8 +139,8 @@ def _names(study: Opened) -> list[Goal]:
 def _others(study: Opened) -> list[Goal]:
     outside, pairs = study.of("outside", ratio=STRONG), study.of("pair")
     misnamed = Rate.of(bool(case.causes) for case in outside)
-    tied = study.of("tie")
-    advised = [case for case in tied if case.verdict == "ambiguous"]
+    visible = study.of("tie", ratio=STRONG)
+    advised = [case for case in study.of("tie") if case.verdict == "ambiguous"]
     return [
         _at_least(
             f"outside the catalogue, ratio {STRONG} or more: unknown", [c.verdict == "unknown" for c in outside], 0.9
@@ -146,10 +152,11 @@ def _others(study: Opened) -> list[Goal]:
             "ties that were called ambiguous, resolved by the advised experiment", [c.resolved for c in advised], 0.9
         ),
         _at_least(
-            f"ties, ratio {STRONG} or more: truth inside the answer",
-            [c.inside for c in study.of("tie", ratio=STRONG)], 0.95,
+            f"all ties, ratio {STRONG} or more: resolved so, or named rightly at once",
+            [c.resolved or c.named_right for c in visible], 0.9,
         ),
-    ]
+        _at_least(f"ties, ratio {STRONG} or more: truth inside the answer", [c.inside for c in visible], 0.95),
+    ]  # fmt: skip
 
 
 def gaps_closed(study: Opened) -> list[float]:
@@ -258,11 +265,11 @@ def _within(measure: str, rate: Rate, ends: tuple[float, float], count: int) -> 
 
 
 def _reported(measure: str, rate: Rate) -> Goal:
-    return _goal(measure, REPORTED, rate, bounds(rate), True, "")
+    return _goal(measure, REPORTED, rate, bounds(rate), None, "")
 
 
 def _goal(
-    measure: str, demanded: str, rate: Rate, ends: tuple[float, float], met: bool, side: str
+    measure: str, demanded: str, rate: Rate, ends: tuple[float, float], met: bool | None, side: str
 ) -> Goal:
     if not rate.count:
         return _number(measure, demanded, "", (np.nan, np.nan, np.nan), 0, met)
@@ -276,13 +283,13 @@ def _goal(
 
 
 def _number(
-    measure: str, demanded: str, words: str, ends: tuple[float, float, float], count: int, met: bool
+    measure: str, demanded: str, words: str, ends: tuple[float, float, float], count: int, met: bool | None
 ) -> Goal:
     """A goal whose value and interval are numbers; they are absent where no case counts."""
     value, low, high = ends if count else (None, None, None)
     return Goal(
         measure=measure, demanded=demanded, reached=words if count else "no case", value=value, low=low, high=high,
-        count=count, met=bool(met) and (count > 0 or demanded == REPORTED),
+        count=count, met=None if met is None else bool(met) and count > 0,
     )  # fmt: skip
 
 

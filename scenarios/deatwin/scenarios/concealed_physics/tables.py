@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from deatwin.scenarios.concealed_physics.store import Store
 from deatwin.scenarios.report.quantities import three_digits
 from deatwin.scenarios.report.story import Table
 
-__all__ = ["MADE_BY", "csv_files", "results_page", "tables", "write_results"]
+__all__ = ["MADE_BY", "csv_files", "reported", "results_page", "tables", "write_results"]
 
 KINDS = {
     "clean": "clean", "effect": "one effect", "pair": "two effects", "outside": "outside the catalogue",
@@ -57,6 +58,22 @@ def tables(study: Opened, seal: Seal) -> list[Table]:
     return [*(table for table in made if table.rows), _sealed(seal)]
 
 
+def reported(goals: Sequence[Goal]) -> Table:
+    """What is measured without anything being demanded.
+
+    Parameters
+    ----------
+    goals : sequence of Goal
+        As scored.
+
+    Returns
+    -------
+    Table
+    """
+    rows = [[goal.measure, goal.reached] for goal in goals if goal.met is None]
+    return Table(title="Reported, nothing is demanded", columns=["measure", "reached"], rows=rows)
+
+
 def _verdicts(study: Opened) -> Table:
     rows = []
     for kind, words in KINDS.items():
@@ -84,7 +101,7 @@ _LEGEND = "✓ named, (✓) ambiguous with the truth inside, ✗ wrong, ? unknow
 
 def _mark(case: Case) -> str:
     if case.verdict == "named":
-        return "✓" if case.all_named and not case.wrong_cause else "✗"
+        return "✓" if case.named_right else "✗"
     if case.verdict == "ambiguous":
         return "(✓)" if case.inside else "(✗)"
     return {"unknown": "?", "none": "–", "parameters": "–"}.get(case.verdict, "·")
@@ -137,13 +154,16 @@ def _ties(study: Opened) -> Table:
         after = "–"
         if again:
             causes = " + ".join(cause["effect"] for cause in again.get("causes", ()))
-            after = again.get("failure") or f"{again['verdict']}: {causes}"
+            after = again.get("failure") or f"{again['verdict']}: {causes}{'†' if case.heavier else ''}"
         rows.append([
             case.name, case.truth[0], three_digits(case.ratio), case.verdict, ", ".join(sorted(case.answer)), after,
-            "yes" if case.resolved else "no",
+            "yes" if case.resolved else "at once" if case.named_right else "no",
         ])  # fmt: skip
     columns = ["case", "truth", "ratio", "verdict", "answer", "with the advised experiment", "resolved"]
-    return Table(title="Ties", columns=columns, rows=rows)
+    return Table(title=f"Ties ({_HEAVIER})", columns=columns, rows=rows)
+
+
+_HEAVIER = "† a mass was added: the further record was diagnosed alone, with the tied effects as the whole catalogue"
 
 
 def _predictions(study: Opened) -> Table:
@@ -197,7 +217,7 @@ def csv_files(study: Opened, goals: Sequence[Goal]) -> dict[str, str]:
         Text by file name.
     """
     numbers = [
-        (g.measure, g.demanded, g.reached, g.value, g.low, g.high, g.count, "yes" if g.met else "no") for g in goals
+        (g.measure, g.demanded, g.reached, g.value, g.low, g.high, g.count, g.outcome) for g in goals
     ]
     header = ("goal", "demanded", "reached", "value", "low_95", "high_95", "cases", "met")
     files = {"goals.csv": _csv(header, numbers), "cases.csv": _csv(_COLUMNS, map(_line, study.cases))}
@@ -259,7 +279,7 @@ def results_page(study: Opened, goals: Sequence[Goal], seal: Seal) -> str:
     cases = ", ".join(f"{counted[kind]} {words}" for kind, words in KINDS.items() if counted[kind])
     seconds = np.array(study.seconds or (0.0,))
     lines = [
-        "# Concealed physics: what the study reached", "",
+        "# Concealed physics: what the study reached", "", *_interrupted(study),
         f"`deatwin scenario concealed-physics --size {seal.size} --seed {seal.seed}`, deatwin {seal.version}: "
         f"{len(study.cases)} cases ({cases}), {len(study.intervals)} parameters of fits on data of the reduced plant. "
         f"{len(study.failures)} ended in an error. Processor time of a case: median {np.median(seconds):.0f} s, "
@@ -269,11 +289,22 @@ def results_page(study: Opened, goals: Sequence[Goal], seal: Seal) -> str:
         "that two explanations can be told apart. Ratio is the structural residual over the noise after the base plant "
         "was refitted.", "",
         *_markdown(["goal", "demanded", "reached", "met"],
-                   [[g.measure, g.demanded, g.reached, "yes" if g.met else "no"] for g in goals]),
+                   [[g.measure, g.demanded, g.reached, g.outcome] for g in goals]),
     ]  # fmt: skip
     for table in tables(study, seal)[:-1]:
         lines += ["", f"## {table.title}", "", *_markdown(table.columns, table.rows)]
     return "\n".join(lines) + "\n"
+
+
+def _interrupted(study: Opened) -> list[str]:
+    """Says that only a part of a study has run, where it is so."""
+    if not study.missing:
+        return []
+    done = study.planned - len(study.missing)
+    return [
+        f"**The study was interrupted: {done} of {study.planned} cases have run (the order is mixed, so they are a "
+        "fair sample).** Fits on data of the reduced plant are counted among them.", "",
+    ]  # fmt: skip
 
 
 def _markdown(columns: Cells, rows: Iterable[Cells]) -> list[str]:
@@ -284,7 +315,9 @@ def _markdown(columns: Cells, rows: Iterable[Cells]) -> list[str]:
 
 
 def write_results(folder: Path | str, target: Path | str) -> None:
-    """Read a finished study, score it, and write the table of results that is kept with the sources.
+    """Read a study, score it, and write the table of results that is kept with the sources.
+
+    Of a study that was interrupted what has run is scored, and the page says so at its top.
 
     Parameters
     ----------
@@ -296,13 +329,23 @@ def write_results(folder: Path | str, target: Path | str) -> None:
     Raises
     ------
     DataError
-        If the study is not finished, or its key is not the one that was sealed.
+        If the folder has no seal, or its key is not the one that was sealed.
     """
     from deatwin.plant.files import write_text_atomic
-    from deatwin.scenarios.concealed_physics.opened import open_key
+    from deatwin.scenarios.concealed_physics.opened import open_part
     from deatwin.scenarios.concealed_physics.score import score
 
     store = Store.opened(folder)
-    key = json.loads((Path(folder) / "key.json").read_text(encoding="utf-8"))
-    study = open_key(store, key)
+    study = open_part(store, _key(Path(folder), store.seal))
     write_text_atomic(target, results_page(study, score(study), store.seal))
+
+
+def _key(folder: Path, seal: Seal) -> Mapping[str, Any]:
+    """The key of a study; it is written when the last case is through, and made anew before."""
+    from deatwin.scenarios.concealed_physics.study import key_of, labels
+
+    path = folder / "key.json"
+    if not path.exists():
+        return key_of(labels(seal.size, seal.seed))
+    found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return found

@@ -24,7 +24,7 @@ from deatwin.scenarios.unexplained_drift.examine import Finding, examine
 from deatwin.scenarios.unexplained_drift.recordings import VISITS, case_of
 from deatwin.scenarios.unexplained_drift.repeatability import Group, try_out
 from deatwin.scenarios.unexplained_drift.score import Judged, Mark, judged, measures
-from deatwin.scenarios.unexplained_drift.sealed import Key, opened
+from deatwin.scenarios.unexplained_drift.sealed import SEAL_FILE, Key, opened
 
 __all__ = ["run"]
 
@@ -48,17 +48,16 @@ def run(setting: Setting) -> Mapping[str, Any]:
     Raises
     ------
     DataError
-        If the key is not the one that was sealed.
+        If the key is not the one that was sealed, or what decides has changed since.
     SimulationError
         If a film pulls in.
     """
     record = RunRecord(command=setting.command, inputs=[], seed=setting.seed, jobs=setting.jobs)
-    actuators = fleet(setting.seed)
-    key = Key.of(actuators)
-    seal = key.seal(setting.seed)
-    setting.folder.text("seal.json", json.dumps(seal, indent=1) + "\n")
+    seal = Key.of(fleet(setting.seed)).seal(setting.seed)
+    setting.folder.text(SEAL_FILE, json.dumps(seal, indent=1) + "\n")
     findings = _diagnosed(setting)
-    scores = judged(findings, opened(key, seal))
+    key = opened(setting.folder.path, setting.seed)
+    scores = judged(findings, key)
     setting.folder.text("key.json", json.dumps(key.drifts, indent=1) + "\n")
     groups = try_out(
         setting.seed, setting.jobs,
@@ -131,7 +130,8 @@ def _about(scores: Sequence[Judged], seal: Mapping[str, Any]) -> Note:
             "The diagnosis is given these recordings and the specification: hysteresis and the chain of converters, "
             "amplifier and laser are in it, the permittivity's law of the thesis' plant is not, for that is a drift. "
             "It knows neither the fabrication (twelve quantities are off by up to 20 %) nor what drifts.",
-            f"Concealed drifts and the thresholds of the diagnosis were hashed before the first: {seal['key']}.",
+            "Concealed drifts, the thresholds of the diagnosis and the code were hashed before the first. After the "
+            f"last the drifts were made anew from the seed, and the hashes are the same. Of the drifts: {seal['key']}.",
             "The first actuator also runs over a ridge of grease for 20 s, which no effect of the catalogue is; the "
             "answer is not asked for it.",
             *(f"“{mark.value}”: {mark.advice}." for mark in marks),

@@ -32,6 +32,8 @@ MOVES = 0.02
 """Share of the command's range that is motion, over which a reading cannot stay the same."""
 SPIKE_DEVIATIONS = 12.0
 """A normal reading this far from its neighbours' cubic comes once in 10^32 samples."""
+STILL = 1e-9
+"""Share of the readings' range by which a reading that stands still lies beside its neighbours, for rounding."""
 QUIET_SECONDS = 1.0
 """After a jump of the command the film rings: readings are not called spikes for this long."""
 FEWEST_PER_PARAMETER = 20
@@ -304,10 +306,10 @@ def _jumps(signal: np.ndarray) -> np.ndarray:
 def _typical(deviation: np.ndarray, signal: np.ndarray) -> float:
     """Standard deviation of normal values with the median absolute deviation seen; half a step of coarse readings.
 
-    Where the readings stand still for most of the time, it is that of the rest.
+    Where the readings stand still they say nothing of it.
     """
-    moving = deviation[deviation > 0.0]
-    median = float(np.median(deviation)) or (float(np.median(moving)) if moving.size else 0.0)
+    moving = deviation[deviation > STILL * np.ptp(signal)]
+    median = float(np.median(moving)) if moving.size else 0.0
     return max(1.4826 * median, resolution(signal) / 2) + 1e-15
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,6 +12,9 @@ from deatwin.ident.mismatch.advise.distance import TOLD_APART, separation
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.parallel import run_jobs
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 __all__ = [
     "Distance",
@@ -83,6 +87,24 @@ class Naming:
     def base(self) -> Candidate:
         """The calibrated plant without further effects."""
         return self.candidates[0]
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw what each candidate leaves of the fitted and of the unseen part, the base plant first.
+
+        Of many the best on unseen data are drawn, and always the best explanation and its rivals.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Where to draw; new axes otherwise.
+
+        Returns
+        -------
+        matplotlib Axes
+        """
+        from deatwin.ident.mismatch.naming.drawing import draw_naming
+
+        return draw_naming(self, ax)
 
 
 def nothing_tried(base: Candidate) -> Naming:

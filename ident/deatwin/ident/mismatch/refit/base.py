@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,8 +15,12 @@ from deatwin.ident.mismatch.refit.search import OPENING_SAMPLES, approach, finis
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant.errors import SimulationError
 from deatwin.plant.model import Plant
+from deatwin.plant.rigs.base import Rig
 
-__all__ = ["Base", "calibrate_base"]
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["Base", "calibrate_base", "differences"]
 
 OPENS_AS_WELL = 1.2
 """Largest ratio of rms residuals on the openings of the experiments for a form to be fitted to all of them."""
@@ -40,6 +45,38 @@ class Base:
     chosen: Candidate
     rivals: tuple[Candidate, ...]
     noise: float
+
+    def in_form_of(self, chosen: Candidate) -> Base:
+        """The same forms, another of them chosen.
+
+        Parameters
+        ----------
+        chosen : Candidate
+            One of them, judged anew.
+
+        Returns
+        -------
+        Base
+        """
+        forms = (self.chosen, *self.rivals)
+        others = tuple(form for form in forms if not _same_form(form, chosen))
+        return Base(chosen=chosen, rivals=others, noise=chosen.noise)
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw what each form leaves of the fitted and of the unseen part, the chosen one first.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Where to draw; new axes otherwise.
+
+        Returns
+        -------
+        matplotlib Axes
+        """
+        from deatwin.ident.mismatch.naming.drawing import draw_base
+
+        return draw_base(self, ax)
 
 
 def calibrate_base(bench: Bench) -> Base:
@@ -81,6 +118,24 @@ def calibrate_base(bench: Bench) -> Base:
     return Base(chosen=chosen, rivals=tuple(rivals), noise=noise)
 
 
+def differences(rigs: Sequence[Rig]) -> tuple[dict[str, Any], ...]:
+    """What rigs state differently, their model errors aside: those are found, not stated.
+
+    Parameters
+    ----------
+    rigs : sequence of Rig
+        Forms of one rig.
+
+    Returns
+    -------
+    tuple of dict
+        For each rig the fields in which they are not all equal, as `Rig.to_dict` has them.
+    """
+    stated = [replace(rig, model_error=rigs[0].model_error).to_dict() for rig in rigs]
+    names = [name for name, value in stated[0].items() if any(other[name] != value for other in stated)]
+    return tuple({name: each[name] for name in names} for each in stated)
+
+
 def _fitted_well(bench: Bench, form: Plant) -> Candidate | None:
     """A form fitted from the best of several starts, to the end."""
     openings = run_jobs(approach, [(start, bench.fitted) for start in _starts(form)], workers=bench.jobs)
@@ -100,6 +155,12 @@ def _starts(form: Plant) -> list[Plant]:
         pairs = zip(free, factors, strict=True)
         starts.append(form.with_values({p.name: float(np.clip(f * p.value, p.lower, p.upper)) for p, f in pairs}))
     return starts
+
+
+def _same_form(one: Candidate, other: Candidate) -> bool:
+    """Whether two rigs are read alike; the model error by which they are judged does not count."""
+    first, second = one.calibration.plant.rig, other.calibration.plant.rig
+    return replace(first, model_error=second.model_error) == second
 
 
 def _judged(bench: Bench, fit: Calibration) -> Candidate | None:

@@ -131,6 +131,41 @@ def test_an_onset_in_the_unseen_part_moves_the_split(sound):
     assert fitted[0].masks[0][: round(37.0 / 0.02)].mean() > 0.99
 
 
+def test_a_sensor_that_freezes_and_stays_frozen_leaves_an_unseen_part(sound):
+    first, second = sound.recordings
+    outputs = first.outputs.copy()
+    outputs[0, 1300:] = outputs[0, 1300]
+    checked = gate(PLANT, [Experiment(recordings=(replace(first, outputs=outputs), second))])
+    assert checked.soundness is Soundness.FAULTY
+    _, unseen, _ = split(checked)
+    # the sensor may have stood still for the first of these by chance; 70 % of what is sound is fitted
+    assert np.flatnonzero(unseen[0].masks[0])[0] == pytest.approx(0.7 * 1300, abs=2)
+    assert not unseen[0].masks[0][1301:].any()
+
+
+def test_a_dead_sensor_is_a_fault_and_not_a_limit(sound):
+    dead = Experiment(recordings=tuple(replace(r, outputs=np.full_like(r.outputs, 1e-4)) for r in sound.recordings))
+    checked = gate(PLANT, [dead])
+    assert checked.soundness is Soundness.FAULTY
+    assert "stuck in 2000 samples" in checked.findings[0]
+    fitted, unseen, _ = split(checked)  # there is nothing better to fit
+    assert all(mask.any() for part in (*fitted, *unseen) for mask in part.masks)
+
+
+def test_a_reading_that_is_clipped_half_of_the_time_is_not_stuck(sound):
+    clipped = [replace(r, outputs=np.minimum(r.outputs, np.median(r.outputs))) for r in sound.recordings]
+    assert gate(PLANT, [Experiment(recordings=tuple(clipped))]).soundness is Soundness.SOUND
+
+
+def test_the_sound_part_beside_a_long_freeze_has_no_outliers(sound):
+    first, second = sound.recordings
+    outputs = first.outputs.copy()
+    outputs[0, :1400] = outputs[0].min()
+    checked = gate(PLANT, [Experiment(recordings=(replace(first, outputs=outputs), second))])
+    assert checked.stuck[0][0][:1400].all()
+    assert checked.outliers[0][0][1410:].sum() == 0
+
+
 def test_nothing_to_diagnose_is_one_clear_error(sound):
     with pytest.raises(DataError, match="no recording was given"):
         gate(PLANT, [])

@@ -21,7 +21,8 @@ def is_adequate(explanation: Candidate) -> bool:
 def candidate(*effects: str, rms: float, unseen: float | None = None) -> Candidate:
     """An explanation that leaves residuals of exactly these sizes."""
     fitted, late = np.tile([rms, -rms], 3500), np.tile([unseen or rms, -(unseen or rms)], 1500)
-    calibration = SimpleNamespace(plant=SimpleNamespace(rig=RIG, effects=()), residuals=fitted, names=("a",) * (7 + len(effects)))
+    plant, names = SimpleNamespace(rig=RIG, effects=()), ("a",) * (7 + len(effects))
+    calibration = SimpleNamespace(plant=plant, residuals=fitted, names=names)
     return Candidate(effects=effects, calibration=calibration, unseen=late, noise=NOISE)
 
 
@@ -98,3 +99,28 @@ def test_another_noise_changes_the_judgement_not_the_residuals():
     again = replace(loud, noise=2.8)
     assert again.adequate
     assert again.losses.mean() == loud.losses.mean()
+
+
+def with_strength(name: str, low: float, high: float, **sizes: float) -> Candidate:
+    """An explanation by one effect whose strength has that interval."""
+    found = candidate(name, **sizes)
+    effect = SimpleNamespace(name=name, strength="share")
+    found.calibration.plant.effects, found.calibration.names = (effect,), (f"{name}.share",)
+    found.calibration.interval = lambda parameter: (low, high)
+    return found
+
+
+def test_an_effect_whose_interval_holds_none_of_it_is_no_cause():
+    base = candidate(rms=5.7)
+    there, perhaps = with_strength("creep", 0.2, 0.4, rms=2.1), with_strength("creep", -0.1, 0.4, rms=2.1)
+    assert there.acts and not perhaps.acts
+    assert search_over(base, there)._counts(there)
+    assert not search_over(base, perhaps)._counts(perhaps)
+
+
+def test_what_takes_away_little_of_a_small_mismatch_is_no_explanation():
+    base = candidate(rms=2.4)  # with a noise of 2, 1.76 is missing in square, and 1.44 would be adequate
+    little, most = candidate("creep", rms=2.3), candidate("mullins", rms=2.1)
+    assert little.adequate and most.adequate
+    assert not search_over(base, little)._counts(little)
+    assert search_over(base, most)._counts(most)

@@ -1,0 +1,235 @@
+"""Explanations and forms of the plant on paper: what each leaves of both parts, beside the sensor's noise."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from textwrap import fill
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from deatwin.ident.mismatch.refit.base import differences
+from deatwin.ident.mismatch.units import written_amplitude
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from deatwin.ident.mismatch.naming.candidate import Candidate
+    from deatwin.ident.mismatch.naming.decide import Naming
+    from deatwin.ident.mismatch.refit.base import Base
+
+__all__ = ["draw_base", "draw_naming"]
+
+MOST = 12
+"""Candidates that are drawn; more where more cannot be ruled out."""
+WIDE = 20.0
+"""Ratio of the largest to the smallest bar beyond which the smaller ones are not told apart on a linear scale."""
+THICK = 0.38
+"""Of a bar, where rows are 1 apart."""
+WIDTH, HEIGHT, GAP, LINE = 6.8, 1.8, 0.06, 0.15
+"""Of a new figure, in inches: its height grows with its rows, each with room for the longest name's lines."""
+LABEL, TITLE = 36, 66
+"""Characters in a line."""
+COLOURS = {
+    "chosen": "C0", "other form": "0.7", "best explanation": "C0", "not ruled out": "C1", "base plant": "0.4",
+    "other": "0.7",
+}  # fmt: skip
+"""Of each role, in the legend's order."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Row:
+    """One candidate: its name and its role among the others."""
+
+    name: str
+    candidate: Candidate
+    role: str
+
+    @property
+    def sizes(self) -> tuple[float, float]:
+        """Rms residuals on the fitted and on the unseen part, SI."""
+        return self.candidate.fitted_test.rms, self.candidate.unseen_test.rms
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Level:
+    """A line across all bars, SI."""
+
+    name: str
+    size: float
+    style: str
+
+
+def draw_base(base: Base, ax: Axes | None = None) -> Axes:
+    """Draw what each form of the base plant leaves.
+
+    Parameters
+    ----------
+    base : Base
+        What is drawn.
+    ax : matplotlib Axes, optional
+        Where to draw; new axes otherwise.
+
+    Returns
+    -------
+    matplotlib Axes
+    """
+    chosen, forms = base.chosen, (base.chosen, *base.rivals)
+    told = differences([c.calibration.plant.rig for c in forms])
+    rows = [
+        _Row(name=_in_words(values) or "base plant", candidate=c, role="chosen" if c is chosen else "other form")
+        for values, c in zip(told, forms, strict=True)
+    ]
+    rig = chosen.calibration.plant.rig
+    floor = _Level(name="noise and model error", size=float(np.hypot(base.noise, rig.model_error)), style="--")
+    left = max(chosen.fitted_test.size, chosen.unseen_test.size)
+    title = (
+        f"left beyond the noise: {_amplitude(left, rig.output_unit)}; "
+        f"the plant's own model error: {_amplitude(rig.model_error, rig.output_unit)}"
+    )
+    return _draw(rows, [_noise(base.noise), floor], title, ax)
+
+
+def draw_naming(naming: Naming, ax: Axes | None = None) -> Axes:
+    """Draw what each candidate leaves.
+
+    Parameters
+    ----------
+    naming : Naming
+        What is drawn.
+    ax : matplotlib Axes, optional
+        Where to draw; new axes otherwise.
+
+    Returns
+    -------
+    matplotlib Axes
+    """
+    rows = [_row(candidate, naming) for candidate in _shown(naming)]
+    return _draw(rows, [_noise(naming.noise)], _conclusion(naming, len(rows) - 1), ax)
+
+
+def _shown(naming: Naming) -> list[Candidate]:
+    """The base plant; the answer, its rivals and others, the best on unseen data first."""
+    needed = [c for c in (naming.best, *naming.rivals) if c is not None]
+    others = sorted((c for c in naming.candidates[1:] if c not in needed), key=_unseen)
+    room = max(MOST - 1 - len(needed), 0)
+    return [naming.base, *sorted([*needed, *others[:room]], key=_unseen)]
+
+
+def _unseen(candidate: Candidate) -> float:
+    return candidate.unseen_test.rms
+
+
+def _row(candidate: Candidate, naming: Naming) -> _Row:
+    name = _named(candidate) or "base plant"
+    # Candidates of another search stand on another form of the rig.
+    stated, own = differences([c.calibration.plant.rig for c in (naming.base, candidate)])
+    if own != stated:
+        name = f"{name} ({_in_words(own)})"
+    return _Row(name=name, candidate=candidate, role=_role(candidate, naming))
+
+
+def _role(candidate: Candidate, naming: Naming) -> str:
+    if candidate is naming.base:
+        return "base plant"
+    if candidate is naming.best:
+        return "best explanation"
+    return "not ruled out" if candidate in naming.rivals else "other"
+
+
+def _conclusion(naming: Naming, shown: int) -> str:
+    """What was found, and in a second line what is not seen in the bars."""
+    tried = len(dict.fromkeys((*naming.candidates[1:], *naming.rivals)))
+    if naming.best is not None:
+        found = f"best explanation: {_named(naming.best)}"
+    else:
+        found = "no effect explains the recordings" if tried else "no effect was tried"
+    hidden = [f"{shown} of {tried} that were tried"] if shown < tried else []
+    hidden += [f"{len(naming.failed)} could not be tried"] if naming.failed else []
+    return "\n".join([found, *(["; ".join(hidden)] if hidden else [])])
+
+
+def _draw(rows: Sequence[_Row], levels: Sequence[_Level], title: str, ax: Axes | None) -> Axes:
+    """Two bars for each row, fitted above unseen."""
+    names = [_wrapped(row.name, LABEL) for row in rows]
+    axes = _new_axes(names) if ax is None else ax
+    output_unit = rows[0].candidate.calibration.plant.rig.output_unit
+    unit, size = written_amplitude(output_unit)
+    sizes = np.array([row.sizes for row in rows]) / size
+    places, colours = np.arange(len(rows)), [COLOURS[row.role] for row in rows]
+    axes.barh(places - THICK / 2, sizes[:, 0], 0.85 * THICK, color="none", edgecolor=colours)
+    axes.barh(places + THICK / 2, sizes[:, 1], 0.85 * THICK, color=colours, edgecolor=colours)
+    for level in levels:
+        name = f"{level.name}, {_amplitude(level.size, output_unit)}"
+        axes.axvline(level.size / size, color="0.2", linestyle=level.style, linewidth=1.2, label=name)
+    axes.set_yticks(places, names, fontsize="small")
+    axes.set_ylim(len(rows) - 0.4, -0.6)
+    _scale(axes, sizes, [level.size / size for level in levels])
+    axes.set_xlabel(f"rms residual, {unit}" if unit else "rms residual")
+    _explain(axes, rows, title)
+    return axes
+
+
+def _new_axes(names: Sequence[str]) -> Axes:
+    from matplotlib import pyplot
+
+    row = GAP + LINE * max(2, *(name.count("\n") + 1 for name in names))
+    return pyplot.subplots(figsize=(WIDTH, HEIGHT + row * len(names)), layout="constrained")[1]
+
+
+def _scale(axes: Axes, sizes: np.ndarray, levels: Sequence[float]) -> None:
+    """From 0, or logarithmic where the bars' sizes range far."""
+    seen = sizes[sizes > 0.0]
+    if seen.size and seen.max() > WIDE * seen.min():
+        axes.set_xscale("log")
+        axes.set_xlim(left=0.5 * min([seen.min(), *(level for level in levels if level > 0.0)]))
+    else:
+        axes.set_xlim(left=0.0)
+
+
+def _explain(axes: Axes, rows: Sequence[_Row], title: str) -> None:
+    """The legend above the bars, which it would hide, and the title above the legend, however high that is."""
+    from matplotlib.patches import Patch
+
+    lines, _ = axes.get_legend_handles_labels()
+    parts = [Patch(facecolor="none", edgecolor="0.2", label="fitted part"),
+             Patch(facecolor="0.2", edgecolor="0.2", label="unseen part")]  # fmt: skip
+    present = {row.role for row in rows}
+    roles = [Patch(color=colour, label=role) for role, colour in COLOURS.items() if role in present]
+    legend = axes.legend(
+        handles=[*parts, *roles, *lines], loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2, ncols=2,
+        frameon=False, fontsize="small",
+    )  # fmt: skip
+    high = legend.get_window_extent().height / axes.figure.dpi
+    written = "\n".join(_wrapped(line, TITLE) for line in title.split("\n"))
+    axes.set_title(written, fontsize="small", loc="left", pad=72.0 * high + 6.0)
+
+
+def _noise(size: float) -> _Level:
+    return _Level(name="sensor noise", size=size, style=":")
+
+
+def _named(candidate: Candidate) -> str:
+    return " + ".join(name.replace("_", " ") for name in candidate.effects)
+
+
+def _amplitude(value: float, output_unit: str) -> str:
+    unit, size = written_amplitude(output_unit)
+    return f"{value / size:.3g} {unit}".rstrip()
+
+
+def _in_words(values: Mapping[str, Any]) -> str:
+    """What a rig states of some of its fields, as ``"reading: start of hold, ball: sliding"``."""
+    return ", ".join(f"{name.replace('_', ' ')}: {_value(value)}" for name, value in values.items())
+
+
+def _value(value: Any) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value).replace("_", " ")
+
+
+def _wrapped(text: str, width: int) -> str:
+    """In lines that end after a sign or before a bracket, so that no name is torn apart."""
+    whole = re.sub(r"(?<![+,;]) (?!\()", "\N{NO-BREAK SPACE}", text)
+    return fill(whole, width, break_long_words=False, break_on_hyphens=False).replace("\N{NO-BREAK SPACE}", " ")
