@@ -13,9 +13,8 @@ __all__ = ["BEYOND_DOUBT", "SIGNIFICANCE", "Excess", "excess_over_floor", "pract
 SIGNIFICANCE = 0.01
 PRACTICAL_SHARE = 0.1
 """Of the noise's power, that an excess must have besides the model error's: no sensor's noise is known better."""
-BEYOND_DOUBT = 1.5
-"""An excess this many times the practical size is a mismatch whatever its scatter. On 59 clean rigs the largest was
-1.2, and 0.8 but for one."""
+BEYOND_DOUBT = 2.0
+"""An excess this many times the practical size is a mismatch whatever its scatter."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -129,19 +129,25 @@ class _Search:
     linears: tuple[Linear, ...]
     along: list[dict[str, Array]]
     terms: tuple[Primitive, ...]
+    counts: tuple[int, ...]
 
     @classmethod
     def of(cls, plant: Plant, parts: Sequence[Part], linears: Sequence[Linear], site: _Site) -> _Search:
         along = [signals_along(plant, part, site.position) for part in parts]
-        return cls(site=site, linears=tuple(linears), along=along, terms=dictionary(along, site.position))
+        counts = tuple(part.measured.size for part in parts)
+        return cls(
+            site=site, linears=tuple(linears), along=along, terms=dictionary(along, site.position), counts=counts
+        )
 
     def answers(self, terms: Sequence[Primitive]) -> Array:
         """Of the readings, shape (m, k)."""
         number = self.linears[0].openings.index(self.site.opening)
-        return np.vstack([
-            linear.response(number, evaluated(terms, signals, linear.interval))[linear.counted]
-            for linear, signals in zip(self.linears, self.along, strict=True)
-        ])  # fmt: skip
+        found = []
+        for linear, signals, count in zip(self.linears, self.along, self.counts, strict=True):
+            answer = linear.response(number, evaluated(terms, signals, linear.interval))[linear.counted]
+            # The reading of the state of rest, before anything could enter, answers to nothing.
+            found.append(np.pad(answer, ((count - len(answer), 0), (0, 0))))
+        return np.vstack(found)
 
     def sharpened(self, terms: Sequence[Primitive], base: Calibration) -> list[Primitive]:
         """The terms with the shapes that explain most: a fit from far away ends in the next best one."""

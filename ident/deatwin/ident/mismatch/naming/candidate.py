@@ -81,12 +81,17 @@ class Candidate:
 
     @cached_property
     def acts(self) -> bool:
-        """Whether every added effect is there at all: the 95 % interval of its strength excludes 0."""
+        """Whether every added effect is known to be there, and in which direction.
+
+        The 95 % interval of a strength that may have either sign leaves out 0; one that cannot be negative is not 0. Of
+        that the interval says little, since far from 0 a strength may be anything from large to huge.
+        """
         fit = self.calibration
         added = [effect for effect in fit.plant.effects if effect.name in self.effects]
         names = [f"{effect.name}.{effect.strength}" for effect in added]
         intervals = [fit.interval(name) for name in names if name in fit.names]
-        return all(low > 0.0 or high < 0.0 for low, high in intervals)
+        values = [fit.plant.parameters[name].value for name in names]
+        return not any(low < 0.0 < high for low, high in intervals) and 0.0 not in values
 
     @property
     def losses(self) -> np.ndarray:

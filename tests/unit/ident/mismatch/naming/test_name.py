@@ -105,6 +105,7 @@ def with_strength(name: str, low: float, high: float, **sizes: float) -> Candida
     """An explanation by one effect whose strength has that interval."""
     found = candidate(name, **sizes)
     effect = SimpleNamespace(name=name, strength="share")
+    found.calibration.plant.parameters = {f"{name}.share": SimpleNamespace(value=(low + high) / 2)}
     found.calibration.plant.effects, found.calibration.names = (effect,), (f"{name}.share",)
     found.calibration.interval = lambda parameter: (low, high)
     return found
@@ -113,6 +114,8 @@ def with_strength(name: str, low: float, high: float, **sizes: float) -> Candida
 def test_an_effect_whose_interval_holds_none_of_it_is_no_cause():
     base = candidate(rms=5.7)
     there, perhaps = with_strength("creep", 0.2, 0.4, rms=2.1), with_strength("creep", -0.1, 0.4, rms=2.1)
+    gone, great = with_strength("creep", 0.0, 0.0, rms=2.1), with_strength("creep", 0.0, 4.0, rms=2.1)
+    assert great.acts and not gone.acts
     assert there.acts and not perhaps.acts
     assert search_over(base, there)._counts(there)
     assert not search_over(base, perhaps)._counts(perhaps)
