@@ -15,7 +15,7 @@ from deatwin.ident.mismatch.locate.region import Regions, locate_region
 from deatwin.ident.mismatch.locate.response import ResponseDifference, locate_response
 from deatwin.ident.mismatch.locate.time import Times, locate_time
 from deatwin.ident.mismatch.locate.track import Unit, readings, tracks
-from deatwin.ident.mismatch.units import amplitude_unit
+from deatwin.ident.mismatch.units import amplitude_unit, written_amplitude
 from deatwin.plant.recording import Recording
 
 if TYPE_CHECKING:
@@ -124,7 +124,7 @@ def locate(base: Candidate, bench: Bench, checked: Gate, rng: np.random.Generato
         time=locate_time(found, base.noise**2 + model_error**2),
         frequency=locate_frequency(found, base.noise),
         lines=locate_lines(found, base.noise),
-        region=locate_region(found, unit[1]),
+        region=replace(locate_region(found, unit[1]), unit=written_amplitude(plant.rig.output_unit)[0]),
         place=locate_place(base, bench, rng),
         response=locate_response(_sound(checked, simulated), simulated, model_error),
         unit=unit,

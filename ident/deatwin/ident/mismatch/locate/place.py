@@ -128,7 +128,7 @@ class Places:
         ax.invert_yaxis()
         ax.set_xlim(0, 1)
         ax.set_xlabel("share of the mismatch that the signals there predict")
-        ax.legend(loc="lower right")
+        ax.legend(fontsize="small", loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
         return ax
 
 

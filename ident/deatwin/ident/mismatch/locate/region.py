@@ -91,10 +91,13 @@ class Regions:
         The largest mean residual first.
     bins : tuple of Bin
         All that were tested, signal by signal.
+    unit : str
+        Of the residual, as axes show it.
     """
 
     regions: tuple[Region, ...]
     bins: tuple[Bin, ...]
+    unit: str = ""
 
     def __iter__(self) -> Iterator[Region]:
         return iter(self.regions)
@@ -130,7 +133,7 @@ class Regions:
         ax.axhline(0.0, color="0.4", linewidth=0.8, linestyle="--")
         ax.set_xlim(-0.05, 1.05)
         ax.set_xlabel("signal, from its lowest to its highest value")
-        ax.set_ylabel("mean residual")
+        ax.set_ylabel(f"mean residual, {self.unit}" if self.unit else "mean residual")
         ax.legend(fontsize="x-small", loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
         return ax
 

@@ -22,6 +22,7 @@ from deatwin.plant.effects.base import Family, Place
 from deatwin.plant.effects.catalogue import effect_from
 from deatwin.plant.effects.primitives import LowPass, Play, Power
 from deatwin.plant.excitation import band_limited_noise, random_holds
+from deatwin.plant.rigs.base import ReadingTime
 
 SAMPLES, SAMPLE_TIME, NOISE = 2400, 0.02, 20e-6
 """The motion is 3 mm rms."""
@@ -241,13 +242,23 @@ def test_noise_that_is_larger_than_stated_has_no_free_form(seed):
     assert discover(bench, base, rng) is None
 
 
+class Bent(Concealed):
+    name, place, signal = "bent", Place.SENSOR, "reading"
+
+    def rewrite(self, signal: Any, build: Builder) -> Any:
+        return signal + 20.0 * self.own("size", build) * signal**2
+
+
+def test_a_reading_of_the_state_of_rest_answers_to_nothing():
+    """Without a start procedure, and read at the start of each hold, the first reading comes before all samples."""
+    rig = Unwatched(reading=ReadingTime.START_OF_HOLD)
+    bench, base = benched(rig, recorded(Plant(rig=rig, values=TRUE, effects=(Bent(),)), 0))
+    discovery = discover(bench, base, np.random.default_rng(0))
+    assert discovery.to_dict()["place"] == "sensor"
+    assert discovery.after < 1.1 * NOISE
+
+
 def test_where_nothing_is_watched_the_reading_takes_it():
-    class Bent(Concealed):
-        name, place, signal = "bent", Place.SENSOR, "reading"
-
-        def rewrite(self, signal: Any, build: Builder) -> Any:
-            return signal + 20.0 * self.own("size", build) * signal**2
-
     plant = Plant(rig=Unwatched(), values=TRUE, effects=(Bent(),))
     bench, base = benched(Unwatched(), recorded(plant, 0))
     discovery = discover(bench, base, np.random.default_rng(0))
