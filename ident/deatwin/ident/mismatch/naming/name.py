@@ -112,9 +112,10 @@ def _best_form(forms: Sequence[tuple[_Search, list[Names]]]) -> tuple[_Search, l
     if k == 0 and cannot_rule_out(first, best):
         best, number = first, 0
     search, stage, naming = decided[number]
+    elsewhere = [c for _, _, n in decided if n is not naming and n.best is not None for c in (n.best, *n.rivals)]
     seen = {best.effects, *(rival.effects for rival in naming.rivals)}
-    further = [c for c, _ in sufficing if c.effects not in seen and cannot_rule_out(c, best)]
-    return search, stage, replace(naming, rivals=(*naming.rivals, *further))
+    further = {c.effects: c for c in elsewhere if c.effects not in seen and cannot_rule_out(c, best)}
+    return search, stage, replace(naming, rivals=(*naming.rivals, *further.values()))
 
 
 class _Search:
