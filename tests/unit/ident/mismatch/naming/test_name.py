@@ -8,7 +8,7 @@ import pytest
 
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import cannot_rule_out, decide, suffices
-from deatwin.ident.mismatch.naming.name import _Search
+from deatwin.ident.mismatch.naming.name import _best_form, _Search
 
 NOISE, MODEL_ERROR = 2.0, 1.2
 RIG = SimpleNamespace(model_error=MODEL_ERROR)
@@ -127,3 +127,31 @@ def test_what_takes_away_little_of_a_small_mismatch_is_no_explanation():
     assert little.adequate and most.adequate
     assert not search_over(base, little)._counts(little)
     assert search_over(base, most)._counts(most)
+
+
+def form(*explanations: Candidate, least: float = 1.0):
+    """A search in one form of the rig, and what it decided."""
+    naming = decide(explanations, explanations, NOISE, is_adequate)
+    return SimpleNamespace(decided=lambda stage: naming, least=lambda stage: least), []
+
+
+def test_the_form_in_which_one_effect_explains_clearly_more_is_taken():
+    nominal, other = form(candidate("delay", rms=2.3)), form(candidate("electrode_rc", rms=2.0))
+    search, _, naming = _best_form([nominal, other])
+    assert search is other[0]
+    assert naming.best.effects == ("electrode_rc",)
+    assert naming.rivals == ()
+
+
+def test_what_suffices_in_another_form_stays_possible():
+    nominal = form(candidate("delay", rms=2.101))
+    other = form(candidate("delay", rms=2.1), candidate("sensor_lag", rms=2.102))
+    search, _, naming = _best_form([nominal, other])
+    assert search is nominal[0]  # no form is taken for nothing
+    assert [naming.best.effects, *(rival.effects for rival in naming.rivals)] == [("delay",), ("sensor_lag",)]
+
+
+@pytest.mark.parametrize("least, taken", [(0.79, 1), (0.81, 0)])
+def test_where_nothing_suffices_a_form_must_leave_clearly_less(least, taken):
+    forms = [form(candidate("delay", rms=9.0)), form(candidate("creep", rms=8.0), least=least)]
+    assert _best_form(forms)[0] is forms[taken][0]
