@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable
+from multiprocessing import current_process
 from typing import Any, TypeVar
 
 import numpy as np
@@ -10,6 +12,8 @@ import numpy as np
 __all__ = ["run_jobs", "spawn_generators"]
 
 Result = TypeVar("Result")
+PARENT = os.getppid()
+"""Of a worker process: who wants its results."""
 
 
 def spawn_generators(seed: int, count: int) -> list[np.random.Generator]:
@@ -66,12 +70,19 @@ def run_jobs(
         return results
     from joblib import Parallel, delayed
 
-    stream = Parallel(n_jobs=workers, return_as="generator")(delayed(_alone)(function, task) for task in tasks)
+    stream = Parallel(n_jobs=workers, return_as="generator")(delayed(_in_worker)(function, task) for task in tasks)
     for result in stream:
         results.append(result)
         if finished is not None:
             finished(len(results))
     return results
+
+
+def _in_worker(function: Callable[..., Result], task: tuple[Any, ...]) -> Result:
+    """Run a job unless whoever wanted it was killed: jobs that wait would go on, against those of a new run."""
+    if current_process().name != "MainProcess" and os.getppid() != PARENT:
+        os._exit(1)
+    return _alone(function, task)
 
 
 def _alone(function: Callable[..., Result], task: tuple[Any, ...]) -> Result:

@@ -1,6 +1,10 @@
 """The runner gives the same results however the jobs are spread."""
 
 import os
+import subprocess
+import sys
+import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -55,3 +59,33 @@ def test_progress_counts_every_job():
 def test_a_failing_job_is_an_error():
     with pytest.raises(ValueError, match="job 2 failed"):
         run_jobs(fail, [(k,) for k in range(4)], workers=1)
+
+
+def mark(folder: str, number: int) -> None:
+    time.sleep(0.4)
+    (Path(folder) / str(number)).touch()
+
+
+KILLED = """
+import sys
+sys.path.insert(0, sys.argv[2])
+from test_parallel import mark
+from deatwin.ident.parallel import run_jobs
+run_jobs(mark, [(sys.argv[1], k) for k in range(100)], workers=2)
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="a process of Windows keeps the number of a parent that is gone")
+def test_jobs_that_wait_are_not_run_once_their_master_is_killed(tmp_path):
+    master = subprocess.Popen([sys.executable, "-c", KILLED, str(tmp_path), str(Path(__file__).parent)])
+    try:
+        until = time.monotonic() + 60
+        while not any(tmp_path.iterdir()) and time.monotonic() < until:
+            time.sleep(0.05)
+    finally:
+        master.kill()
+        master.wait()
+    done = len(list(tmp_path.iterdir()))
+    assert done > 0
+    time.sleep(2.5)
+    assert len(list(tmp_path.iterdir())) <= done + 2  # those that were being run; two more wait at each worker

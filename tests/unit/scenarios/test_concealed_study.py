@@ -179,6 +179,14 @@ def opened(made: tuple[Store, dict[str, Any]]) -> Opened:
     return open_key(*made)
 
 
+def test_a_result_is_not_written_into_a_folder_that_was_sealed_anew(made: tuple[Store, dict[str, Any]]) -> None:
+    store, key = made
+    (store.folder / "seal.json").write_text(json.dumps(sealed(key, code="other").to_dict()), encoding="utf-8")
+    with pytest.raises(DataError, match="sealed anew"):
+        store.put("clean-009", {"status": "done"})
+    assert not (store.cases / "clean-009.json").exists()
+
+
 def goal(goals: list[Goal], *words: str) -> Goal:
     (found,) = (g for g in goals if all(word in g.measure for word in words))
     return found

@@ -35,8 +35,8 @@ class Store:
     """
 
     def __init__(self, folder: Path, seal: Seal) -> None:
-        self.seal = seal
-        self.cases = Path(folder) / "cases"
+        self.seal, self.folder = seal, Path(folder)
+        self.cases = self.folder / "cases"
         self.cases.mkdir(parents=True, exist_ok=True)
         path = Path(folder) / SEAL_FILE
         if path.exists():
@@ -101,7 +101,14 @@ class Store:
             Of the case.
         result : mapping
             Plain data.
+
+        Raises
+        ------
+        DataError
+            If the folder has been sealed anew since.
         """
+        if self.sealed(self.folder).hash != self.seal.hash:
+            raise DataError(f"{self.folder}: sealed anew since this case was begun; its result is not written")
         content = {"schema": SCHEMA, "seal": self.seal.hash, "name": name, **_finite(dict(result))}
         write_text_atomic(self._path(name), json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
 
