@@ -77,10 +77,11 @@ class Interval:
     def shown(self) -> dict[str, Any]:
         """The same as a person writes it: ``value``, ``low`` and ``high`` in a ``unit`` with a prefix.
 
-        A value that is nothing beside its interval, as on a bound at zero, is 0.
+        A value that is nothing beside its interval about zero, as on a bound there, is 0.
         """
-        value = self.value if abs(self.value) > NOTHING * (self.high - self.low) else 0.0
-        size, unit = prefixed(value or self.high, self.unit)
+        nothing = self.low <= 0.0 <= self.high and abs(self.value) < NOTHING * (self.high - self.low)
+        value = 0.0 if nothing else self.value
+        size, unit = prefixed(value or max(self.high, -self.low), self.unit)
         return {"value": value / size, "low": self.low / size, "high": self.high / size, "unit": unit}
 
 

@@ -19,8 +19,8 @@ __all__ = ["Delay"]
 
 LONGEST = 0.1
 """Upper end of the dead time, s."""
-DEGREE = 4
-"""Of the polynomial within a sample: a step of five stages integrates its products with others of that degree."""
+MOMENTS = 4
+"""Of the jump within a sample, that the polynomial has: a step of five stages integrates its products with others."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,14 +33,17 @@ class Delay(Effect):
 
     No state: past commands are inputs. Within a sample, at the phase :math:`0 < \varphi \le 1`, the command before
     acts until :math:`\varphi = s`. One implicit step over the sample cannot follow a jump in its middle; W is the
-    polynomial of degree 4 in :math:`\varphi` that has the first five moments of the jump,
+    polynomial of degree 4 in :math:`\varphi` that has the first four moments of the jump, and s at the sample's end,
 
-    .. math:: W(\varphi; s) = s + \tfrac12\sum_{n=1}^{4} P_n(\varphi)\,[P_{n+1}(s) - P_{n-1}(s)]
+    .. math:: W(\varphi; s) = s + \tfrac12\sum_{n=1}^{3} P_n(\varphi)\,[P_{n+1}(s) - P_{n-1}(s)]
+              + P_4(\varphi)\,[s - \tfrac12 P_3(s) - \tfrac12 P_4(s)]
 
-    with Legendre polynomials shifted to 0 to 1, which is what the step's quadrature sees of it. At whole samples it
-    is the exact shift. Typical: 0 to 40 ms. Signature: phase linear in frequency, 7.2° per 20 ms at 1 Hz, without a
-    change of gain, for all harmonics of the command alike; below 1 Hz a short `electrode_rc` or `sensor_lag` looks
-    the same, from 5 Hz on they roll off. Off at :math:`\tau_d = 0`.
+    with Legendre polynomials shifted to 0 to 1. The moments, of the command and not of its square, are what the
+    step's quadrature sees; the end is what a reading sees that follows without any dynamics, for which the command is
+    so interpolated between samples. At whole samples it is the exact shift. Typical: 0 to 40 ms. Signature: phase
+    linear in frequency, 7.2° per 20 ms at 1 Hz, without a change of gain, for all harmonics of the command alike;
+    below 1 Hz a short `electrode_rc` or `sensor_lag` looks the same, from 5 Hz on they roll off. Off at
+    :math:`\tau_d = 0`.
 
     Parameters
     ----------
@@ -80,10 +83,11 @@ class Delay(Effect):
 
 
 def _until(end: Any, phase: Any) -> Any:
-    """The polynomial in the phase that has the moments of a 1 until `end` and a 0 from there on."""
-    at_end, here = _legendre(end, DEGREE + 1), _legendre(phase, DEGREE)
-    terms = (here[n] * (at_end[n + 1] - at_end[n - 1]) / 2 for n in range(1, DEGREE + 1))
-    return sum(terms, start=end)
+    """The polynomial in the phase that has the moments of a 1 until `end` and a 0 from there on, and is `end` at 1."""
+    at_end, here = _legendre(end, MOMENTS), _legendre(phase, MOMENTS)
+    terms = (here[n] * (at_end[n + 1] - at_end[n - 1]) / 2 for n in range(1, MOMENTS))
+    # All polynomials are 1 at 1, so that the sum there telescopes; the last one has none of the moments.
+    return sum(terms, start=end) + here[MOMENTS] * (end - (at_end[MOMENTS - 1] + at_end[MOMENTS]) / 2)
 
 
 def _legendre(x: Any, degree: int) -> list[Any]:

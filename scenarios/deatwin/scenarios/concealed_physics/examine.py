@@ -184,16 +184,14 @@ def _advised(spec: CaseSpec, specimen: Specimen, diagnosis: Diagnosis) -> dict[s
         return None
     if advice.recording is None:
         return {"failure": advice.sentence}
-    further = Experiment(recordings=(advice.recording,))
+    stands = specimen if advice.added_mass is None else specimen.heavier(advice.added_mass)
     try:
-        if advice.added_mass is None:
-            records = (*specimen.experiments, specimen.record(further, spec.seed + 1))
-            again = diagnose(specimen.plant, records, jobs=1, seed=spec.seed)
-        else:
-            heavier = specimen.heavier(advice.added_mass)
-            effects = [effect for effect in heavier.plant.rig.effects() if effect.name in diagnosis.names]
-            record = heavier.record(further, spec.seed + 1)
-            again = diagnose(heavier.plant, record, effects=effects, jobs=1, seed=spec.seed)
+        record = stands.record(Experiment(recordings=(advice.recording,)), spec.seed + 1)
     except SimulationError as error:
         return {"failure": str(error)}
+    if advice.added_mass is None:
+        again = diagnose(stands.plant, (*specimen.experiments, record), jobs=1, seed=spec.seed)
+    else:
+        effects = [effect for effect in stands.plant.rig.effects() if effect.name in diagnosis.names]
+        again = diagnose(stands.plant, record, effects=effects, jobs=1, seed=spec.seed)
     return {"failure": "", **{k: v for k, v in _essence(again).items() if k in ("verdict", "causes", "set")}}

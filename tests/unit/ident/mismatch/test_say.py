@@ -211,6 +211,10 @@ def test_numbers_are_rounded_to_significant_digits():
 def test_a_value_that_is_nothing_beside_its_interval_is_written_as_none():
     on_bound = Interval(value=6.58e-31, low=0.0, high=0.0093, unit="s")
     assert on_bound.shown == {"value": 0.0, "low": 0.0, "high": pytest.approx(9.3), "unit": "ms"}
+    below = Interval(value=-1e-9, low=-5e-6, high=0.0, unit="m")
+    assert below.shown == {"value": 0.0, "low": pytest.approx(-5.0), "high": 0.0, "unit": "µm"}
+    wide = Interval(value=1.0, low=1e-4, high=1e4, unit="s")  # of a logarithmic parameter, which is never 0
+    assert wide.shown["value"] == 1.0
     near = Interval(value=6e-6, low=0.0, high=0.005, unit="1")  # a thousandth of the interval and more is a value
     assert near.shown["value"] == 6e-6
 

@@ -219,7 +219,7 @@ def _welch(left: Leftover) -> tuple[np.ndarray, np.ndarray, float]:
     """Spectrum of the residual at frequencies in cycles a sample, and of how many periodograms it is the mean."""
     longest = max(r.stop - r.start for r in left.records)
     records = [r for r in left.records if r.stop - r.start >= min(SHORTEST_SAMPLES, longest)]
-    segment = min(SEGMENT_SAMPLES, *(r.stop - r.start for r in records), longest)
+    segment = min(SEGMENT_SAMPLES, *(r.stop - r.start for r in records))
     total, weight = np.zeros(segment // 2 + 1), 0.0
     frequency = np.zeros(segment // 2 + 1)
     for r in records:

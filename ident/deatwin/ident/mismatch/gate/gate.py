@@ -34,6 +34,8 @@ SPIKE_DEVIATIONS = 12.0
 """A normal reading this far from its neighbours' cubic comes once in 10^32 samples."""
 STILL = 1e-9
 """Share of the readings' range by which a reading that stands still lies beside its neighbours, for rounding."""
+STILL_SAMPLES = 10
+"""So many in a row stand still for a cause; fewer may by chance, where readings come in coarse steps."""
 QUIET_SECONDS = 1.0
 """After a jump of the command the film rings: readings are not called spikes for this long."""
 FEWEST_PER_PARAMETER = 20
@@ -308,8 +310,10 @@ def _typical(deviation: np.ndarray, signal: np.ndarray) -> float:
 
     Where the readings stand still they say nothing of it.
     """
-    moving = deviation[deviation > STILL * np.ptp(signal)]
-    median = float(np.median(moving)) if moving.size else 0.0
+    moves = np.ones(deviation.size, dtype=bool)
+    for still in runs(deviation <= STILL * np.ptp(signal)):
+        moves[still] = still.size < STILL_SAMPLES
+    median = float(np.median(deviation[moves])) if moves.any() else 0.0
     return max(1.4826 * median, resolution(signal) / 2) + 1e-15
 
 

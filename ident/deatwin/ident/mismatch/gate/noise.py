@@ -12,7 +12,7 @@ from scipy.signal import welch
 from deatwin.ident.mismatch.gate.repeats import Repeats
 from deatwin.ident.soundness import runs
 
-__all__ = ["NoiseFloor", "NoiseSource", "noise_floor", "noise_level", "rests"]
+__all__ = ["NoiseFloor", "NoiseSource", "noise_level", "rests"]
 
 TOP_OF_SPECTRUM = 0.8
 """Share of the Nyquist frequency above which a residual is taken to be sensor noise."""
@@ -60,26 +60,6 @@ class NoiseFloor:
         return f"the noise floor is that of {self.source.value}"
 
 
-def noise_floor(residuals: Sequence[np.ndarray], sample_time: float, sheet: float) -> float:
-    """Standard deviation of the sensor's noise: the data sheet's, unless the top of the spectrum says more.
-
-    Parameters
-    ----------
-    residuals : sequence of ndarray
-        Of a calibrated plant, one for each record, SI.
-    sample_time : float
-        s.
-    sheet : float
-        What the data sheet says, SI.
-
-    Returns
-    -------
-    float
-        SI. White noise of that strength has the spectrum seen above 80 % of the Nyquist frequency.
-    """
-    return noise_level(residuals, sample_time, sheet).level
-
-
 def noise_level(
     residuals: Sequence[np.ndarray],
     sample_time: float,
@@ -121,8 +101,10 @@ def noise_level(
     if sum(piece.size for piece in resting) >= FEWEST:
         found[NoiseSource.RESTS] = _white([np.concatenate([piece - piece.mean() for piece in resting])], 0.0)
     found[NoiseSource.TOP_OF_SPECTRUM] = _white(residuals, TOP_OF_SPECTRUM)
-    best = min(found, key=lambda source: found[source])
-    if found[best] > SHEET_TOLERANCE * sheet:
+    # Where readings come in steps, none may be seen to change in a rest.
+    seen = {source: level for source, level in found.items() if level > 0.0} or found
+    best = min(seen, key=lambda source: seen[source])
+    if sheet == 0.0 or found[best] > SHEET_TOLERANCE * sheet:
         return NoiseFloor(level=found[best], source=best, estimates=found)
     return NoiseFloor(level=sheet, source=NoiseSource.SHEET, estimates={NoiseSource.SHEET: sheet, **found})
 

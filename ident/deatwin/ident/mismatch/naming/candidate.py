@@ -14,6 +14,7 @@ from deatwin.ident.mismatch.excess import Excess, excess_over_floor
 from deatwin.ident.mismatch.floor import with_model_error
 from deatwin.ident.mismatch.gate.noise import noise_level
 from deatwin.ident.mismatch.losses import block_losses, evidence
+from deatwin.ident.soundness import resolution
 from deatwin.plant.model import Plant
 
 __all__ = ["Candidate", "free_run_residuals", "judge", "noise_seen"]
@@ -160,11 +161,13 @@ def noise_seen(fit: Calibration, parts: Sequence[Part]) -> float:
     Returns
     -------
     float
-        Standard deviation, SI; never below the data sheet's.
+        Standard deviation, SI; never below the data sheet's, nor below that of the steps of the readings.
     """
     sizes = [int(mask.sum()) for part in parts for mask in part.masks if mask.any()]
     residuals, commands = (
         np.split(whole, np.cumsum(sizes)[:-1])
         for whole in (fit.residuals, np.concatenate([part.commands for part in parts]))
     )
-    return noise_level(residuals, fit.plant.rig.sample_time, fit.plant.rig.noise, commands).level
+    level = noise_level(residuals, fit.plant.rig.sample_time, fit.plant.rig.noise, commands).level
+    steps = max(resolution(part.measured) for part in parts)
+    return max(level, steps / float(np.sqrt(12.0)))

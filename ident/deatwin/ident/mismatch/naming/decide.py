@@ -83,6 +83,28 @@ class Naming:
     distances: tuple[Distance, ...] = ()
     failed: tuple[str, ...] = ()
 
+    def beside(self, others: Sequence[Candidate]) -> Naming:
+        """The same answer, with rivals that were found elsewhere; of equal effects those with the most evidence.
+
+        Parameters
+        ----------
+        others : sequence of Candidate
+            As likely before the recordings as those that competed.
+
+        Returns
+        -------
+        Naming
+        """
+        rivals = {c.effects: c for c in sorted(others, key=lambda c: c.evidence)}
+        competing = {c.effects: c for c in self.candidates if c.effects in self.probabilities} | rivals
+        most = max((c.evidence for c in competing.values()), default=0.0)
+        weights = {effects: float(np.exp(c.evidence - most)) for effects, c in competing.items()}
+        whole = sum(weights.values())
+        return replace(
+            self, candidates=(*self.candidates, *rivals.values()), rivals=(*self.rivals, *rivals.values()),
+            probabilities={effects: weight / whole for effects, weight in weights.items()},
+        )  # fmt: skip
+
     @property
     def base(self) -> Candidate:
         """The calibrated plant without further effects."""

@@ -114,8 +114,8 @@ def _best_form(forms: Sequence[tuple[_Search, list[Names]]]) -> tuple[_Search, l
     search, stage, naming = decided[number]
     elsewhere = [c for _, _, n in decided if n is not naming and n.best is not None for c in (n.best, *n.rivals)]
     seen = {best.effects, *(rival.effects for rival in naming.rivals)}
-    further = {c.effects: c for c in elsewhere if c.effects not in seen and cannot_rule_out(c, best)}
-    return search, stage, replace(naming, rivals=(*naming.rivals, *further.values()))
+    further = [c for c in elsewhere if c.effects not in seen and cannot_rule_out(c, best)]
+    return search, stage, naming.beside(further)
 
 
 class _Search:
@@ -165,7 +165,7 @@ class _Search:
 
     def is_clearly_worse_than(self, rival: Candidate) -> bool:
         """Whether another form of the plant without effects leaves clearly less than this one."""
-        own, other = (float(c.losses.mean()) - self.noise**2 for c in (self.tried[()], rival))
+        own, other = (max(float(c.losses.mean()) - self.noise**2, 0.0) for c in (self.tried[()], rival))
         return other < CLEARLY_BETTER * own
 
     def in_form(self, rival: Candidate, stage: Sequence[Names]) -> tuple[_Search, list[Names]]:
@@ -220,7 +220,7 @@ class _Search:
         known = self.bench.nominal.rig.model_error
         found = floor_of(self.tried[best].calibration.plant, self.bench)
         # A wrong effect may bend the plant to where its equations hold no more.
-        error = min(max(known, found), BENT * known)
+        error = float(np.clip(found, known, BENT * known))
         for names in stage:
             self.tried[names] = self.tried[names].with_floor(error)
 

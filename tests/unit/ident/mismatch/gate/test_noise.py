@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from deatwin.ident.mismatch.gate.noise import NoiseSource, noise_floor, noise_level, rests
+from deatwin.ident.mismatch.gate.noise import NoiseSource, noise_level, rests
 from deatwin.ident.mismatch.gate.repeats import find_repeats
 
 NOISE = 2e-6
@@ -17,11 +17,11 @@ def residual(seed: int, slow: float, n: int = 6000) -> np.ndarray:
 
 
 def test_noise_floor_keeps_the_data_sheet_where_it_is_right():
-    assert noise_floor([residual(0, 3e-6)], 0.02, NOISE) == NOISE
+    assert noise_level([residual(0, 3e-6)], 0.02, NOISE).level == NOISE
 
 
 def test_noise_floor_sees_a_noisier_sensor():
-    seen = noise_floor([1.8 * residual(0, 3e-6)], 0.02, NOISE)
+    seen = noise_level([1.8 * residual(0, 3e-6)], 0.02, NOISE).level
     # the median of 5 Hz of a Welch spectrum of 6000 samples scatters by about 5 %
     assert seen == pytest.approx(1.8 * NOISE, rel=0.15)
 
@@ -48,6 +48,15 @@ def test_rests_show_the_noise_where_motion_hides_it():
     assert found.source is NoiseSource.RESTS
     assert found.level == pytest.approx(3e-6, rel=0.1)
     np.testing.assert_array_equal(np.flatnonzero(rests(commands, 0.02))[[0, -1]], [2201, 4999])
+
+
+def test_a_rest_in_which_coarse_readings_stand_still_says_nothing():
+    rng = np.random.default_rng(5)
+    commands = np.r_[2.4 + rng.standard_normal(2000), np.full(3000, 2.4)]
+    coarse = np.r_[3e-6 * rng.standard_normal(2000), np.zeros(3000)]
+    found = noise_level([coarse[:2000], coarse[2000:] + 1e-5], 0.02, 0.0, [commands[:2000], commands[2000:]])
+    assert found.source is NoiseSource.TOP_OF_SPECTRUM
+    assert found.level > 0.0
 
 
 def test_the_data_sheet_is_said_to_be_the_source():

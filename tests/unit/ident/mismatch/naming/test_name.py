@@ -149,6 +149,9 @@ def test_what_suffices_in_another_form_stays_possible():
     search, _, naming = _best_form([nominal, other])
     assert search is nominal[0]  # no form is taken for nothing
     assert [naming.best.effects, *(rival.effects for rival in naming.rivals)] == [("delay",), ("sensor_lag",)]
+    assert ("sensor_lag",) in [candidate.effects for candidate in naming.candidates]
+    assert sum(naming.probabilities.values()) == pytest.approx(1.0)
+    assert 0.3 < naming.probabilities["sensor_lag",] < 0.5  # the residuals are nearly equal
 
 
 @pytest.mark.parametrize("least, taken", [(0.79, 1), (0.81, 0)])
