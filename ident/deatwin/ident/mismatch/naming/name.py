@@ -22,6 +22,8 @@ MOST_CAUSES = 3
 """More effects at once are not told apart."""
 BESIDE = 6
 """Effects that are tried beside others."""
+ALONE = 3
+"""Of the effects that were tried alone, those that are tried beside others whatever their score."""
 AGAIN = 4
 """The best single effects of the nominal form, that are tried in a rival one."""
 CLEARLY_BETTER = 0.8
@@ -49,8 +51,8 @@ def name_causes(
     Each promising effect is built into the base plant alone, then into its rival forms, since another reading of what
     the rig file leaves open costs less than a further effect; where one suffices, only into those that fit clearly
     better without any, lest it explain a wrong form away. Where none suffices, each further one beside the best,
-    and so on to three. Where a step helps but does not suffice, the effects that were there before it are replaced in
-    turn, since the best single effect may only imitate two others.
+    and so on to three. The effects that were there before a step are replaced in turn: the best single effect may only
+    imitate two others, and it has rivals beside the new one, too.
 
     Parameters
     ----------
@@ -90,8 +92,7 @@ def name_causes(
         best = search.best_of(stage)
         if best is None or not search.each_counts(best):
             break  # a further effect does not help: another one beside it would not be understood
-        if not search.tried[best].adequate:
-            stage += search.replacing(before, best)
+        stage += search.replacing(before, best)
         naming = search.decided(stage)
     return replace(naming if naming.best is not None else search.nearly(), failed=tuple(search.failed))
 
@@ -149,15 +150,21 @@ class _Search:
         """Try each promising effect beside those of a candidate."""
         fit = self.tried[names].calibration
         unbent = with_fitted(self.bench.nominal.with_rig(fit.plant.rig), fit.plant)
-        # Beside what explains most, the plant is no longer bent: then the score alone knows what is promising.
         found = self._leads(names)
-        promising = found[:BESIDE] if names else shortlist(self.bench, unbent, found)
-        self.leads |= {lead.effect.name: lead for lead in promising}
+        promising = (*self._good_alone(names), *found[:BESIDE]) if names else shortlist(self.bench, unbent, found)
+        chosen = {lead.effect.name: lead for lead in promising}
+        self.leads = chosen | self.leads
         trials = [
             Trial(start=unbent.with_effects(lead.effect), bent=fit.plant.with_effects(lead.estimate), without=fit)
-            for lead in promising
+            for lead in chosen.values()
         ]
         return self._try([t for t in trials if self._names(t) not in self.tried], finished)
+
+    def _good_alone(self, names: Names) -> list[Lead]:
+        """What explained most by itself: the score is blind to what the plant is still bent to imitate."""
+        alone = [single for single in self.tried if len(single) == 1 and single[0] not in names]
+        best = sorted(alone, key=lambda single: -self.tried[single].evidence)[:ALONE]
+        return [self.leads[single[0]] for single in best if single[0] in self.leads]
 
     def leaves_a_trifle(self, names: Names) -> bool:
         """Whether no further effect could count."""
@@ -181,6 +188,7 @@ class _Search:
             known = footprints(self.bench, fit, self.bench.effects, fit)
             chosen |= {lead.effect.name: lead for lead in leads(known, fit)[:BESIDE]}
         other = _Search(self.bench, rival, known)
+        other.leads = chosen
         found = other._try([
             Trial(start=unbent.with_effects(lead.effect), bent=fit.plant.with_effects(lead.estimate), without=fit)
             for lead in chosen.values()
