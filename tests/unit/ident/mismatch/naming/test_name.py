@@ -158,3 +158,12 @@ def test_what_suffices_in_another_form_stays_possible():
 def test_where_nothing_suffices_a_form_must_leave_clearly_less(least, taken):
     forms = [form(candidate("delay", rms=9.0)), form(candidate("creep", rms=8.0), least=least)]
     assert _best_form(forms)[0] is forms[taken][0]
+
+
+def test_what_did_well_alone_is_tried_beside_another_whatever_its_score():
+    sizes = {"delay": 3.0, "creep": 3.2, "mullins": 4.9, "leakage": 5.0}
+    tried = [candidate(name, rms=rms) for name, rms in sizes.items()]
+    search = search_over(candidate(rms=5.7), *tried, candidate("end_stop", rms=3.1))
+    search.leads = {name: f"lead of {name}" for name in sizes}
+    # of the three best beside delay, one has no lead: it was found elsewhere
+    assert search._good_alone(("delay",)) == ["lead of creep", "lead of mullins"]
