@@ -140,8 +140,8 @@ def test_a_delay_between_samples_is_one_of_whole_shorter_samples(commands, quart
     exact = film(Plant(rig=Diaphragm(sample_time=0.005)), finer, 0.005).outputs[4::4]
     effect = film(FILM, commands).outputs[1:] - exact
     # The pull goes with the square of the command. The mean of W² over a sample is off by at most 0.16 of what it
-    # should be, from a tenth of a sample on; of what a jump D adds to a command u that is a share of 0.16 D / (2 u + D),
-    # and no jump is larger than 2 u here.
+    # should be, from a tenth of a sample on; of what a jump D adds to a command u that is a share of
+    # 0.16 D / (2 u + D), and no jump is larger than 2 u here.
     assert np.sqrt(np.mean((late - exact) ** 2)) < 0.08 * np.sqrt(np.mean(effect**2))
 
 
