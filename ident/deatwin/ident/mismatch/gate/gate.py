@@ -258,16 +258,15 @@ def _cut(record: Recording, sound: np.ndarray, onset: float | None) -> int:
     whole = np.flatnonzero(sound)
     if whole.size == 0:
         return record.n_samples
-    cut = int(_late(whole)[0])
+    cut = _first_late(whole)
     if onset is None or not record.timepts[cut] <= onset < record.timepts[whole[-1]]:
         return cut
-    later = whole[record.timepts[whole] >= onset]
-    return int(_late(later)[0])
+    return _first_late(whole[record.timepts[whole] >= onset])
 
 
-def _late(samples: np.ndarray) -> np.ndarray:
-    """The unseen share of some samples, one at least."""
-    return samples[min(round((1 - UNSEEN_SHARE) * samples.size), samples.size - 1) :]
+def _first_late(samples: np.ndarray) -> int:
+    """The first of the unseen share of some samples, which is one at least."""
+    return int(samples[min(round((1 - UNSEEN_SHARE) * samples.size), samples.size - 1)])
 
 
 def _stuck(record: Recording) -> np.ndarray:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
+from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.floor import floor_of
 from deatwin.ident.mismatch.naming.candidate import Candidate, noise_seen
@@ -15,6 +16,7 @@ from deatwin.ident.mismatch.naming.decide import Naming, cannot_rule_out, decide
 from deatwin.ident.mismatch.naming.screen import Footprint, Lead, footprints, leads
 from deatwin.ident.mismatch.naming.shortlist import shortlist
 from deatwin.ident.mismatch.naming.trial import Trial, run_trials, with_fitted
+from deatwin.plant.model import Plant
 
 __all__ = ["name_causes"]
 
@@ -119,6 +121,14 @@ def _best_form(forms: Sequence[tuple[_Search, list[Names]]]) -> tuple[_Search, l
     return search, stage, naming.beside(further)
 
 
+def _trials(unbent: Plant, fit: Calibration, chosen: Iterable[Lead]) -> list[Trial]:
+    """Each effect built into a plant that was fitted without it, from where no fit has bent that and from there."""
+    return [
+        Trial(start=unbent.with_effects(lead.effect), bent=fit.plant.with_effects(lead.estimate), without=fit)
+        for lead in chosen
+    ]
+
+
 class _Search:
     """Everything tried so far; sets of effects are known by their names.
 
@@ -154,10 +164,7 @@ class _Search:
         promising = (*self._good_alone(names), *found[:BESIDE]) if names else shortlist(self.bench, unbent, found)
         chosen = {lead.effect.name: lead for lead in promising}
         self.leads = chosen | self.leads
-        trials = [
-            Trial(start=unbent.with_effects(lead.effect), bent=fit.plant.with_effects(lead.estimate), without=fit)
-            for lead in chosen.values()
-        ]
+        trials = _trials(unbent, fit, chosen.values())
         return self._try([t for t in trials if self._names(t) not in self.tried], finished)
 
     def _good_alone(self, names: Names) -> list[Lead]:
@@ -189,10 +196,7 @@ class _Search:
             chosen |= {lead.effect.name: lead for lead in leads(known, fit)[:BESIDE]}
         other = _Search(self.bench, rival, known)
         other.leads = chosen
-        found = other._try([
-            Trial(start=unbent.with_effects(lead.effect), bent=fit.plant.with_effects(lead.estimate), without=fit)
-            for lead in chosen.values()
-        ])  # fmt: skip
+        found = other._try(_trials(unbent, fit, chosen.values()))
         other.judge_by_the_best(found)
         return other, found
 
