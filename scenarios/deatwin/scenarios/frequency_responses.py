@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.control.check import BAND_KEY
+from deatwin.control.stability.excited import BAND_KEY
 from deatwin.ident.frequency import FrequencyResponse, frequency_grid, gfrf, remove_dc
 from deatwin.ident.frequency.output_responses.estimate import nofrf
 from deatwin.ident.frequency.output_responses.excitation import TestSignal, design_excitation

@@ -140,8 +140,7 @@ def _with_band(model: NarxModel, records: list[Recording]) -> NarxModel:
 
     import numpy as np
 
-    from deatwin.control.check import BAND_KEY
-    from deatwin.control.margins import excited_band
+    from deatwin.control.stability.excited import BAND_KEY, excited_band
 
     band = max(excited_band(record) for record in records if np.ptp(record.inputs[0]) > 0)
     return replace(model, provenance={**model.provenance, BAND_KEY: f"{band:.6g}"})

@@ -8,9 +8,9 @@ from typing import Self
 
 import numpy as np
 
-from deatwin.control.design import PiController
-from deatwin.control.linearise import LinearModel, LinearStatus
-from deatwin.control.margins import margins
+from deatwin.control.design.lambda_tuning import PiController
+from deatwin.control.linear.model import LinearModel, LinearStatus
+from deatwin.control.stability.margins import margins
 
 __all__ = ["QUANTILE", "LoopMargins", "OperatingPoint", "loop_margins"]
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from deatwin.control.design import PiController
-from deatwin.control.linearise import LinearModel
-from deatwin.control.loop import ClosedLoop, closed_loop, sine_reference, step_reference
+from deatwin.control.design.lambda_tuning import PiController
+from deatwin.control.linear.model import LinearModel
+from deatwin.control.loop.closed_loop import ClosedLoop, closed_loop, sine_reference, step_reference
 from deatwin.plant.model import Plant
 
 __all__ = ["Trial"]

@@ -7,14 +7,14 @@ from dataclasses import asdict
 from math import inf, isfinite
 from typing import TYPE_CHECKING, Any
 
-from deatwin.control.design import PiController
-from deatwin.control.linearise import LinearStatus
-from deatwin.control.loop import ClosedLoop
-from deatwin.control.promise import LoopMargins, OperatingPoint
-from deatwin.control.verdict import Finding, Verdict
+from deatwin.control.checking.promise import LoopMargins, OperatingPoint
+from deatwin.control.checking.verdict import Finding, Verdict
+from deatwin.control.design.lambda_tuning import PiController
+from deatwin.control.linear.model import LinearStatus
+from deatwin.control.loop.closed_loop import ClosedLoop
 
 if TYPE_CHECKING:
-    from deatwin.control.check import Check
+    from deatwin.control.checking.check import Check
 
 __all__ = ["SCHEMA", "from_document", "to_document"]
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.control.linearise import LinearModel
+from deatwin.control.linear.model import LinearModel
 from deatwin.plant.errors import DeatwinError
 
 if TYPE_CHECKING:

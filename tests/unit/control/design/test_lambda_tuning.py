@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from deatwin.control import ControlError, LinearModel, PiController, lambda_tuning
-from deatwin.control.design import reduce_to_first_order
+from deatwin.control.design.lambda_tuning import reduce_to_first_order
 
 H = 0.02
 

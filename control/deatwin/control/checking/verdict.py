@@ -8,8 +8,8 @@ from math import inf
 
 import numpy as np
 
-from deatwin.control.loop import ClosedLoop
-from deatwin.control.promise import LoopMargins
+from deatwin.control.checking.promise import LoopMargins
+from deatwin.control.loop.closed_loop import ClosedLoop
 
 __all__ = ["Finding", "Limit", "Verdict", "judge_band", "judge_margins", "judge_plant", "worst"]
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from deatwin.control import Check, ControlError, LinearStatus, Verdict, check, linearise
-from deatwin.control.check import BAND_KEY
+from deatwin.control.stability.excited import BAND_KEY
 from deatwin.ident.frequency import remove_dc
 from deatwin.ident.narx import NarxModel
 from deatwin.plant import ModelError

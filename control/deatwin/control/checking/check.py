@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
-from deatwin.control.checkfile import SCHEMA, from_document, to_document
-from deatwin.control.design import PiController, lambda_tuning
-from deatwin.control.linearise import linearise, linearise_posterior
-from deatwin.control.loop import ClosedLoop
-from deatwin.control.margins import excited_band
-from deatwin.control.promise import LoopMargins, OperatingPoint, loop_margins
-from deatwin.control.trial import Trial
-from deatwin.control.verdict import GAIN, Finding, Verdict, judge_band, judge_margins, judge_plant, worst
+from deatwin.control.checking.checkfile import SCHEMA, from_document, to_document
+from deatwin.control.checking.promise import LoopMargins, OperatingPoint, loop_margins
+from deatwin.control.checking.trial import Trial
+from deatwin.control.checking.verdict import GAIN, Finding, Verdict, judge_band, judge_margins, judge_plant, worst
+from deatwin.control.design.lambda_tuning import PiController, lambda_tuning
+from deatwin.control.linear.narx import linearise, linearise_posterior
+from deatwin.control.loop.closed_loop import ClosedLoop
+from deatwin.control.stability.excited import BAND_KEY, excited_band
 from deatwin.ident.narx import NarxModel
 from deatwin.plant.documents import read_document, write_document
 from deatwin.plant.drawing import axes_or_new
@@ -27,12 +27,10 @@ from deatwin.plant.recording import Recording
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["BAND_KEY", "Check", "check"]
+__all__ = ["Check", "check"]
 
 Progress = Callable[[float], None]
 
-BAND_KEY = "excited_band_Hz"
-"""Key of a model's provenance under which the band of its recording is found, Hz."""
 _POSTERIOR_SHARE = 0.3  # of the time, as far as progress is concerned
 
 

@@ -1,4 +1,4 @@
-"""Stability margins of many sampled loops at once, and the band that a recording excited.
+"""Stability margins of many sampled loops at once.
 
 All crossings of a loop are bracketed on a grid and refined by bisection on the unit circle. python-control's
 `stability_margins` is the reference in the tests; it looks for roots *near* the unit circle (within some
@@ -14,10 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.plant.errors import DataError
-from deatwin.plant.recording import Recording
-
-__all__ = ["Margins", "excited_band", "margins"]
+__all__ = ["Margins", "margins"]
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -26,7 +23,6 @@ GRID = 2000
 """Points of the grid on half the unit circle; half of them logarithmic, for slow loops."""
 _LOWEST = 1e-6  # rad a sample: the lowest frequency of the grid
 _BISECTIONS = 60  # halve a bracket down to rounding
-_EXCITED_SHARE = 0.99  # of the input's power lies in the excited band
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -139,29 +135,3 @@ def _stable(top: Array, bottom: Array) -> NDArray[np.bool_]:
     companion[:, 1:, :-1] = np.eye(size - 2)
     companion[:, 0, :] = -closed[:, 1:] / closed[:, :1]
     return np.asarray(np.all(np.abs(np.linalg.eigvals(companion)) < 1.0, axis=1))
-
-
-def excited_band(recording: Recording) -> float:
-    """Frequency below which a recording's input has 99 % of its power.
-
-    Parameters
-    ----------
-    recording : Recording
-        Its first input counts, without its mean.
-
-    Returns
-    -------
-    float
-        Hz.
-
-    Raises
-    ------
-    DataError
-        If the input is constant.
-    """
-    command = recording.inputs[0] - recording.inputs[0].mean()
-    if not np.ptp(command) > 0.0:
-        raise DataError("the input of the recording is constant: it excites nothing")
-    power = np.abs(np.fft.rfft(command)) ** 2
-    line = int(np.searchsorted(np.cumsum(power), _EXCITED_SHARE * power.sum()))
-    return line / recording.duration

@@ -1,0 +1,1 @@
+"""Would the controller survive the actuator?"""

@@ -1,0 +1,1 @@
+"""Sampled controllers with limits."""

@@ -1,0 +1,1 @@
+"""Controllers from linear models."""

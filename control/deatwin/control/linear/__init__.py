@@ -1,0 +1,1 @@
+"""Linear models of plants and NARX models about operating points."""

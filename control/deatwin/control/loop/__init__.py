@@ -1,0 +1,1 @@
+"""Controllers around models and around the physics plant."""

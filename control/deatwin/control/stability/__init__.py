@@ -1,0 +1,1 @@
+"""Margins of sampled loops, one or many at once."""
