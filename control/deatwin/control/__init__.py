@@ -3,7 +3,8 @@
 from deatwin.control.checking.check import Check, check
 from deatwin.control.checking.promise import LoopMargins, OperatingPoint
 from deatwin.control.checking.verdict import Finding, Verdict
-from deatwin.control.design.lambda_tuning import ControlError, PiController, lambda_tuning
+from deatwin.control.design.lambda_tuning import PiController, lambda_tuning
+from deatwin.control.errors import ControlError
 from deatwin.control.linear.model import LinearModel, LinearStatus
 from deatwin.control.linear.narx import linearise, linearise_posterior
 from deatwin.control.loop.closed_loop import ClosedLoop, closed_loop, sine_reference, step_reference

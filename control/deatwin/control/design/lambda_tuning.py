@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from deatwin.control.errors import ControlError
 from deatwin.control.linear.model import LinearModel
-from deatwin.plant.errors import DeatwinError
 
 if TYPE_CHECKING:
     from control import TransferFunction
 
-__all__ = ["ControlError", "FirstOrderDelay", "PiController", "lambda_tuning", "reduce_to_first_order"]
+__all__ = ["FirstOrderDelay", "PiController", "lambda_tuning", "reduce_to_first_order"]
 
 _EARLY, _LATE = 1.0 - np.exp(-1.0 / 3.0), 1.0 - np.exp(-1.0)  # a first-order lag is there at T/3 and at T
 _SETTLED = 1e-4  # of the final value: what the slowest pole leaves at the end of the step response
@@ -27,10 +27,6 @@ _SAMPLES = 10.0
 crossover frequency times the sample time at most 0.05 to 0.14)."""
 _BAND_SHARE = 0.5
 """The crossover lies at this share of the band that the recording excited."""
-
-
-class ControlError(DeatwinError, ValueError):
-    """A controller or a specification for one is at fault."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.control.design.lambda_tuning import ControlError, PiController
+from deatwin.control.design.lambda_tuning import PiController
+from deatwin.control.errors import ControlError
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
