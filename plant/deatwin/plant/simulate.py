@@ -16,15 +16,13 @@ from deatwin.plant.errors import SimulationError
 from deatwin.plant.integrator.collocation import step_functions
 from deatwin.plant.integrator.compiled import compile_functions
 from deatwin.plant.integrator.march import March
-from deatwin.plant.integrator.newton import SETTLED
 from deatwin.plant.rest import RestState, has_equilibrium, rest_state
+from deatwin.plant.sample import SHORTER_STEPS, Sample, solved
 
 __all__ = ["Run", "RunStatus", "Simulator", "Stepper"]
 
 CHUNK = 200
 """Samples in one call of compiled code."""
-SHORTER_STEPS = (4, 16, 64)
-"""Into how many steps a sample is divided that is not solved in one, one number after the other."""
 
 Progress = Callable[[float], None]
 
@@ -216,12 +214,28 @@ class Simulator:
         """
         rest = rest_state(self.equations, rest_command, values)
         first = self._reading(rest, rest_command, start, values)
-        fixed = (sample_time, values, self.equations.constants)
         return Stepper(
-            self._step, rest, float(first), start=start, fixed=fixed, inputs=self.equations.held_inputs(rest_command),
-            history=self.equations.history, clock=self.equations.sample_start,
+            self.sample(values, sample_time), rest, float(first), start=start,
+            inputs=self.equations.held_inputs(rest_command), history=self.equations.history,
+            clock=self.equations.sample_start,
             why=lambda command: self._why(rest, rest_command, command, values),
         )  # fmt: skip
+
+    def sample(self, values: np.ndarray, sample_time: float) -> Sample:
+        """One sample of the plant from any state.
+
+        Parameters
+        ----------
+        values : ndarray, shape (n_p,)
+            Free parameters, SI.
+        sample_time : float
+            s.
+
+        Returns
+        -------
+        Sample
+        """
+        return Sample(step=self._step, sample_time=sample_time, values=values, constants=self.equations.constants)
 
     @cached_property
     def _step(self) -> ca.Function:
@@ -245,7 +259,7 @@ class Simulator:
             u[:count], u[count:] = inputs[:, begin : begin + count].T, inputs[:, begin + count - 1]
             h[:], t[:, 0] = sample_time, start + sample_time * np.arange(begin, begin + CHUNK)
             results = march.advance()
-            good = _valid(results[-1], results[n_states], count)
+            good = solved(results[-1], results[n_states], count)
             if good:
                 yield _kept(march, results, n_states, 0, good)
             begin += good
@@ -254,7 +268,7 @@ class Simulator:
                 for shorter in SHORTER_STEPS:
                     h[:], t[:, 0] = sample_time / shorter, time + sample_time / shorter * np.arange(CHUNK)
                     results = march.advance()
-                    if _valid(results[-1], results[n_states], shorter) == shorter:
+                    if solved(results[-1], results[n_states], shorter) == shorter:
                         yield _kept(march, results, n_states, shorter - 1, shorter)
                         break
                 else:
@@ -295,16 +309,14 @@ class Stepper:
 
     Parameters
     ----------
-    step : casadi.Function
-        One sample, as `StepFunctions.plain`.
+    sample : Sample
+        One sample.
     rest : RestState
         Where it begins.
     reading : float
         At rest, SI.
     start : float
         Clock time of the first command, s.
-    fixed : tuple
-        Sample time in s, free parameters and constants.
     inputs : ndarray, shape (n_u,)
         At rest.
     history : int
@@ -316,11 +328,10 @@ class Stepper:
     """
 
     def __init__(
-        self, step: ca.Function, rest: RestState, reading: float, *, start: float,
-        fixed: tuple[float, np.ndarray, np.ndarray], inputs: np.ndarray, history: int,
+        self, sample: Sample, rest: RestState, reading: float, *, start: float, inputs: np.ndarray, history: int,
         clock: int | None, why: Callable[[float], RunStatus],
     ) -> None:  # fmt: skip
-        self._step, self._fixed, self._why = step, fixed, why
+        self._sample, self._why = sample, why
         self._inputs, self._history, self._clock = inputs, history, clock
         self._x: Any = rest.x
         self._z: Any = rest.z
@@ -336,7 +347,7 @@ class Stepper:
     @property
     def time(self) -> float:
         """Clock time of `reading`, s."""
-        return self._start + self._count * self._fixed[0]
+        return self._start + self._count * self._sample.sample_time
 
     @property
     def reading(self) -> float:
@@ -369,23 +380,13 @@ class Stepper:
             inputs[: 1 + self._history] = [command, *self._inputs[: self._history]]
             if self._clock is not None:
                 inputs[self._clock] = self.time
-            found = next((f for f in (self._in_steps(inputs, n) for n in (1, *SHORTER_STEPS)) if f is not None), None)
+            found = self._sample(self._x, self._z, self._held, inputs, self.time)
             if found is not None:
                 self._x, self._z, self._reading = found
                 self._inputs, self._count = inputs, self._count + 1
             else:
                 self._status = self._why(command)
         return self._status
-
-    def _in_steps(self, inputs: np.ndarray, number: int) -> tuple[ca.DM, ca.DM, float] | None:
-        """States and reading after a sample that is taken in so many steps; None where one is not solved."""
-        x, z, reading, (width, *rest) = self._x, self._z, ca.DM(self._reading), self._fixed
-        for step in range(number):
-            time = self.time + width / number * step
-            x, z, reading, _, error = self._step(x, z, self._held, inputs, time, width / number, *rest)
-            if not _valid(error, reading, 1):
-                return None
-        return x, z, float(reading)
 
 
 def _kept(march: March, results: list[np.ndarray], n_states: int, first: int, last: int) -> list[np.ndarray]:
@@ -395,10 +396,3 @@ def _kept(march: March, results: list[np.ndarray], n_states: int, first: int, la
         argument[:] = result[(last - 1) * width : last * width]
     widths = [result.shape[0] // CHUNK for result in results[n_states:-1]]
     return [r[first * k : last * k].copy() for r, k in zip(results[n_states:-1], widths, strict=True)]
-
-
-def _valid(error: np.ndarray | ca.DM, reading: np.ndarray | ca.DM, count: int) -> int:
-    """How many of the first `count` samples were solved and have finite readings."""
-    errors, readings = (np.asarray(v).ravel()[:count] for v in (error, reading))
-    bad = ~((errors <= SETTLED) & np.isfinite(readings))
-    return int(np.argmax(bad)) if bad.any() else count

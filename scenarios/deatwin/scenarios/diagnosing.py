@@ -16,7 +16,10 @@ from deatwin.scenarios.provenance import RunRecord, hashes
 from deatwin.scenarios.report import Origin, write_report
 from deatwin.scenarios.voice import Progress
 
-__all__ = ["DiagnosisTask"]
+__all__ = ["RIVALS", "DiagnosisTask"]
+
+RIVALS = "rivals"
+"""Folder of the plants that a diagnosis cannot tell from its answer, where there are any."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -50,7 +53,7 @@ class DiagnosisTask:
     seed: int = 0
 
     def run(self, folder: ResultFolder, progress: Progress) -> Diagnosis:
-        """Diagnose, and write diagnosis, model, report, figures' data and the record of the run.
+        """Diagnose, and write diagnosis, model, rivals, report, figures' data and the record of the run.
 
         Parameters
         ----------
@@ -81,9 +84,13 @@ class DiagnosisTask:
         folder.save("diagnosis.json", diagnosis.save)
         if diagnosis.model is not None:
             folder.save("model.json", diagnosis.model.save)
+        rivals = diagnosis.evidence.rivals if diagnosis.evidence is not None else {}
+        for effects, rival in rivals.items():
+            folder.save(f"{RIVALS}/{effects}.json", rival.save)
         advice = diagnosis.evidence.advice if diagnosis.evidence is not None else None
         if advice is not None and advice.recording is not None:
             folder.save(INPUT_FILE, advice.save_input)
         write_report(folder, diagnosis, Origin(inputs=inputs, seed=self.seed))
+        folder.remove_former(rf"{RIVALS}/[^/]+\.json")
         folder.text("run.json", json.dumps(record.finished([*folder.written, "run.json"]), indent=1) + "\n")
         return diagnosis

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
@@ -70,6 +72,22 @@ class ResultFolder:
         self._make(target.parent)
         write(target)
         self.written.append(name)
+
+    def remove_former(self, pattern: str) -> None:
+        """Remove what a former run wrote, as its ``run.json`` tells, and this one has not.
+
+        Parameters
+        ----------
+        pattern : str
+            Regular expression of the names that a run writes or not; other files are left alone.
+        """
+        try:
+            former = json.loads((self.path / "run.json").read_text(encoding="utf-8"))["outputs"]
+        except (OSError, ValueError, KeyError, TypeError):
+            return
+        for name in former if isinstance(former, list) else []:
+            if re.fullmatch(pattern, str(name)) and name not in self.written:
+                (self.path / name).unlink(missing_ok=True)
 
     @property
     def summary(self) -> str:

@@ -2,248 +2,316 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Self
+from functools import partial
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from deatwin.control.checking.checkfile import SCHEMA, from_document, to_document
-from deatwin.control.checking.promise import LoopMargins, OperatingPoint, loop_margins
-from deatwin.control.checking.trial import Trial
-from deatwin.control.checking.verdict import GAIN, Finding, Verdict, judge_band, judge_margins, judge_plant, worst
-from deatwin.control.design.lambda_tuning import PiController, lambda_tuning
-from deatwin.control.linear.narx import linearise, linearise_posterior
+from deatwin.control.checking.cycles import judge_cycles
+from deatwin.control.checking.film import judge_film
+from deatwin.control.checking.operating import OperatingPoint
+from deatwin.control.checking.result import Check
+from deatwin.control.checking.rows import MarginRow, row_of_band, rows_of_family
+from deatwin.control.checking.specification import Specification, Verdict
+from deatwin.control.checking.trial import STEP_SHARE, Trial
+from deatwin.control.checking.verdict import (
+    Finding,
+    judge_band,
+    judge_draws,
+    judge_margins,
+    judge_prediction,
+    judge_raised,
+    judge_runs,
+    late_rms_error,
+)
+from deatwin.control.controllers.base import Controller
+from deatwin.control.design.lambda_tuning import lambda_tuning
+from deatwin.control.errors import ControlError
+from deatwin.control.linear.family import draw, linearise_many
+from deatwin.control.linear.model import LinearModel
+from deatwin.control.linear.narx import linearise
+from deatwin.control.linear.plant import draw_plants, linearise_plants
+from deatwin.control.linear.varying import linearise_along
 from deatwin.control.loop.closed_loop import ClosedLoop
+from deatwin.control.loop.predicted import PredictedLoop, predict_loop
+from deatwin.control.loop.residual import Residual, free_run_residual
+from deatwin.control.progress import Progress, part
+from deatwin.control.stability.bands import band_margins
 from deatwin.control.stability.excited import BAND_KEY, excited_band
-from deatwin.ident.narx import NarxModel
-from deatwin.plant.documents import read_document, write_document
-from deatwin.plant.drawing import axes_or_new
+from deatwin.ident.frequency.checks import real_numbers
+from deatwin.ident.narx import NarxModel, ThetaTrajectory
+from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.errors import ModelError
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Recording
+from deatwin.plant.rigs.base import ReadingTime
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+__all__ = ["Design", "check"]
 
-__all__ = ["Check", "check"]
+Array = NDArray[np.float64]
+Design = Callable[..., Controller]
+"""Takes the model as the controller sees it, and ``command_limits``."""
 
-Progress = Callable[[float], None]
-
-_POSTERIOR_SHARE = 0.3  # of the time, as far as progress is concerned
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Check:
-    """What the check found.
-
-    Parameters
-    ----------
-    findings : tuple of Finding
-        All that was judged; the most severe one decides.
-    operating : OperatingPoint
-        Where the model was linearised.
-    controller : PiController or None
-        None where none could be designed; so for all that follows.
-    margins : LoopMargins or None
-        What the model promises.
-    excited_band_Hz : float or None
-        Band that the recording excited, Hz; None where it is not known.
-    steps, sine : ClosedLoop or None
-        Runs on the physics plant.
-    sine_predicted : float or None
-        Rms error on the sine that the model predicts, in the output's unit.
-    """
-
-    findings: tuple[Finding, ...]
-    operating: OperatingPoint
-    controller: PiController | None = None
-    margins: LoopMargins | None = None
-    excited_band_Hz: float | None = None
-    steps: ClosedLoop | None = None
-    sine: ClosedLoop | None = None
-    sine_predicted: float | None = None
-
-    @property
-    def verdict(self) -> Verdict:
-        """The verdict of the worst finding."""
-        return self.worst_case.verdict
-
-    @property
-    def worst_case(self) -> Finding:
-        """The finding that decides."""
-        return worst(self.findings)
-
-    @property
-    def reason(self) -> str:
-        """The texts of all findings that are as severe as the verdict, if it is not `pass`."""
-        if self.verdict is Verdict.PASS:
-            return "every limit is kept"
-        return "; ".join(f.text for f in self.findings if f.verdict is self.verdict)
-
-    @property
-    def sentence(self) -> str:
-        """The check in one plain sentence; every number in it is a field of the file."""
-        if self.controller is None or self.margins is None:
-            return f"{self.verdict.value}: {self.reason}."
-        tuned, promised, at = self.controller, self.margins, self.operating
-        kind = "a PI controller" if tuned.proportional else "an integral controller"
-        return (
-            f"{self.verdict.value}: {kind} with a closed-loop time of {tuned.closed_loop_time:.2g} s at "
-            f"{at.input:.3g} {at.input_unit} (crossover {promised.crossover_Hz:.2g} Hz, gain margin "
-            f"{promised.gain_low:.2g}, phase margin {promised.phase_low_deg:.0f}°): {self.reason}."
-        )
-
-    def save(self, path: str | Path) -> None:
-        """Write the check as JSON ("deatwin/check/1"), beside the target first and then renamed.
-
-        Parameters
-        ----------
-        path : str or Path
-            File to write.
-        """
-        write_document(path, to_document(self))
-
-    @classmethod
-    def load(cls, path: str | Path) -> Self:
-        """Read a check that `save` wrote.
-
-        Parameters
-        ----------
-        path : str or Path
-            File to read.
-
-        Returns
-        -------
-        Check
-
-        Raises
-        ------
-        ModelError
-            If the file is missing, not JSON, of another schema, or malformed.
-        """
-        return read_document(path, SCHEMA, lambda document: cls(**from_document(document)))
-
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the step reference and what the physics plant made of it.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
-
-        Returns
-        -------
-        matplotlib Axes
-        """
-        axes = axes_or_new(ax)
-        if self.steps is not None:
-            self.steps.plot(axes)
-        axes.set_title(f"{self.verdict.value}: {self.worst_case.text}", fontsize="small", wrap=True)
-        return axes
+STICKING = ("hysteresis", "coulomb_friction")
+"""Effects that act as a spring on small motions and are nothing to the dynamics of large ones: the loop meets both."""
+POINTS = 5
+"""Operating points at which margins are judged, where none are given."""
+PLANTS = 20
+"""Plants drawn from a calibration."""
+TIME_SAMPLES = 50
+"""Draws at each time of a model that varies."""
+FILMS = 8
+"""Of them, those on which the film's limits are tried."""
 
 
 def check(
     model: NarxModel,
-    plant: Plant,
+    plant: Plant | CalibratedPlant,
     *,
     rng: np.random.Generator,
+    design: Design | None = None,
+    controller: Controller | None = None,
     operating_input: float | None = None,
-    controller: PiController | None = None,
+    operating_inputs: ArrayLike | None = None,
     closed_loop_time: float | None = None,
     command_limits: tuple[float, float] | None = None,
     recording: Recording | None = None,
+    specification: Specification | None = None,
+    others: Mapping[str, Plant | CalibratedPlant] | None = None,
+    trajectory: ThetaTrajectory | None = None,
     samples: int = 200,
     progress: Progress | None = None,
 ) -> Check:
-    """Design a controller on an identified model and judge it, on the model's posterior and on the plant.
+    """Design a controller on an identified model and judge it, on the model's posterior and on physics plants.
 
     Parameters
     ----------
     model : NarxModel
         Identified from recordings of the actuator.
-    plant : Plant
-        The physics that stands for the actuator.
+    plant : Plant or CalibratedPlant
+        The physics that stands for the actuator; of a calibrated one, draws of its parameters count as well.
     rng : numpy.random.Generator
-        Source of posterior samples and sensor noise.
+        Source of draws and sensor noise.
+    design : callable, optional
+        Makes the controller from the model as it sees it and ``command_limits``; `lambda_tuning` by default.
+    controller : Controller, optional
+        To be judged instead of a designed one; its operating input counts.
     operating_input : float, optional
-        In the input's unit; the centre of the training data by default.
-    controller : PiController, optional
-        To be judged instead of the one of `lambda_tuning`; its operating input counts.
+        At which the loop is closed, in the input's unit; the centre of the training data by default.
+    operating_inputs : array_like, shape (n,), optional
+        Operating points at which margins are judged, in the input's unit; by default five over the range in
+        which the references of the check move.
     closed_loop_time : float, optional
-        Lambda, s; see `lambda_tuning` for the default.
+        Lambda of the default design, s; see `lambda_tuning`.
     command_limits : (float, float), optional
         Least and largest command, in its unit; the range of the training data by default.
     recording : Recording, optional
-        From which the model was identified: tells the excited band. Without it the model's provenance may
-        tell it, under the key `BAND_KEY`; else it is not judged.
+        From which the model was identified: tells the excited band, and how large the residual of the model's
+        free run is. Without it the model's provenance may tell them; what is not known is not judged.
+    specification : Specification, optional
+        What is asked; the textbooks' margins by default.
+    others : mapping of str to Plant or CalibratedPlant, optional
+        Further plants that the actuator may be: with effects that a diagnosis could not tell apart, or other
+        actuators of a fleet. They are judged like the plant.
+    trajectory : ThetaTrajectory, optional
+        Of the model's parameters, where they vary in time: margins are judged along it.
     samples : int
-        Number of posterior samples.
+        Number of draws from the model's posterior.
     progress : callable, optional
         Called with the share that is done.
 
     Returns
     -------
     Check
+        Where no controller can be designed, it fails with the reason.
 
     Raises
     ------
     ModelError
-        If model and plant do not belong together, or the operating input lies outside the training data.
+        If model and plants do not belong together, or the operating input lies outside the training data.
     ControlError
-        If limits or closed-loop time make no sense.
+        If the limits of the command make no sense, or the controller has another sample time.
     """
     if samples < 1:
         raise ModelError(f"samples = {samples}; it must be at least 1")
-    _require_pair(model, plant)
+    if controller is not None and abs(controller.sample_time / model.sample_time - 1.0) > 1e-6:
+        raise ControlError(
+            f"the controller works every {controller.sample_time:g} s, the model is sampled every "
+            f"{model.sample_time:g} s"
+        )
+    known = _known(plant)
+    everyone = {name: _known(other) for name, other in (others or {}).items()}
+    for one in (known, *everyone.values()):
+        _require_pair(model, one.plant)
     linear = linearise(model, operating_input if controller is None else controller.operating_input)
-    _require_inside(model, linear.operating_input)
+    _require_inside(model, [linear.operating_input])
     if not linear.status.ok:
-        text = linear.status.value + (f" ({linear.detail})" if linear.detail else "")
-        finding = Finding(subject="model", value=None, verdict=Verdict.FAIL, text=text)
-        return Check(findings=(finding,), operating=OperatingPoint.of(linear))
+        return _refused(linear, "model", linear.status.value + (f" ({linear.detail})" if linear.detail else ""))
     band = _known_band(model, recording)
-    reading = plant.rig.reading
-    linear = linear.in_loop(reading)
+    seen = linear.in_loop(known.plant.rig.reading)
     if controller is None:
         limits = _trained_range(model) if command_limits is None else command_limits
-        controller = lambda_tuning(
-            linear, command_limits=limits, closed_loop_time=closed_loop_time, band_Hz=band
-        )
-    posterior = linearise_posterior(
-        model, linear.operating_input, rng, samples, _part(progress, 0.0, _POSTERIOR_SHARE)
-    )
-    promised = loop_margins(linear, [sample.in_loop(reading) for sample in posterior], controller)
-    return _tried(
-        Trial(plant=plant, controller=controller, linear=linear, rng=rng), promised, band,
-        _part(progress, _POSTERIOR_SHARE, 1.0),
+        _require_limits(limits, seen)
+        chosen = partial(lambda_tuning, closed_loop_time=closed_loop_time, band_Hz=band) if design is None else design
+        try:
+            controller = chosen(seen, command_limits=limits)
+        except (ControlError, ModelError) as error:
+            return _refused(seen, "design", f"no controller could be designed: {error}")
+    subject = _Subject(
+        model=model, linear=seen, controller=controller, plant=known, others=everyone, rng=rng, samples=samples,
+        points=_points(model, controller, operating_inputs), specification=specification or Specification(),
+        residual=_known_residual(model, recording), band_Hz=band, trajectory=trajectory,
     )  # fmt: skip
+    return subject.judged(progress)
 
 
-def _tried(trial: Trial, promised: LoopMargins, band_Hz: float | None, progress: Progress | None) -> Check:
-    """Run the trials on the plant and judge everything."""
-    steps = trial.steps(1.0, _part(progress, 0.0, 0.25))
-    sine = trial.sine(_part(progress, 0.25, 0.5))
-    harder = (
-        trial.steps(GAIN.poor, _part(progress, 0.5, 0.75)),
-        trial.steps(GAIN.good, _part(progress, 0.75, 1.0)),
-    )
-    predicted = trial.sine_error()
-    return Check(
-        findings=(
-            *judge_margins(promised, trial.linear.sample_time),
-            *(() if band_Hz is None else (judge_band(promised.crossover_Hz, band_Hz),)),
-            *judge_plant(steps, sine, predicted, ((GAIN.poor, harder[0]), (GAIN.good, harder[1]))),
-        ),
-        operating=OperatingPoint.of(trial.linear),
-        controller=trial.controller,
-        margins=promised,
-        excited_band_Hz=band_Hz,
-        steps=steps,
-        sine=sine,
-        sine_predicted=predicted,
-    )
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Subject:
+    """A controller with all that it is judged on."""
+
+    model: NarxModel
+    linear: LinearModel
+    controller: Controller
+    plant: CalibratedPlant
+    others: Mapping[str, CalibratedPlant]
+    rng: np.random.Generator
+    samples: int
+    points: Array
+    specification: Specification
+    residual: Residual | None
+    band_Hz: float | None
+    trajectory: ThetaTrajectory | None
+
+    def judged(self, progress: Progress | None) -> Check:
+        """Margins first, then the prediction, then the physics."""
+        spec, h = self.specification, self.linear.sample_time
+        trial = Trial(controller=self.controller, linear=self.linear, rng=self.rng)
+        here, rows = self._model_rows()
+        plants = draw_plants(self.plant, self.rng, PLANTS) if self.plant.names else ()
+        physics = self._plant_rows("plant", (self.plant.plant, *plants))
+        findings = [*_judged(rows, h, spec), *_judged(physics, h, spec)]
+        if self.band_Hz is not None:
+            findings.append(judge_band(max(row.crossover_Hz for row in rows), self.band_Hz))
+        predicted = self._predicted(trial.step_reference, part(progress, 0.1, 0.2))
+        if predicted is not None:
+            findings.append(judge_draws(predicted, spec))
+            predicted = predicted if predicted.diverged < 1.0 else None
+        runs = trial.runs("plant", self.plant.plant, part(progress, 0.2, 0.4))
+        sine_predicted = self._sine_error(trial, part(progress, 0.4, 0.5))
+        findings += judge_runs(runs, sine_predicted, spec)
+        if runs.steps.status.ok:
+            findings += self._on_plant(trial, runs.steps, predicted, part(progress, 0.5, 0.7))
+            findings.append(judge_film((self.plant.plant, *plants[: FILMS - 1]), runs.steps.command, self.controller))
+        seen, more = {}, list(physics)
+        for number, (name, other) in enumerate(self.others.items()):
+            table = self._plant_rows(name, (other.plant,))
+            first, last = (0.7 + 0.3 * (number + i) / len(self.others) for i in (0, 1))
+            steps = trial.runs(name, other.plant, part(progress, first, last))
+            findings += [*_judged(table, h, spec), *judge_runs(steps, sine_predicted, spec)]
+            seen[name], more = steps.steps, [*more, *table]
+        if progress is not None:
+            progress(1.0)
+        return Check(
+            findings=tuple(findings), operating=OperatingPoint.of(self.linear), controller=self.controller,
+            margins=here, table=(*rows, *more), excited_band_Hz=self.band_Hz, steps=runs.steps, sine=runs.sine,
+            others=seen, predicted=predicted, sine_predicted=sine_predicted,
+        )  # fmt: skip
+
+    def _model_rows(self) -> tuple[MarginRow, tuple[MarginRow, ...]]:
+        """Margins at the controller's own point, and at all points and times."""
+        reading = self.plant.plant.rig.reading
+        thetas = np.vstack([self.model.theta, draw(self.model, self.rng, self.samples)])
+        at = np.unique(np.append(self.points, self.controller.operating_input))
+        rows = rows_of_family("model", linearise_many(self.model, at, thetas).in_loop(reading), self.controller)
+        here = rows[int(np.flatnonzero(at == self.controller.operating_input)[0])]
+        if here.gain > 0.0:  # else the loop of the model itself is unstable and has no band
+            law = self.controller.local(self.controller.operating_input)
+            rows = (*rows, row_of_band(band_margins(self.linear, *law.feedback), self.linear, here.crossover_Hz))
+        if self.trajectory is None:
+            return here, rows
+        return here, (*rows, *self._along(self.trajectory, reading))
+
+    def _along(self, trajectory: ThetaTrajectory, reading: ReadingTime) -> tuple[MarginRow, ...]:
+        """Margins along time."""
+        along = linearise_along(
+            trajectory, self.controller.operating_input, rng=self.rng, samples=min(self.samples, TIME_SAMPLES)
+        )
+        return rows_of_family("model", along.family.in_loop(reading), self.controller, along.timepts.tolist())
+
+    def _plant_rows(self, source: str, plants: tuple[Plant, ...]) -> tuple[MarginRow, ...]:
+        """Margins for small motions, and, where something sticks, for large ones as well."""
+        reading = plants[0].rig.reading
+        small = rows_of_family(source, linearise_plants(plants, self.points).in_loop(reading), self.controller)
+        sticking = [name for name in STICKING if name in plants[0].effect_names]
+        if not sticking:
+            return small
+        loose = linearise_plants(tuple(plant.without_effects(*sticking) for plant in plants), self.points)
+        return (*small, *rows_of_family(f"{source} in large motions", loose.in_loop(reading), self.controller))
+
+    def _sine_error(self, trial: Trial, progress: Progress | None) -> float:
+        """Rms error on the sine that the model predicts; by its linear part where no residual is known."""
+        predicted = self._predicted(trial.sine_reference, progress)
+        if predicted is None or predicted.diverged == 1.0:
+            return trial.sine_error()
+        return predicted.interval(late_rms_error)[0]
+
+    def _predicted(self, reference: Array, progress: Progress | None) -> PredictedLoop | None:
+        if self.residual is None:
+            return None
+        rig = self.plant.plant.rig
+        return predict_loop(
+            self.model, self.controller, reference, reading=rig.reading, residual=self.residual,
+            noise=rig.noise, rng=self.rng, progress=progress,
+        )  # fmt: skip
+
+    def _on_plant(
+        self, trial: Trial, steps: ClosedLoop, predicted: PredictedLoop | None, progress: Progress | None
+    ) -> list[Finding]:
+        """What more is judged where the plant lived through the steps."""
+        spec, plant = self.specification, self.plant.plant
+        factors = (spec.gain.poor, spec.gain.good)
+        raised = [
+            (factor, trial.raised(plant, factor, part(progress, 0.5 * n, 0.5 * (n + 1))))
+            for n, factor in enumerate(factors)
+        ]
+        found = [judge_raised(raised, spec), judge_cycles(plant, self.controller, self.linear, trial.amplitude, spec)]
+        if predicted is not None:
+            found.append(judge_prediction(predicted, steps, spec))
+        return found
+
+
+def _judged(rows: Sequence[MarginRow], sample_time: float, specification: Specification) -> list[Finding]:
+    """Findings on the margins of each source in the rows."""
+    sources = dict.fromkeys(row.source for row in rows)
+    return [
+        finding
+        for source in sources
+        for finding in judge_margins([row for row in rows if row.source == source], sample_time, specification)
+    ]
+
+
+def _refused(linear: LinearModel, subject: str, text: str) -> Check:
+    finding = Finding(subject=subject, value=None, verdict=Verdict.FAIL, text=text)
+    return Check(findings=(finding,), operating=OperatingPoint.of(linear))
+
+
+def _known(plant: Plant | CalibratedPlant) -> CalibratedPlant:
+    return plant if isinstance(plant, CalibratedPlant) else CalibratedPlant.nominal(plant)
+
+
+def _points(model: NarxModel, controller: Controller, operating_inputs: ArrayLike | None) -> Array:
+    """Operating inputs at which margins are judged."""
+    if operating_inputs is not None:
+        points = np.unique(real_numbers(operating_inputs, "operating_inputs"))
+        if points.size == 0 or not np.all(np.isfinite(points)):
+            raise ControlError("operating_inputs must be one or more finite numbers")
+        _require_inside(model, points.tolist())
+        return points
+    c = controller
+    room = STEP_SHARE * min(c.operating_input - c.command_min, c.command_max - c.operating_input)
+    return np.linspace(c.operating_input - room, c.operating_input + room, POINTS)
 
 
 def _require_pair(model: NarxModel, plant: Plant) -> None:
@@ -266,14 +334,24 @@ def _require_pair(model: NarxModel, plant: Plant) -> None:
             raise ModelError(f"the model's {signal} is in {unit}, the rig's in {known}")
 
 
-def _require_inside(model: NarxModel, operating_input: float) -> None:
+def _require_inside(model: NarxModel, operating_inputs: Sequence[float]) -> None:
     if model.operating is None:
         return
     low, high = float(model.operating.input_min[0]), float(model.operating.input_max[0])
-    if not low <= operating_input <= high:
-        raise ModelError(
-            f"the operating input {operating_input:g} lies outside of the training data, "
-            f"{low:g} to {high:g} {model.input_units[0]}"
+    for operating_input in operating_inputs:
+        if not low <= operating_input <= high:
+            raise ModelError(
+                f"the operating input {operating_input:g} lies outside of the training data, "
+                f"{low:g} to {high:g} {model.input_units[0]}"
+            )
+
+
+def _require_limits(limits: tuple[float, float], linear: LinearModel) -> None:
+    low, high = limits
+    if not low < linear.operating_input < high:
+        raise ControlError(
+            f"the operating input {linear.operating_input:g} must lie between the limits of the command, "
+            f"{low:g} and {high:g}"
         )
 
 
@@ -288,14 +366,13 @@ def _known_band(model: NarxModel, recording: Recording | None) -> float | None:
         return excited_band(recording)
     written = model.provenance.get(BAND_KEY)
     try:
-        return None if written is None else float(written)
+        band = None if written is None else float(written)
     except ValueError:
-        text = f"the model's provenance has {BAND_KEY} = {written!r}: it must be a number"
-        raise ModelError(text) from None
+        band = -1.0
+    if band is None or 0.0 < band < np.inf:
+        return band
+    raise ModelError(f"the model's provenance has {BAND_KEY} = {written!r}: it must be a positive number")
 
 
-def _part(progress: Progress | None, first: float, last: float) -> Progress | None:
-    """Progress of a part of the work, as a share of the whole."""
-    if progress is None:
-        return None
-    return lambda share: progress(first + (last - first) * share)
+def _known_residual(model: NarxModel, recording: Recording | None) -> Residual | None:
+    return Residual.of_provenance(model.provenance) if recording is None else free_run_residual(model, recording)

@@ -7,14 +7,16 @@ from dataclasses import asdict
 from math import inf, isfinite
 from typing import TYPE_CHECKING, Any
 
-from deatwin.control.checking.promise import LoopMargins, OperatingPoint
-from deatwin.control.checking.verdict import Finding, Verdict
-from deatwin.control.design.lambda_tuning import PiController
+from deatwin.control.checking.operating import OperatingPoint
+from deatwin.control.checking.rows import MarginRow
+from deatwin.control.checking.specification import Verdict
+from deatwin.control.checking.verdict import Finding
+from deatwin.control.controllers.document import controller_from_dict, controller_to_dict
 from deatwin.control.linear.model import LinearStatus
 from deatwin.control.loop.closed_loop import ClosedLoop
 
 if TYPE_CHECKING:
-    from deatwin.control.checking.check import Check
+    from deatwin.control.checking.result import Check
 
 __all__ = ["SCHEMA", "from_document", "to_document"]
 
@@ -23,6 +25,7 @@ _PLAIN = ("excited_band_Hz", "sine_predicted")
 _RUNS = ("steps", "sine")
 _ALWAYS = ("rms_error", "saturated_share", "effort")
 _MEASURES = {"steps": (*_ALWAYS, "overshoot", "steady_error", "ripple"), "sine": _ALWAYS}
+_MAY_BE_ABSENT = ("time",)  # of a row of margins; where another is null it is infinite
 
 
 def to_document(check: Check) -> dict[str, Any]:
@@ -37,6 +40,7 @@ def to_document(check: Check) -> dict[str, Any]:
     dict
     """
     runs = {name: run for name in _RUNS if (run := getattr(check, name)) is not None}
+    predicted = check.predicted
     return {
         "schema": SCHEMA,
         "verdict": check.verdict.value,
@@ -45,12 +49,18 @@ def to_document(check: Check) -> dict[str, Any]:
         "sentence": check.sentence,
         **{name: getattr(check, name) for name in _PLAIN},
         "operating": {**asdict(check.operating), "status": check.operating.status.name.lower()},
-        "controller": None if check.controller is None else asdict(check.controller),
+        "controller": None if check.controller is None else controller_to_dict(check.controller),
         "margins": None if check.margins is None else _finite(asdict(check.margins)),
+        "table": [_finite(asdict(row)) for row in check.table],
         "measures": {name: {m: getattr(run, m) for m in _MEASURES[name]} for name, run in runs.items()},
         "findings": [_finite({**asdict(f), "verdict": f.verdict.value}) for f in check.findings],
         **{name: runs[name].to_dict() if name in runs else None for name in _RUNS},
-    }
+        "others": {name: run.to_dict() for name, run in check.others.items()},
+        "predicted": None if predicted is None else {
+            "middle": predicted.middle.tolist(), "half_width": predicted.half_width.tolist(),
+            "diverged": predicted.diverged,
+        },
+    }  # fmt: skip
 
 
 def from_document(document: Mapping[str, Any]) -> dict[str, Any]:
@@ -64,7 +74,7 @@ def from_document(document: Mapping[str, Any]) -> dict[str, Any]:
     Returns
     -------
     dict
-        Arguments of `Check`.
+        Arguments of `Check`; the draws of the prediction are not in the file.
     """
     operating, controller, margins = (document[name] for name in ("operating", "controller", "margins"))
     status = LinearStatus[operating["status"].upper()]
@@ -72,9 +82,11 @@ def from_document(document: Mapping[str, Any]) -> dict[str, Any]:
         **{name: document[name] for name in _PLAIN},
         "findings": tuple(Finding(**{**f, "verdict": Verdict(f["verdict"])}) for f in document["findings"]),
         "operating": OperatingPoint(**{**operating, "status": status}),
-        "controller": None if controller is None else PiController(**controller),
-        "margins": None if margins is None else LoopMargins(**_infinite(margins)),
+        "controller": None if controller is None else controller_from_dict(controller),
+        "margins": None if margins is None else MarginRow(**_infinite(margins)),
+        "table": tuple(MarginRow(**_infinite(row)) for row in document["table"]),
         **{name: None if document[name] is None else ClosedLoop.from_dict(document[name]) for name in _RUNS},
+        "others": {name: ClosedLoop.from_dict(run) for name, run in document["others"].items()},
     }
 
 
@@ -83,4 +95,4 @@ def _finite(values: dict[str, Any]) -> dict[str, Any]:
 
 
 def _infinite(values: Mapping[str, Any]) -> dict[str, Any]:
-    return {k: inf if v is None else v for k, v in values.items()}
+    return {k: inf if v is None and k not in _MAY_BE_ABSENT else v for k, v in values.items()}

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from deatwin.control.design.lambda_tuning import PiController
+from deatwin.control.checking.verdict import Runs
+from deatwin.control.controllers.base import Controller
 from deatwin.control.linear.model import LinearModel
-from deatwin.control.loop.closed_loop import ClosedLoop, closed_loop, sine_reference, step_reference
+from deatwin.control.loop.closed_loop import ClosedLoop, closed_loop
+from deatwin.control.loop.references import sine_reference, step_reference
+from deatwin.control.progress import Progress, part
 from deatwin.plant.model import Plant
 
 __all__ = ["Trial"]
 
-Progress = Callable[[float], None]
+Array = NDArray[np.float64]
 
 STEP_SHARE = 0.3
 """Amplitude of the references, as a share of the stroke from the operating point to the nearer limit."""
@@ -29,13 +32,11 @@ SINE_PERIODS = 3
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Trial:
-    """A controller and a plant to try it on.
+    """A controller, and the references to try it with.
 
     Parameters
     ----------
-    plant : Plant
-        The actuator.
-    controller : PiController
+    controller : Controller
         To be tried.
     linear : LinearModel
         Sound model of the actuator as the controller sees it: sets the operating point and the amplitude.
@@ -43,8 +44,7 @@ class Trial:
         Source of the sensor's noise.
     """
 
-    plant: Plant
-    controller: PiController
+    controller: Controller
     linear: LinearModel
     rng: np.random.Generator
 
@@ -66,13 +66,48 @@ class Trial:
         """Of the sine reference, Hz."""
         return SINE_SHARE / (2 * np.pi * self.controller.closed_loop_time)
 
-    def steps(self, factor: float, progress: Progress | None = None) -> ClosedLoop:
-        """Run the step reference.
+    @property
+    def step_reference(self) -> Array:
+        """Steps that rise in a closed-loop time, in the output's unit."""
+        h, time = self.controller.sample_time, self.controller.closed_loop_time
+        plateau = max(round(PLATEAU * time / h), SHORTEST)
+        return step_reference(self.centre, self.amplitude, plateau, rise=min(round(time / h), plateau - 1))
+
+    @property
+    def sine_reference(self) -> Array:
+        """A slow sine, in the output's unit."""
+        h = self.controller.sample_time
+        return sine_reference(self.centre, self.amplitude, self.frequency_Hz, h, SINE_PERIODS)
+
+    def runs(self, source: str, plant: Plant, progress: Progress | None = None) -> Runs:
+        """Run both references on a plant.
 
         Parameters
         ----------
+        source : str
+            Whose plant it is.
+        plant : Plant
+            With the controller's sample time.
+        progress : callable, optional
+            Called with the share that is done.
+
+        Returns
+        -------
+        Runs
+        """
+        steps = self._run(plant, self.controller, self.step_reference, part(progress, 0.0, 0.5))
+        sine = self._run(plant, self.controller, self.sine_reference, part(progress, 0.5, 1.0))
+        return Runs(source=source, steps=steps, sine=sine)
+
+    def raised(self, plant: Plant, factor: float, progress: Progress | None = None) -> ClosedLoop:
+        """Run the steps with another loop gain.
+
+        Parameters
+        ----------
+        plant : Plant
+            With the controller's sample time.
         factor : float
-            By which both gains of the controller are raised.
+            Of the loop gain.
         progress : callable, optional
             Called with the share that is done.
 
@@ -80,32 +115,16 @@ class Trial:
         -------
         ClosedLoop
         """
-        plateau = max(
-            round(PLATEAU * self.controller.closed_loop_time / self.controller.sample_time), SHORTEST
-        )
-        reference = step_reference(self.centre, self.amplitude, plateau)
-        controller = self.controller.scaled(factor)
-        return closed_loop(self.plant, controller, reference, rng=self.rng, progress=progress)
+        return self._run(plant, self.controller.scaled(factor), self.step_reference, progress)
 
-    def sine(self, progress: Progress | None = None) -> ClosedLoop:
-        """Run the sine reference.
-
-        Parameters
-        ----------
-        progress : callable, optional
-            Called with the share that is done.
-
-        Returns
-        -------
-        ClosedLoop
-        """
-        reference = sine_reference(
-            self.centre, self.amplitude, self.frequency_Hz, self.controller.sample_time, SINE_PERIODS
-        )
-        return closed_loop(self.plant, self.controller, reference, rng=self.rng, progress=progress)
+    def _run(
+        self, plant: Plant, controller: Controller, reference: Array, progress: Progress | None
+    ) -> ClosedLoop:
+        return closed_loop(plant, controller, reference, rng=self.rng, progress=progress)
 
     def sine_error(self) -> float:
         """Rms error on the sine that the model predicts: its amplitude times the sensitivity function."""
         omega = 2 * np.pi * self.frequency_Hz
-        loop = self.controller.response([omega]) * self.linear.response([omega])
+        law = self.controller.local(self.controller.operating_input)
+        loop = law.feedback_response([omega], self.controller.sample_time) * self.linear.response([omega])
         return float(self.amplitude / np.sqrt(2.0) / np.abs(1.0 + loop[0]))

@@ -1,84 +1,30 @@
-"""From numbers to a verdict: limits with their sources, and one finding for each."""
+"""From numbers to findings: each number beside its limit."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import Enum
-from math import inf
+from math import inf, isfinite
 
 import numpy as np
 
-from deatwin.control.checking.promise import LoopMargins
+from deatwin.control.checking.rows import MarginRow
+from deatwin.control.checking.specification import Limit, Specification, Verdict
 from deatwin.control.loop.closed_loop import ClosedLoop
+from deatwin.control.loop.predicted import PredictedLoop
 
-__all__ = ["Finding", "Limit", "Verdict", "judge_band", "judge_margins", "judge_plant", "worst"]
-
-
-class Verdict(Enum):
-    """Whether a controller would survive the actuator; the value is its name in files."""
-
-    PASS = "pass"
-    MARGINAL = "marginal"
-    FAIL = "fail"
-
-    @property
-    def severity(self) -> int:
-        """0 for pass, 2 for fail."""
-        return list(Verdict).index(self)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Limit:
-    """Where a number stops to be good, and where it becomes bad.
-
-    Parameters
-    ----------
-    good, poor : float
-        Limits of `pass` and of `marginal`, in the number's own unit; a good one above the poor one means that
-        more is better.
-    """
-
-    good: float
-    poor: float
-
-    def judge(self, value: float) -> Verdict:
-        """Verdict on a number.
-
-        Parameters
-        ----------
-        value : float
-            In the number's own unit.
-
-        Returns
-        -------
-        Verdict
-        """
-        sign = 1.0 if self.good > self.poor else -1.0
-        if sign * value >= sign * self.good:
-            return Verdict.PASS
-        return Verdict.MARGINAL if sign * value >= sign * self.poor else Verdict.FAIL
-
-
-GAIN = Limit(good=2.0, poor=1.5)
-"""Gain margin. Åström & Murray, Feedback Systems (2008), section 9.3: 2 to 5 is reasonable; Skogestad &
-Postlethwaite, Multivariable Feedback Control (2005), section 2.4.3: more than 2."""
-PHASE_DEG = Limit(good=45.0, poor=30.0)
-"""Phase margin, degrees. Åström & Murray, section 9.3: 30 to 60; Skogestad & Postlethwaite: more than 30."""
-DELAY_SAMPLES = Limit(good=1.0, poor=0.5)
-"""Delay margin, samples: a command that comes one sample late must not upset the loop (our choice)."""
-STABLE_SHARE = Limit(good=0.975, poor=0.9)
-"""Share of the posterior's samples with a stable closed loop: the quantile at which margins are judged."""
-OVERSHOOT = Limit(good=0.25, poor=0.5)
-"""Overshoot of a step, as a share of it: about what phase margins of 45 and 30 degrees give in a second-order
-loop (Åström & Murray, sections 6.3 and 9.3)."""
-STEADY_ERROR = Limit(good=0.05, poor=0.15)
-"""Mean error late after a step, as a share of the step (our choice; with integral action it goes to zero)."""
-RIPPLE = Limit(good=0.1, poor=0.3)
-"""Rms motion late after a step, as a share of the step (our choice): more is ringing or a limit cycle."""
-SATURATED = Limit(good=0.05, poor=0.25)
-"""Share of samples with the command at a limit (our choice)."""
-TRACKING_RATIO = Limit(good=1.5, poor=3.0)
-"""Error on a slow sine, achieved against predicted (our choice)."""
+__all__ = [
+    "Finding",
+    "Runs",
+    "judge_band",
+    "judge_draws",
+    "judge_margins",
+    "judge_prediction",
+    "judge_raised",
+    "judge_runs",
+    "late_rms_error",
+    "worst",
+]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,12 +49,48 @@ class Finding:
     text: str
 
 
-def worst(findings: tuple[Finding, ...]) -> Finding:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Runs:
+    """Runs of one controller on one physics plant.
+
+    Parameters
+    ----------
+    source : str
+        Whose plant: ``plant``, or the name of another.
+    steps, sine : ClosedLoop
+        With a step reference and with a slow sine.
+    """
+
+    source: str
+    steps: ClosedLoop
+    sine: ClosedLoop
+
+    @property
+    def where(self) -> str:
+        """The plant in words."""
+        return "on the physics plant" if self.source == "plant" else f"on {self.source}"
+
+    def subject(self, name: str) -> str:
+        """What a finding on these runs is about.
+
+        Parameters
+        ----------
+        name : str
+            What was measured.
+
+        Returns
+        -------
+        str
+        """
+        return name if self.source == "plant" else f"{name} ({self.source})"
+
+
+def worst(findings: Sequence[Finding]) -> Finding:
     """The finding that decides: the first of the most severe ones.
 
     Parameters
     ----------
-    findings : tuple of Finding
+    findings : sequence of Finding
         At least one.
 
     Returns
@@ -118,36 +100,44 @@ def worst(findings: tuple[Finding, ...]) -> Finding:
     return max(findings, key=lambda finding: finding.verdict.severity)
 
 
-def judge_margins(margins: LoopMargins, sample_time: float) -> tuple[Finding, ...]:
-    """Judge what the model promises at the 2.5 % quantile of its posterior.
+def judge_margins(
+    rows: Sequence[MarginRow], sample_time: float, specification: Specification
+) -> tuple[Finding, ...]:
+    """Judge the margins of one source where they are worst.
 
     Parameters
     ----------
-    margins : LoopMargins
-        Of the loop.
+    rows : sequence of MarginRow
+        Of one source, one or more.
     sample_time : float
         s.
+    specification : Specification
+        What is asked.
 
     Returns
     -------
     tuple of Finding
     """
-    late = margins.delay_low / sample_time
-    shares = f"{100 * margins.stable_share:.0f} % of the model's posterior"
-    stability = _finding("stability", margins.stable_share, STABLE_SHARE, f"the loop is stable in {shares}")
+    spec = specification
+    least = min(rows, key=lambda row: row.stable_share)
+    share = f" with {100 * least.stable_share:.0f} % certainty"
+    text = f"the loop is stable{share}{_at(least)}" if least.stable_share < 1.0 else f"the loop is stable{_all(rows)}"
+    stability = _finding(_subject("stability", least), least.stable_share, spec.stable_share, text)
     if stability.verdict is not Verdict.PASS:
         return (stability,)  # margins of loops that are unstable would say the same once more
-    low = "at the 2.5 % quantile of the model's posterior"
-    gain, phase = (
-        f"the gain margin is {margins.gain_low:.2f}",
-        f"the phase margin is {margins.phase_low_deg:.0f}°",
+    by = (
+        ("gain margin", lambda r: r.gain_low, spec.gain, "{:.2f}"),
+        ("phase margin", lambda r: r.phase_low_deg, spec.phase_deg, "{:.0f}°"),
+        ("delay margin", lambda r: r.delay_low / sample_time, spec.delay_samples, "{:.1f} samples"),
+        ("disk margin", lambda r: r.disk_low, spec.disk, "{:.2f}"),
     )
-    return (
-        stability,
-        _finding("gain margin", margins.gain_low, GAIN, f"{gain} {low}"),
-        _finding("phase margin", margins.phase_low_deg, PHASE_DEG, f"{phase} {low}"),
-        _finding("delay margin", late, DELAY_SAMPLES, f"the delay margin is {late:.1f} samples {low}"),
-    )
+    found = [stability]
+    for name, measure, limit, written in by:
+        row = min(rows, key=measure)
+        value = measure(row)
+        size = written.format(value) if isfinite(value) else "infinite"
+        found.append(_finding(_subject(name, row), value, limit, f"the {name} is {size}{_at(row)}"))
+    return tuple(found)
 
 
 def judge_band(crossover_Hz: float, band_Hz: float) -> Finding:
@@ -156,7 +146,7 @@ def judge_band(crossover_Hz: float, band_Hz: float) -> Finding:
     Parameters
     ----------
     crossover_Hz : float
-        Of the model's loop, Hz.
+        Highest of the model's loops, Hz.
     band_Hz : float
         Band that the recording excited, Hz.
 
@@ -176,67 +166,104 @@ def judge_band(crossover_Hz: float, band_Hz: float) -> Finding:
     return Finding(subject="excitation", value=crossover_Hz, verdict=Verdict.MARGINAL, text=text)
 
 
-def judge_plant(
-    steps: ClosedLoop, sine: ClosedLoop, sine_predicted: float, raised: tuple[tuple[float, ClosedLoop], ...]
-) -> tuple[Finding, ...]:
-    """Judge the closed loop on the physics plant.
+def judge_runs(runs: Runs, sine_predicted: float, specification: Specification) -> tuple[Finding, ...]:
+    """Judge the closed loop on a physics plant.
 
     Parameters
     ----------
-    steps, sine : ClosedLoop
-        Runs with a step and with a sine reference.
+    runs : Runs
+        With a step and with a sine reference.
     sine_predicted : float
         Rms error on the sine that the model predicts, in the output's unit.
-    raised : tuple of (float, ClosedLoop)
-        Runs with the step reference and both gains of the controller raised by a factor.
+    specification : Specification
+        What is asked.
 
     Returns
     -------
     tuple of Finding
     """
-    for run in (steps, sine):
+    for run in (runs.steps, runs.sine):
         if not run.status.ok:
-            return (_failed(run),)
+            return (_failed(runs, run),)
+    steps, sine, spec = runs.steps, runs.sine, specification
     ratio = late_rms_error(sine) / sine_predicted if sine_predicted > 0.0 else inf
     saturated = max(steps.saturated_share, sine.saturated_share)
     measured = (
-        ("overshoot", steps.overshoot, OVERSHOOT, f"steps overshoot by {100 * steps.overshoot:.0f} %"),
-        ("steady error", steps.steady_error, STEADY_ERROR, f"steps end {100 * steps.steady_error:.1f} % off"),
-        ("ripple", steps.ripple, RIPPLE, f"late after a step {100 * steps.ripple:.1f} % of it still moves"),
-        ("saturation", saturated, SATURATED, f"{100 * saturated:.0f} % of the commands are at a limit"),
-        ("tracking", ratio, TRACKING_RATIO, f"the error on a slow sine is {ratio:.2f} times the predicted"),
+        ("overshoot", steps.overshoot, spec.overshoot, f"steps overshoot by {100 * steps.overshoot:.0f} %"),
+        ("steady error", steps.steady_error, spec.steady_error, f"steps end {100 * steps.steady_error:.1f} % off"),
+        ("ripple", steps.ripple, spec.ripple, f"late after a step {100 * steps.ripple:.1f} % of it still moves"),
+        ("saturation", saturated, spec.saturated, f"{100 * saturated:.0f} % of the commands are at a limit"),
+        ("tracking", ratio, spec.tracking, f"the error on a slow sine is {ratio:.2f} times the predicted"),
     )
-    on = "on the physics plant"
-    return (*(_finding(name, value, limit, f"{text} {on}") for name, value, limit, text in measured),
-            judge_raised(raised))  # fmt: skip
+    return tuple(
+        _finding(runs.subject(name), value, limit, f"{text} {runs.where}") for name, value, limit, text in measured
+    )
 
 
-def _failed(run: ClosedLoop) -> Finding:
-    """The finding on a run that did not reach its end."""
-    when = "before" if not run.timepts.size else f"{run.timepts[-1]:.2f} s after"
-    text = f"the physics plant failed {when} the loop was closed: {run.status.value}"
-    return Finding(subject="plant", value=None, verdict=Verdict.FAIL, text=text)
-
-
-def judge_raised(raised: tuple[tuple[float, ClosedLoop], ...]) -> Finding:
-    """Judge the gain margin that the physics plant showed: the model may not know its fast mode.
+def judge_draws(predicted: PredictedLoop, specification: Specification) -> Finding:
+    """Judge whether the model's own closed loop stays together.
 
     Parameters
     ----------
-    raised : tuple of (float, ClosedLoop)
-        Factors, and runs with a step reference.
+    predicted : PredictedLoop
+        From the model.
+    specification : Specification
+        What is asked.
 
     Returns
     -------
     Finding
     """
-    calm = [factor for factor, run in raised if run.status.ok and run.ripple <= RIPPLE.poor]
+    text = f"{100 * predicted.diverged:.0f} % of the model's own closed loops diverge"
+    return _finding("model in closed loop", predicted.diverged, specification.diverged, text)
+
+
+def judge_prediction(predicted: PredictedLoop, achieved: ClosedLoop, specification: Specification) -> Finding:
+    """Judge whether the physics plant did what the model had promised.
+
+    Parameters
+    ----------
+    predicted : PredictedLoop
+        From the model.
+    achieved : ClosedLoop
+        On the plant, with the same reference.
+    specification : Specification
+        What is asked.
+
+    Returns
+    -------
+    Finding
+    """
+    share = predicted.inside(achieved)
+    text = f"{100 * share:.1f} % of the steps on the physics plant lie inside the band that the model predicts"
+    return _finding("prediction", share, specification.inside, text)
+
+
+def judge_raised(raised: Sequence[tuple[float, ClosedLoop]], specification: Specification) -> Finding:
+    """Judge the gain margin that the physics plant showed: the model may not know its fast mode.
+
+    Parameters
+    ----------
+    raised : sequence of (float, ClosedLoop)
+        Factors of the loop gain, and runs with a step reference.
+    specification : Specification
+        What is asked.
+
+    Returns
+    -------
+    Finding
+    """
+    calm: list[float] = []
+    for factor, run in sorted(raised, key=lambda entry: entry[0]):
+        if not (run.status.ok and run.ripple <= specification.ripple.poor):
+            break
+        calm.append(factor)
     reached = max(calm, default=1.0)
     if calm:
         text = f"the physics plant stays calm with the controller's gain raised {reached:g} times"
     else:
         text = f"the physics plant rings or fails with the gain raised {min(f for f, _ in raised):g} times"
-    return _finding("gain margin on the plant", reached, GAIN, text)
+    return _finding("gain margin on the plant", reached, specification.gain, text)
 
 
 def late_rms_error(run: ClosedLoop) -> float:
@@ -255,8 +282,43 @@ def late_rms_error(run: ClosedLoop) -> float:
     return float(np.sqrt(np.mean(run.error[run.error.size // 3 :] ** 2)))
 
 
+def _failed(runs: Runs, run: ClosedLoop) -> Finding:
+    """The finding on a run that did not reach its end."""
+    when = "before" if not run.timepts.size else f"{run.timepts[-1]:.2f} s after"
+    who = "the physics plant" if runs.source == "plant" else runs.source
+    text = f"{who} failed {when} the loop was closed: {run.status.value}"
+    return Finding(subject=runs.subject("plant"), value=None, verdict=Verdict.FAIL, text=text)
+
+
+def _subject(name: str, row: MarginRow) -> str:
+    return name if row.source == "model" else f"{name} ({row.source})"
+
+
+def _at(row: MarginRow) -> str:
+    """Where a row of margins is worst, in words."""
+    whose = _whose(row)
+    low = f" at the 2.5 % quantile over draws of {whose}" if row.samples > 1 else f" on {whose}"
+    when = "" if row.time is None else f" {row.time:.0f} s after the start"
+    return f"{low}, at the input {row.operating_input:.3g}{when}"
+
+
+def _whose(row: MarginRow) -> str:
+    """A source in words."""
+    names = {"model": "the model", "plant": "the physics plant"}
+    for name, words in names.items():
+        if row.source == name or row.source.startswith(f"{name} "):
+            return row.source.replace(name, words, 1)
+    return row.source
+
+
+def _all(rows: Sequence[MarginRow]) -> str:
+    whose = _whose(rows[0])
+    kind = "operating points" if all(row.time is None for row in rows) else "operating points and times"
+    count = f" at all of {len(rows)} {kind}" if len(rows) > 1 else ""
+    return f" on {whose}{count}" + (" and in all draws" if rows[0].samples > 1 else "")
+
+
 def _finding(subject: str, value: float, limit: Limit, text: str) -> Finding:
     verdict = limit.judge(value)
-    relation = "at least" if limit.good > limit.poor else "at most"
-    wanted = "" if verdict is Verdict.PASS else f" ({relation} {limit.good:g} is wanted)"
+    wanted = "" if verdict is Verdict.PASS else f" ({limit.wanted} is wanted)"
     return Finding(subject=subject, value=value, verdict=verdict, text=text + wanted)

@@ -1,21 +1,26 @@
-"""Controllers from identified models: a sampled PI by lambda tuning."""
+"""Controllers from identified models: a sampled PI or PID by lambda tuning."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import isfinite
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
+from deatwin.control.controllers.linear import LinearController
+from deatwin.control.design.half_rule import reduce_to_second_order
+from deatwin.control.design.pid import PidGains, pid
 from deatwin.control.errors import ControlError
 from deatwin.control.linear.model import LinearModel
 
-if TYPE_CHECKING:
-    from control import TransferFunction
-
-__all__ = ["FirstOrderDelay", "PiController", "lambda_tuning", "reduce_to_first_order"]
+__all__ = [
+    "FirstOrderDelay",
+    "default_closed_loop_time",
+    "lambda_tuning",
+    "lambda_tuning_pid",
+    "reduce_to_first_order",
+    "require_time",
+]
 
 _EARLY, _LATE = 1.0 - np.exp(-1.0 / 3.0), 1.0 - np.exp(-1.0)  # a first-order lag is there at T/3 and at T
 _SETTLED = 1e-4  # of the final value: what the slowest pole leaves at the end of the step response
@@ -27,6 +32,8 @@ _SAMPLES = 10.0
 crossover frequency times the sample time at most 0.05 to 0.14)."""
 _BAND_SHARE = 0.5
 """The crossover lies at this share of the band that the recording excited."""
+_FILTER_SHARE = 0.1
+"""Time constant of the derivative's filter, as a share of the derivative time (Skogestad, section 2)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,131 +51,6 @@ class FirstOrderDelay:
     gain: float
     time_constant: float
     delay: float
-
-
-@dataclass(frozen=True, kw_only=True)
-class PiController:
-    """A sampled PI controller with limits and anti-windup by conditional integration.
-
-    ``u(k) = u_0 + K_p e(k) + s(k)``, ``s(k) = s(k-1) + K_i h e(k)``; where the command would pass a limit, it
-    stays at the limit, and an error that pushes further is not integrated.
-
-    Parameters
-    ----------
-    sample_time : float
-        h, s.
-    proportional : float
-        K_p, input unit by output unit.
-    integral : float
-        K_i, input unit by output unit and second.
-    operating_input : float
-        u_0, the command for no error, in its unit.
-    command_min, command_max : float
-        Limits of the command, in its unit.
-    closed_loop_time : float
-        Time constant that was asked of the closed loop, s.
-
-    Raises
-    ------
-    ControlError
-        If a value is not finite, or the operating input does not lie inside the limits.
-    """
-
-    sample_time: float
-    proportional: float
-    integral: float
-    operating_input: float
-    command_min: float
-    command_max: float
-    closed_loop_time: float
-
-    def __post_init__(self) -> None:
-        values = (self.proportional, self.integral, self.operating_input, self.command_min, self.command_max)
-        if not (all(map(isfinite, values)) and self.sample_time > 0.0 and self.closed_loop_time > 0.0):
-            raise ControlError(f"every value of a controller must be finite, and its times positive: {self}")
-        if not self.command_min < self.operating_input < self.command_max:
-            raise ControlError(
-                f"the operating input {self.operating_input:g} must lie between the limits of the command, "
-                f"{self.command_min:g} and {self.command_max:g}"
-            )
-
-    @property
-    def numerator(self) -> tuple[float, float]:
-        """Coefficients of z^0 and z^-1, input unit by output unit."""
-        return self.proportional + self.integral * self.sample_time, -self.proportional
-
-    @property
-    def denominator(self) -> tuple[float, float]:
-        """Coefficients of z^0 and z^-1."""
-        return 1.0, -1.0
-
-    def command(self, error: float, memory: float) -> tuple[float, float]:
-        """One sample of the controller.
-
-        Parameters
-        ----------
-        error : float
-            Reference minus reading, in the output's unit.
-        memory : float
-            The integral s(k-1) that the sample before returned, 0 at the start, in the input's unit.
-
-        Returns
-        -------
-        command : float
-            Inside the limits, in the input's unit.
-        memory : float
-            s(k).
-        """
-        change = self.integral * self.sample_time * error
-        wanted = self.operating_input + self.proportional * error + memory + change
-        command = min(max(wanted, self.command_min), self.command_max)
-        further = (wanted - command) * change > 0.0
-        return command, memory if further else memory + change
-
-    def response(self, omega: ArrayLike) -> NDArray[np.complex128]:
-        """Frequency response from error to command.
-
-        Parameters
-        ----------
-        omega : array_like, shape (n,)
-            Angular frequencies above 0, rad/s.
-
-        Returns
-        -------
-        ndarray of complex, shape (n,)
-            Input unit by output unit.
-        """
-        delay = np.exp(-1j * np.asarray(omega, dtype=np.float64) * self.sample_time)
-        values = np.polyval(self.numerator[::-1], delay) / np.polyval(self.denominator[::-1], delay)
-        return np.asarray(values, dtype=np.complex128)
-
-    def scaled(self, factor: float) -> PiController:
-        """The same controller with another loop gain.
-
-        Parameters
-        ----------
-        factor : float
-            Of both gains.
-
-        Returns
-        -------
-        PiController
-        """
-        return replace(self, proportional=factor * self.proportional, integral=factor * self.integral)
-
-    def to_control(self) -> TransferFunction:
-        """The controller without its limits as a discrete system of python-control.
-
-        Returns
-        -------
-        control.TransferFunction
-            From error to command, ``dt`` equal to the sample time.
-        """
-        import control
-
-        return control.tf(
-            self.numerator, self.denominator, self.sample_time, inputs=["error"], outputs=["command"]
-        )
 
 
 def reduce_to_first_order(linear: LinearModel) -> FirstOrderDelay:
@@ -224,7 +106,7 @@ def lambda_tuning(
     command_limits: tuple[float, float],
     closed_loop_time: float | None = None,
     band_Hz: float | None = None,
-) -> PiController:
+) -> LinearController:
     r"""Tune a sampled PI controller for a wanted time constant of the closed loop.
 
     For a gain K, a lag T and a delay theta, internal model control gives with the first-order expansion of
@@ -252,7 +134,7 @@ def lambda_tuning(
 
     Returns
     -------
-    PiController
+    LinearController
         At the sample time of the model.
 
     Raises
@@ -269,20 +151,125 @@ def lambda_tuning(
     """
     plant, h = reduce_to_first_order(linear), linear.sample_time
     lag, delay = plant.time_constant, plant.delay + 0.5 * h
-    if closed_loop_time is None:
-        crossover_time = 0.0 if band_Hz is None else 1.0 / (2 * np.pi * _BAND_SHARE * band_Hz)
-        closed_loop_time = max(lag, _DELAY_SHARE * delay, _SAMPLES * h, crossover_time)
-    if not (isfinite(closed_loop_time) and closed_loop_time >= h):
-        raise ControlError(
-            f"a closed-loop time of {closed_loop_time:g} s: it must be finite and at least a sample, {h:g} s"
-        )
-    cancelled = lag if lag >= closed_loop_time else 0.0
-    horizon = closed_loop_time + delay + (lag - cancelled)
-    frequencies = np.linspace(0.0, min(1.0 / horizon, np.pi / h), 200)
-    gain = np.copysign(np.abs(linear.response(frequencies)).max(), plant.gain)
-    integral = 1.0 / (gain * horizon)
-    return PiController(
-        sample_time=h, proportional=float(cancelled * integral), integral=float(integral),
-        operating_input=linear.operating_input, command_min=float(command_limits[0]),
-        command_max=float(command_limits[1]), closed_loop_time=float(closed_loop_time),
+    wanted = require_time(closed_loop_time, h) or _default_time(h, lag, delay, band_Hz)
+    cancelled = lag if lag >= wanted else 0.0
+    horizon = wanted + delay + (lag - cancelled)
+    integral = 1.0 / (_largest_gain(linear, horizon) * horizon)
+    gains = PidGains(proportional=cancelled * integral, integral=integral)
+    return pid(linear, gains, command_limits, wanted)
+
+
+def lambda_tuning_pid(
+    linear: LinearModel,
+    *,
+    command_limits: tuple[float, float],
+    closed_loop_time: float | None = None,
+    band_Hz: float | None = None,
+) -> LinearController:
+    r"""Tune a sampled PID controller for a wanted time constant of the closed loop.
+
+    For a gain K, two lags :math:`T_1 \geq T_2` and a delay theta (`reduce_to_second_order`) the controller is
+    :math:`K_c (1 + 1/(T_I s)) (1 + T_2 s)` with :math:`K_c = T_1/(K(\lambda + \theta))` and
+    :math:`T_I = \min(T_1, 4(\lambda + \theta))`, so that a disturbance at the input of a slow plant does not linger.
+    The derivative is of the reading alone, and its filter counts with the delay. K as in `lambda_tuning`.
+
+    Parameters
+    ----------
+    linear : LinearModel
+        As the controller sees it (`LinearModel.in_loop`), with two lags that the samples show.
+    command_limits : (float, float)
+        Least and largest command, in its unit.
+    closed_loop_time : float, optional
+        Lambda, s. By default the largest of the second lag, three times the delay, ten samples, and what puts the
+        crossover at half of `band_Hz`.
+    band_Hz : float, optional
+        Band that the recording excited, Hz.
+
+    Returns
+    -------
+    LinearController
+        At the sample time of the model.
+
+    Raises
+    ------
+    ModelError
+        If no controller can be designed on the model.
+    ControlError
+        If the model has no second lag, the closed-loop time is shorter than a sample, or the limits do not enclose
+        the operating input.
+
+    References
+    ----------
+    S. Skogestad, "Simple analytic rules for model reduction and PID controller tuning", J. Process Control 13 (2003)
+    291-309.
+    """
+    plant, h = reduce_to_second_order(linear), linear.sample_time
+    filter_time = max(_FILTER_SHARE * plant.second_lag, h)
+    delay = plant.delay + filter_time
+    wanted = require_time(closed_loop_time, h) or _default_time(h, plant.second_lag, delay, band_Hz)
+    horizon = wanted + delay
+    share, peak = plant.gain / linear.static_gain, _largest_gain(linear, horizon) / linear.static_gain
+    gain = linear.static_gain * max(share, min(share, 1.0) * peak)  # a lead beside a lag makes share and peak alike
+    integral_time = min(plant.first_lag, 4.0 * horizon)
+    series = plant.first_lag / (gain * horizon)
+    gains = PidGains(
+        proportional=series * (1.0 + plant.second_lag / integral_time), integral=series / integral_time,
+        derivative=series * plant.second_lag, filter_time=filter_time,
     )  # fmt: skip
+    return pid(linear, gains, command_limits, wanted)
+
+
+def default_closed_loop_time(linear: LinearModel, band_Hz: float | None = None) -> float:
+    """The time constant of the closed loop that `lambda_tuning` chooses by itself.
+
+    Parameters
+    ----------
+    linear : LinearModel
+        As the controller sees it (`LinearModel.in_loop`).
+    band_Hz : float, optional
+        Band that the recording excited, Hz.
+
+    Returns
+    -------
+    float
+        s.
+    """
+    plant, h = reduce_to_first_order(linear), linear.sample_time
+    return _default_time(h, plant.time_constant, plant.delay + 0.5 * h, band_Hz)
+
+
+def require_time(wanted: float | None, sample_time: float) -> float | None:
+    """A closed-loop time, if it makes sense or none is given.
+
+    Parameters
+    ----------
+    wanted : float or None
+        s.
+    sample_time : float
+        s.
+
+    Returns
+    -------
+    float or None
+
+    Raises
+    ------
+    ControlError
+        If it is shorter than a sample or not finite.
+    """
+    if wanted is None or (isfinite(wanted) and wanted >= sample_time):
+        return wanted
+    raise ControlError(
+        f"a closed-loop time of {wanted:g} s: it must be finite and at least a sample, {sample_time:g} s"
+    )
+
+
+def _default_time(h: float, lag: float, delay: float, band_Hz: float | None) -> float:
+    crossover_time = 0.0 if band_Hz is None else 1.0 / (2 * np.pi * _BAND_SHARE * band_Hz)
+    return max(lag, _DELAY_SHARE * delay, _SAMPLES * h, crossover_time)
+
+
+def _largest_gain(linear: LinearModel, horizon: float) -> float:
+    """Largest gain up to the crossover at 1/horizon, with the sign of the static gain."""
+    frequencies = np.linspace(0.0, min(1.0 / horizon, np.pi / linear.sample_time), 200)
+    return float(np.copysign(np.abs(linear.response(frequencies)).max(), linear.static_gain))

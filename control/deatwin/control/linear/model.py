@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cached_property
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 __all__ = ["LinearModel", "LinearStatus"]
 
 Array = NDArray[np.float64]
+
+SIGN_LEVEL = 1.96
+"""A static gain within this many standard deviations of zero has no certain sign (95 %, normal law)."""
 
 
 class LinearStatus(Enum):
@@ -63,7 +66,7 @@ class LinearModel:
     status : LinearStatus
         Whether a controller can be designed on it.
     detail : str
-        What was found where the status is not sound, else empty.
+        What was found where the status is not sound or digits were lost, else empty.
     input_name, output_name, input_unit, output_unit : str
         Names and units of the signals.
     """
@@ -92,6 +95,50 @@ class LinearModel:
         if self.covariance.shape != (size, size):
             raise ModelError(f"the covariance has shape {self.covariance.shape}: it must be ({size}, {size})")
 
+    @classmethod
+    def without_equilibrium(cls, detail: str, **signals: Any) -> Self:
+        """What stands for a model where there is no equilibrium.
+
+        Parameters
+        ----------
+        detail : str
+            What was found.
+        **signals
+            Sample time, operating input, names and units.
+
+        Returns
+        -------
+        LinearModel
+            Of no dynamics and no gain, without an operating output.
+        """
+        return cls(
+            numerator=np.zeros(1), denominator=np.ones(1), covariance=np.zeros((1, 1)), operating_output=None,
+            status=LinearStatus.NO_EQUILIBRIUM, detail=detail, **signals,
+        )  # fmt: skip
+
+    def judged(self, is_stable: bool, least_gain: float = 0.0) -> Self:
+        """This model with the status that its stability and its static gain give it.
+
+        Parameters
+        ----------
+        is_stable : bool
+            Whether the equilibrium is, its modes that the input does not excite included.
+        least_gain : float
+            Up to which a static gain is rounding, output unit by input unit.
+
+        Returns
+        -------
+        LinearModel
+        """
+        if not is_stable:
+            detail = f"largest pole {abs(self.poles).max(initial=0.0):.4g}"
+            return replace(self, status=LinearStatus.UNSTABLE, detail=detail)
+        gain, deviation = self.static_gain, self.static_gain_deviation
+        if abs(gain) <= least_gain or abs(gain) < SIGN_LEVEL * deviation:
+            detail = f"{gain:.3g} with a standard deviation of {deviation:.3g}"
+            return replace(self, status=LinearStatus.NO_GAIN, detail=detail)
+        return self
+
     def require(self) -> Self:
         """This model, if a controller can be designed on it.
 
@@ -107,6 +154,19 @@ class LinearModel:
         if self.status.ok:
             return self
         raise ModelError(f"{self.status.value}" + (f" ({self.detail})" if self.detail else ""))
+
+    @property
+    def rest_output(self) -> float:
+        """Output at rest at the operating point, in its unit.
+
+        Raises
+        ------
+        ModelError
+            If there is no equilibrium.
+        """
+        if self.operating_output is None:
+            raise ModelError(self.status.value + (f" ({self.detail})" if self.detail else ""))
+        return self.operating_output
 
     @cached_property
     def poles(self) -> NDArray[np.complex128]:

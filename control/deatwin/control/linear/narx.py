@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.control.linear.model import LinearModel, LinearStatus
+from deatwin.control.linear.family import draw, linearise_many
+from deatwin.control.linear.model import LinearModel
 from deatwin.ident.frequency import equilibrium, linear_part
 from deatwin.ident.frequency.linear import LinearPart, operating_input_of
 from deatwin.ident.narx import NarxModel
@@ -19,9 +19,6 @@ __all__ = ["linearise", "linearise_posterior"]
 
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]
-
-_SIGN_LEVEL = 1.96
-"""A static gain within this many standard deviations of zero has no certain sign (95 %, normal law)."""
 
 
 def linearise(model: NarxModel, operating_input: float | None = None) -> LinearModel:
@@ -52,16 +49,8 @@ def linearise(model: NarxModel, operating_input: float | None = None) -> LinearM
         rest = equilibrium(model, point)
         part = linear_part(model, point, rest.output)
     except ModelError as error:
-        return _without_equilibrium(model, point, str(error))
-    linear = _of_part(model, part, point, rest.output)
-    if not rest.is_stable:
-        detail = f"largest pole {abs(linear.poles).max():.4g}"
-        return replace(linear, status=LinearStatus.UNSTABLE, detail=detail)
-    gain, deviation = linear.static_gain, linear.static_gain_deviation
-    if gain == 0.0 or abs(gain) < _SIGN_LEVEL * deviation:
-        detail = f"{gain:.3g} with a standard deviation of {deviation:.3g}"
-        return replace(linear, status=LinearStatus.NO_GAIN, detail=detail)
-    return linear
+        return LinearModel.without_equilibrium(str(error), **_signals(model, point))
+    return _of_part(model, part, point, rest.output).judged(rest.is_stable)
 
 
 def linearise_posterior(
@@ -71,7 +60,7 @@ def linearise_posterior(
     count: int,
     progress: Progress | None = None,
 ) -> tuple[LinearModel, ...]:
-    """Linearise samples of a model's posterior, each about its own equilibrium.
+    """Linearise samples of a model's posterior, each about its own equilibrium on the branch of the model's own.
 
     Parameters
     ----------
@@ -88,28 +77,13 @@ def linearise_posterior(
 
     Returns
     -------
-    tuple of LinearModel
-        Some may lack an equilibrium; their status says so.
+    tuple of LinearModel, length count
+        Some may lack an equilibrium; their status says so. All at once they are a `LinearFamily`: `linearise_many`.
     """
-    samples = []
-    for number, theta in enumerate(_draw(model, rng, count)):
-        # The spread is in the samples themselves.
-        sample = replace(model, theta=theta, theta_cov=np.zeros_like(model.theta_cov))
-        samples.append(linearise(sample, operating_input))
-        if progress is not None:
-            progress((number + 1) / count)
-    return tuple(samples)
-
-
-def _draw(model: NarxModel, rng: np.random.Generator, count: int) -> Array:
-    """Samples of the parameters, shape (count, n_terms)."""
-    deviations = np.sqrt(np.diag(model.theta_cov))
-    units = np.where(deviations > 0.0, deviations, 1.0)  # parameters differ by many orders of magnitude
-    values, vectors = np.linalg.eigh(model.theta_cov / np.outer(units, units))
-    spread = rng.standard_normal((count, units.size)) * np.sqrt(values.clip(min=0.0)) @ vectors.T * units
-    if np.isfinite(model.theta_dof):
-        spread *= np.sqrt((model.theta_dof - 2.0) / rng.chisquare(model.theta_dof, count))[:, None]
-    return np.asarray(model.theta + spread, dtype=np.float64)
+    family = linearise_many(model, operating_input_of(model, operating_input), draw(model, rng, count))
+    if progress is not None:
+        progress(1.0)
+    return tuple(family.at(0, number) for number in range(count))
 
 
 def _of_part(model: NarxModel, part: LinearPart, operating_input: float, output: float) -> LinearModel:
@@ -123,13 +97,6 @@ def _of_part(model: NarxModel, part: LinearPart, operating_input: float, output:
     return LinearModel(
         numerator=numerator, denominator=denominator, covariance=slopes @ model.theta_cov @ slopes.T,
         operating_output=output, **_signals(model, operating_input),
-    )  # fmt: skip
-
-
-def _without_equilibrium(model: NarxModel, operating_input: float, detail: str) -> LinearModel:
-    return LinearModel(
-        numerator=np.zeros(1), denominator=np.ones(1), covariance=np.zeros((1, 1)), operating_output=None,
-        status=LinearStatus.NO_EQUILIBRIUM, detail=detail, **_signals(model, operating_input),
     )  # fmt: skip
 
 

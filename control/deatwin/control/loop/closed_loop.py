@@ -1,4 +1,4 @@
-"""A sampled controller around the physics plant: references, closed loop, and what is measured on it."""
+"""A sampled controller around the physics plant, and what is measured on it."""
 
 from __future__ import annotations
 
@@ -10,25 +10,43 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.control.design.lambda_tuning import PiController
+from deatwin.control.controllers.base import Controller
 from deatwin.control.errors import ControlError
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
+from deatwin.plant.rigs.base import Rig
 from deatwin.plant.simulate import RunStatus, Stepper
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["ClosedLoop", "closed_loop", "sine_reference", "step_reference"]
+__all__ = ["ClosedLoop", "at_operating_point", "closed_loop"]
 
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]
 
-_LEVELS = (0.0, 1.0, 0.0, -1.0, 0.0)
-"""Levels of the step reference, in amplitudes; the first is where the loop closes."""
+_LEVEL = 5  # samples at one value at least, for a level of a step reference
 _NEWS = 100  # samples between two calls of progress
 _SERIES = ("timepts", "reference", "output", "measured", "command")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Level:
+    """A level of a step reference, as samples of a run.
+
+    Parameters
+    ----------
+    first, settled, stop : int
+        Where the reference leaves the level before, where it is at the new one, and where it leaves that.
+    step : float
+        From the level before to this one, in the output's unit.
+    """
+
+    first: int
+    settled: int
+    stop: int
+    step: float
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -95,20 +113,22 @@ class ClosedLoop:
         return float(np.abs(np.diff(self.command)).sum() / (self.timepts[-1] - self.timepts[0]))
 
     @property
-    def plateaus(self) -> tuple[slice, ...]:
-        """Samples of each level of a step reference that the run lived through, without the first level."""
-        changes = np.flatnonzero(np.diff(self.reference)) + 1
-        edges = [*changes.tolist(), self.reference.size]
-        return tuple(slice(first, last) for first, last in pairwise(edges))
+    def levels(self) -> tuple[Level, ...]:
+        """The levels of a step reference that the run lived through, without the first and without a return to one."""
+        still = np.flatnonzero(np.diff(self.reference) != 0.0)
+        edges = np.concatenate([[-1], still, [self.reference.size - 1]]) + 1
+        flat = [(int(a), int(b)) for a, b in pairwise(edges) if b - a >= _LEVEL]
+        return tuple(
+            Level(first=end, settled=start, stop=stop, step=float(self.reference[start] - self.reference[end - 1]))
+            for (_, end), (start, stop) in pairwise(flat)
+            if self.reference[start] != self.reference[end - 1]
+        )
 
     @property
     def overshoot(self) -> float:
         """Largest excursion beyond a new level of a step reference, as a share of its step."""
-        shares = [0.0]
-        for part in self.plateaus:
-            step = self.reference[part.start] - self.reference[part.start - 1]
-            shares.append(float((-self.error[part] / step).max()))
-        return max(shares)
+        over = [(self.output[v.first : v.stop] - self.reference[v.settled]) / v.step for v in self.levels]
+        return max([0.0, *(float(share.max()) for share in over)])
 
     @property
     def steady_error(self) -> float:
@@ -121,11 +141,11 @@ class ClosedLoop:
         return self._late(lambda error: float(error.std()))
 
     def _late(self, measure: Callable[[Array], float]) -> float:
-        parts = self.plateaus
-        if not parts:
+        levels = self.levels
+        if not levels:
             return 0.0
-        smallest = min(abs(float(self.reference[p.start] - self.reference[p.start - 1])) for p in parts)
-        late = [self.error[p.stop - max((p.stop - p.start) // 3, 1) : p.stop] for p in parts]
+        smallest = min(abs(level.step) for level in levels)
+        late = [self.error[v.stop - max((v.stop - v.settled) // 3, 1) : v.stop] for v in levels]
         return max(measure(error) for error in late) / smallest
 
     def plot(self, ax: Axes | None = None) -> Axes:
@@ -180,57 +200,9 @@ class ClosedLoop:
         )  # fmt: skip
 
 
-def step_reference(centre: float, amplitude: float, plateau: int) -> Array:
-    """Steps up, back, down and back.
-
-    Parameters
-    ----------
-    centre, amplitude : float
-        In the output's unit.
-    plateau : int
-        Samples of each level.
-
-    Returns
-    -------
-    ndarray, shape (5 * plateau,)
-        In the output's unit; the first level is the centre.
-
-    Examples
-    --------
-    >>> step_reference(1.0, 0.5, 1).tolist()
-    [1.0, 1.5, 1.0, 0.5, 1.0]
-    """
-    return centre + amplitude * np.repeat(_LEVELS, plateau)
-
-
-def sine_reference(
-    centre: float, amplitude: float, frequency_Hz: float, sample_time: float, periods: int
-) -> Array:
-    """A sine about an operating point.
-
-    Parameters
-    ----------
-    centre, amplitude : float
-        In the output's unit.
-    frequency_Hz : float
-        Hz.
-    sample_time : float
-        s.
-    periods : int
-        Number of periods, rounded to whole samples.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        In the output's unit.
-    """
-    count = round(periods / (frequency_Hz * sample_time))
-    return np.asarray(centre + amplitude * np.sin(2 * np.pi * frequency_Hz * sample_time * np.arange(count)))
-
-
 def closed_loop(
     plant: Plant,
-    controller: PiController,
+    controller: Controller,
     reference: Array,
     *,
     rng: np.random.Generator,
@@ -240,13 +212,14 @@ def closed_loop(
     """Close a controller around the physics plant.
 
     The plant goes from rest to the operating input by the rig's start procedure, stays there, and then
-    answers the controller sample by sample: read with noise, choose a command, hold it for a sample.
+    answers the controller sample by sample: read, choose a command, hold it for a sample. Reading and command
+    go through the rig's measuring chain where it has one; else the reading has the sensor's noise.
 
     Parameters
     ----------
     plant : Plant
         The actuator.
-    controller : PiController
+    controller : Controller
         With the plant's sample time.
     reference : ndarray, shape (n,)
         Wanted output, in its unit.
@@ -264,24 +237,27 @@ def closed_loop(
     Raises
     ------
     ControlError
-        If controller and plant have different sample times.
+        If controller and plant have different sample times, or the reference is no row of finite numbers.
     """
     rig = plant.rig
+    if reference.ndim != 1 or reference.size == 0 or not np.all(np.isfinite(reference)):
+        raise ControlError(f"the reference must be a row of finite numbers; it has the shape {reference.shape}")
     if abs(controller.sample_time / rig.sample_time - 1.0) > 1e-6:
         raise ControlError(
             f"the controller works every {controller.sample_time:g} s, the rig every {rig.sample_time:g} s"
         )
-    stepper = _at_operating_point(plant, controller.operating_input, max(round(settle / rig.sample_time), 1))
-    noise = rig.noise * rng.standard_normal(reference.size)
+    stepper = at_operating_point(plant, controller.operating_input, max(round(settle / rig.sample_time), 1))
     series = np.empty((3, reference.size))
-    memory, count = 0.0, 0
+    memory, count = controller.start(), 0
+    before = stepper.reading if stepper.status.ok else 0.0
     while stepper.status.ok and count < reference.size:
-        measured = stepper.reading + noise[count]
-        command, memory = controller.command(float(reference[count] - measured), memory)
+        measured = _measured(rig, before, stepper.reading, rng)
+        command, memory = controller.command(reference[count], measured, memory)
         series[:, count] = stepper.reading, measured, command
-        stepper.advance(command)
+        before = stepper.reading
+        stepper.advance(float(command if rig.chain is None else rig.chain.applied(command)))
         count += 1
-        if progress is not None and count % _NEWS == 0:
+        if progress is not None and (count % _NEWS == 0 or count == reference.size):
             progress(count / reference.size)
     output, measured_all, commands = series[:, :count]
     return ClosedLoop(
@@ -292,8 +268,30 @@ def closed_loop(
     )  # fmt: skip
 
 
-def _at_operating_point(plant: Plant, command: float, count: int) -> Stepper:
-    """The plant after its start procedure and `count` further samples of the operating input."""
+def _measured(rig: Rig, before: float, now: float, rng: np.random.Generator) -> float:
+    """What the sensor makes of a reading, a sample after another."""
+    if rig.chain is None:
+        return now + rig.noise * float(rng.standard_normal())
+    return float(rig.chain.record([before, now], rng, sample_time=rig.sample_time)[-1])
+
+
+def at_operating_point(plant: Plant, command: float, count: int) -> Stepper:
+    """The plant after its start procedure and further samples of the operating input.
+
+    Parameters
+    ----------
+    plant : Plant
+        From rest.
+    command : float
+        The operating input, in its unit.
+    count : int
+        Samples for which it is then held.
+
+    Returns
+    -------
+    Stepper
+        Its status says whether the plant got there.
+    """
     still = Recording.from_arrays(np.full(count, command), np.zeros(count), plant.rig.sample_time)
     timeline = plant.timeline(Experiment(recordings=(still,)))
     stepper = plant.simulator.stepper(

@@ -1,1 +1,1 @@
-"""Margins of sampled loops, one or many at once."""
+"""Margins of sampled loops with their uncertainty, and the limit cycles of loops with a nonlinearity."""

@@ -1,46 +1,45 @@
-"""Stability margins of many sampled loops at once.
-
-All crossings of a loop are bracketed on a grid and refined by bisection on the unit circle. python-control's
-`stability_margins` is the reference in the tests; it looks for roots *near* the unit circle (within some
-percent at the orders of these loops), so that a resonance that only comes close to a gain of one counts as a
-crossing, and it takes one loop a call.
-"""
+"""Stability margins of many sampled loops at once."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from deatwin.control.errors import ControlError
+from deatwin.control.stability.circle import Places, search
+from deatwin.control.stability.polynomials import jet, loop_polynomials, stable_loops
 
 __all__ = ["Margins", "margins"]
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-GRID = 2000
-"""Points of the grid on half the unit circle; half of them logarithmic, for slow loops."""
-_LOWEST = 1e-6  # rad a sample: the lowest frequency of the grid
-_BISECTIONS = 60  # halve a bracket down to rounding
+_ON_CIRCLE = 64 * np.finfo(float).eps  # of its coefficients: a denominator below it is a pole, but for rounding
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Margins:
-    """Margins of n loops; each is zero where the closed loop is unstable.
+    """Margins of loops; each is zero where the closed loop is unstable.
 
     Parameters
     ----------
-    gain : ndarray, shape (n,)
+    gain : ndarray, shape (...)
         Least factor by which the loop gain may grow or shrink before the closed loop turns unstable, at least
         1; infinite without a phase crossing.
-    phase_deg : ndarray, shape (n,)
+    phase_deg : ndarray, shape (...)
         Least change of phase, in degrees, that brings a gain crossing to -180°; infinite without a crossing.
-    delay : ndarray, shape (n,)
+    delay : ndarray, shape (...)
         Least further delay that does so, s; infinite without a crossing.
-    crossover : ndarray, shape (n,)
+    crossover : ndarray, shape (...)
         Highest frequency at which the loop gain is one, rad/s; 0 without such a frequency.
-    stable : ndarray of bool, shape (n,)
+    disk : ndarray, shape (...)
+        Symmetric disk margin alpha = 2/max|S - T|, dimensionless: the loop stays stable for every complex factor
+        (1 + d/2)/(1 - d/2) in it with |d| < alpha. Infinite for L = 1 only.
+    modulus : ndarray, shape (...)
+        1/max|S|, least distance of the locus of L from -1, dimensionless.
+    stable : ndarray of bool, shape (...)
         Whether all closed-loop poles lie inside the unit circle.
     """
 
@@ -48,90 +47,99 @@ class Margins:
     phase_deg: Array
     delay: Array
     crossover: Array
+    disk: Array
+    modulus: Array
     stable: NDArray[np.bool_]
+
+    def __post_init__(self) -> None:
+        for array in vars(self).values():
+            array.setflags(write=False)
+
+    @property
+    def disk_gain(self) -> Array:
+        """Factor by which the gain may grow or shrink within the disk, shape (...): infinite from a disk of 2 on."""
+        return np.divide(
+            2.0 + self.disk, 2.0 - self.disk, out=np.full(self.disk.shape, np.inf), where=self.disk < 2.0
+        )
+
+    @property
+    def disk_phase_deg(self) -> Array:
+        """Change of phase within the disk, degrees, shape (...)."""
+        return np.degrees(2.0 * np.arctan(0.5 * self.disk))
 
 
 def margins(numerators: ArrayLike, denominators: ArrayLike, sample_time: float) -> Margins:
     """Compute the margins of loops ``L(z) = numerator / denominator`` under negative feedback.
 
+    The polynomials of a family of models and of controllers are multiplied by `in_series`.
+
     Parameters
     ----------
-    numerators, denominators : array_like, shape (n, m)
-        Coefficients of z^0, z^-1, ..., one loop a row; output unit by output unit (dimensionless loops).
+    numerators, denominators : array_like, shapes (..., n_b) and (..., n_a)
+        Coefficients of z^0, z^-1, ... of dimensionless loops; the leading axes broadcast against each other.
     sample_time : float
         s.
 
     Returns
     -------
     Margins
-        Resonances narrower than half a thousandth of the sampling rate may be missed.
+        Of the shape of the leading axes, (1,) for one loop. Crossings within 1e-6 rad a sample of 0 Hz and of half
+        the sampling rate are not looked for; the two frequencies themselves are.
+
+    Raises
+    ------
+    ControlError
+        If a coefficient is not finite, a denominator is zero, or the sample time is not positive.
 
     References
     ----------
     Åström & Murray, Feedback Systems (2008), section 9.3, ISBN 978-0-691-13576-2.
+    Seiler, Packard & Gahinet, An introduction to disk margins, IEEE Control Systems Magazine 40 (2020), section on
+    the symmetric disk margin.
     """
-    top, bottom = (np.atleast_2d(np.asarray(c, dtype=np.float64)) for c in (numerators, denominators))
-    half = GRID // 2
-    grid = np.union1d(np.geomspace(_LOWEST, np.pi, half), np.linspace(0.0, np.pi, half + 1)[1:])
-    value = _evaluate(top, bottom, grid)
-    stable = _stable(top, bottom)
-    count = stable.size
-    gain, phase, delay = (np.full(count, np.inf) for _ in range(3))
-    crossover = np.zeros(count)
+    if not (np.isfinite(sample_time) and sample_time > 0.0):
+        raise ControlError(f"the sample time is {sample_time}: it must be positive, in s")
+    top, bottom, lead = loop_polynomials(numerators, denominators)
+    found, stable = search(top, bottom), stable_loops(top, bottom)
+    gain, phase, delay = (np.full(stable.size, np.inf) for _ in range(3))
+    crossover = np.zeros(stable.size)
 
-    # Where the locus crosses the negative real axis; at half the sampling rate it is real anyway.
-    loops, angle = _crossings(top, bottom, grid, np.imag)
-    ends = np.flatnonzero(value[:, -1].real < 0.0)
-    loops, angle = np.concatenate([loops, ends]), np.concatenate([angle, np.full(ends.size, np.pi)])
-    at = _along(top, bottom, loops, angle)
-    found = at.real < 0.0
-    size = np.abs(at[found])
-    np.minimum.at(gain, loops[found], np.maximum(size, 1.0 / size))
+    real = _with_ends(found.real, stable.size)
+    at, above, below = _values(top, bottom, real)
+    # A pole on the unit circle is no crossing, nor is a loop of no gain.
+    real_axis = (at.real < 0.0) & (below > 0.0) & (above > 0.0)
+    with np.errstate(over="ignore"):
+        size = np.abs(at[real_axis])
+        np.minimum.at(gain, real.loops[real_axis], np.maximum(size, 1.0 / size))
 
-    loops, angle = _crossings(top, bottom, grid, lambda v: np.abs(v) - 1.0)
-    at = _along(top, bottom, loops, angle)
-    np.minimum.at(phase, loops, np.degrees(np.abs(np.angle(-at))))
-    np.minimum.at(delay, loops, np.mod(np.angle(-at), 2 * np.pi) / angle * sample_time)
-    np.maximum.at(crossover, loops, angle / sample_time)
-    for margin in (gain, phase, delay):
+    at, _, _ = _values(top, bottom, found.gain)
+    np.minimum.at(phase, found.gain.loops, np.degrees(np.abs(np.angle(-at))))
+    np.minimum.at(delay, found.gain.loops, np.mod(np.angle(-at), 2 * np.pi) / found.gain.angle * sample_time)
+    np.maximum.at(crossover, found.gain.loops, found.gain.angle / sample_time)
+    disk, modulus = 2.0 * found.disk.distance, found.modulus.distance
+    for margin in (gain, phase, delay, disk, modulus):
         margin[~stable] = 0.0
-    return Margins(gain=gain, phase_deg=phase, delay=delay, crossover=crossover, stable=stable)
+    return Margins(
+        gain=gain.reshape(lead), phase_deg=phase.reshape(lead), delay=delay.reshape(lead),
+        crossover=crossover.reshape(lead), disk=disk.reshape(lead), modulus=modulus.reshape(lead),
+        stable=stable.reshape(lead),
+    )  # fmt: skip
 
 
-def _evaluate(top: Array, bottom: Array, angle: Array) -> Complex:
-    """All loops at all normalised frequencies (rad), shape (n, n_angles)."""
-    powers = np.exp(-1j * np.outer(np.arange(max(top.shape[1], bottom.shape[1])), angle))
-    return np.asarray((top @ powers[: top.shape[1]]) / (bottom @ powers[: bottom.shape[1]]))
+def _with_ends(places: Places, count: int) -> Places:
+    """At 0 Hz and at half the sampling rate every loop is real."""
+    loops = np.arange(count)
+    return places + Places(loops=loops, angle=np.zeros(count)) + Places(loops=loops, angle=np.full(count, np.pi))
 
 
-def _along(top: Array, bottom: Array, loops: NDArray[np.intp], angle: Array) -> Complex:
-    """Chosen loops, each at a frequency of its own, shape (n_chosen,)."""
-    powers = np.exp(-1j * np.outer(angle, np.arange(max(top.shape[1], bottom.shape[1]))))
-    above = (top[loops] * powers[:, : top.shape[1]]).sum(axis=1)
-    return np.asarray(above / (bottom[loops] * powers[:, : bottom.shape[1]]).sum(axis=1))
-
-
-def _crossings(
-    top: Array, bottom: Array, grid: Array, measure: Callable[[Complex], Array]
-) -> tuple[NDArray[np.intp], Array]:
-    """Loops and normalised frequencies at which a measure of the locus changes its sign."""
-    signs = measure(_evaluate(top, bottom, grid)) > 0.0
-    loops, places = np.nonzero(signs[:, 1:] != signs[:, :-1])
-    low, high, before = grid[places], grid[places + 1], signs[loops, places]
-    for _ in range(_BISECTIONS):
-        middle = 0.5 * (low + high)
-        same = (measure(_along(top, bottom, loops, middle)) > 0.0) == before
-        low, high = np.where(same, middle, low), np.where(same, high, middle)
-    return loops, 0.5 * (low + high)
-
-
-def _stable(top: Array, bottom: Array) -> NDArray[np.bool_]:
-    size = max(top.shape[1], bottom.shape[1])
-    above, below = (np.pad(c, ((0, 0), (0, size - c.shape[1]))) for c in (top, bottom))
-    closed = above + below
-    if size == 1:
-        return np.full(len(closed), True)
-    companion = np.zeros((len(closed), size - 1, size - 1))
-    companion[:, 1:, :-1] = np.eye(size - 2)
-    companion[:, 0, :] = -closed[:, 1:] / closed[:, :1]
-    return np.asarray(np.all(np.abs(np.linalg.eigvals(companion)) < 1.0, axis=1))
+def _values(top: Array, bottom: Array, places: Places) -> tuple[Complex, Array, Array]:
+    """Loops at places, and the sizes of both polynomials: zero where they are not above rounding."""
+    parts = []
+    for polynomial in (top, bottom):
+        columns = np.ascontiguousarray(polynomial[places.loops].T)
+        value = jet(columns, places.angle, 0)[0]
+        size = np.abs(value)
+        parts.append((value, np.where(size > _ON_CIRCLE * np.abs(columns).sum(axis=0), size, 0.0)))
+    (above, above_size), (below, below_size) = parts
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        return above / below, above_size, below_size

@@ -23,7 +23,7 @@ from deatwin.ident.frequency.parts import FORMS, Orders
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.terms import Term
 
-__all__ = ["Evaluated", "gfrf_of_many", "spectrum_of_many", "stable_polynomials"]
+__all__ = ["Evaluated", "follow_equilibrium", "gfrf_of_many", "spectrum_of_many", "stable_polynomials"]
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -177,7 +177,7 @@ def _blocks(many: _Many, n: int) -> Iterator[tuple[NDArray[np.int64], Array]]:
 
 def _deviations(model: NarxModel, point: Equilibrium, thetas: Array) -> _Many:
     """Expand the model at each parameters' equilibrium, as `deatwin.ident.frequency.dc.deviations` does at one."""
-    outputs, exists = _follow(model, point, thetas)
+    outputs, exists = follow_equilibrium(model, point, thetas)
     theta, outputs = thetas[exists].T, outputs[exists]
     expansion: dict[Term, Array] = defaultdict(lambda: np.zeros(outputs.size))
     for m, term in enumerate(model.terms):
@@ -200,10 +200,26 @@ def _feedback_polynomial(expansion: dict[Term, Array], count: int) -> Array:
     return polynomial
 
 
-def _follow(model: NarxModel, point: Equilibrium, thetas: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Follow the equilibrium from the model's parameters to others by Newton's method; say where it arrives.
+def follow_equilibrium(model: NarxModel, point: Equilibrium, thetas: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Follow the equilibrium from the model's parameters to others by Newton's method.
 
     A root beyond an extremum of y - f(y) belongs to another branch: the model's own has ended in a fold.
+
+    Parameters
+    ----------
+    model : NarxModel
+        The model.
+    point : Equilibrium
+        Its operating point.
+    thetas : ndarray, shape (n_draws, n_terms)
+        Parameters.
+
+    Returns
+    -------
+    outputs : ndarray, shape (n_draws,)
+        Where each arrives, in the output's unit.
+    exists : ndarray of bool, shape (n_draws,)
+        Whether that is an equilibrium on the model's branch.
     """
     is_output = np.array([v.kind == "y" for v in model.table.variables], dtype=bool)
     degrees = model.table.exponents[:, is_output].sum(axis=1)

@@ -257,4 +257,18 @@ def _evidence(findings: Findings, model: CalibratedPlant) -> Evidence:
         detection=findings.detection, location=findings.location, discovery=findings.discovery,
         advice=findings.advice,
         verification=findings.verification if findings.named else None,
+        rivals=_rivals(findings) if findings.named else {},
     )  # fmt: skip
+
+
+def _rivals(findings: Findings) -> dict[str, CalibratedPlant]:
+    """The rivals as plants, each with what it leaves of the unseen data as its model error."""
+    noise, stated = findings.base.noise, findings.bench.stated_error
+    return {
+        "+".join(rival.effects) or "none": CalibratedPlant(
+            plant=with_model_error(rival.calibration.plant, stated), noise=noise, model_error=rival.unseen_test.size,
+            names=rival.calibration.names, covariance=rival.calibration.covariance,
+            provenance={"verdict": findings.verdict.value, "rival_of": "+".join(findings.answer.effects)},
+        )
+        for rival in findings.naming.rivals
+    }  # fmt: skip

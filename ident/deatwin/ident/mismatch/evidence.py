@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -79,6 +80,9 @@ class Evidence:
         The next experiment.
     verification : Verification or None
         The explanation on unseen data, where there is one.
+    rivals : mapping of str to CalibratedPlant
+        Plants that the recordings cannot tell from the answer, as they were fitted to the fitted part, by their
+        effects joined with ``+`` (``none`` for a plant without any); empty where there are no rivals.
     """
 
     experiments: tuple[Experiment, ...]
@@ -97,3 +101,4 @@ class Evidence:
     discovery: Discovery | None = None
     advice: Advice | None = None
     verification: Verification | None = None
+    rivals: Mapping[str, CalibratedPlant] = field(default_factory=dict)

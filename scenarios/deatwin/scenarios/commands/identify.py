@@ -29,6 +29,8 @@ class Candidates(TypedDict):
 
 HELD_OUT = 0.3
 """Share at the end of each recording that judges the model and is not fitted."""
+LEAST_SAMPLES = 500
+"""Of a held-out part for the free-run residual to be measured on it; else the whole recording is taken."""
 
 
 class Method(StrEnum):
@@ -98,7 +100,7 @@ def identify(
         except KeyboardInterrupt:
             complain("interrupted before a model was found; nothing was written")
             raise typer.Exit(130) from None
-    model = _with_band(identifier.model_, records)
+    model = _for_check(identifier.model_, records, [unseen for _, unseen in pieces])
     model.save(out)
     errors = [_errors(model, unseen) for _, unseen in pieces]
     _say(voice, model, errors, _labels(records))
@@ -134,8 +136,8 @@ def _say(voice: Voice, model: NarxModel, errors: list[dict[str, Any]], labels: l
         voice.say(f"  {error['validation']}")
 
 
-def _with_band(model: NarxModel, records: list[Recording]) -> NarxModel:
-    """The model with the band that its recordings excited, which `deatwin check` asks for."""
+def _for_check(model: NarxModel, records: list[Recording], unseen: list[Recording]) -> NarxModel:
+    """The model with what `deatwin check` asks for: the band that was excited, and what the free run leaves."""
     from dataclasses import replace
 
     import numpy as np
@@ -143,7 +145,28 @@ def _with_band(model: NarxModel, records: list[Recording]) -> NarxModel:
     from deatwin.control.stability.excited import BAND_KEY, excited_band
 
     band = max(excited_band(record) for record in records if np.ptp(record.inputs[0]) > 0)
-    return replace(model, provenance={**model.provenance, BAND_KEY: f"{band:.6g}"})
+    left = _largest_residual(model, records, unseen)
+    return replace(model, provenance={**model.provenance, BAND_KEY: f"{band:.6g}", **left})
+
+
+def _largest_residual(model: NarxModel, records: list[Recording], unseen: list[Recording]) -> dict[str, str]:
+    """The free-run residual as a model keeps it; nothing where a free run diverges.
+
+    Of several records the largest, not their mean: the controller has to bear the worst of them, and a rest, which
+    has hardly a residual, says nothing of it.
+    """
+    from deatwin.control.loop.residual import free_run_residual
+    from deatwin.plant.errors import ModelError
+
+    found = []
+    for record, part in zip(records, unseen, strict=True):
+        # A short part holds too little of a slow residual to tell its size and memory.
+        judged = part if part.n_samples >= LEAST_SAMPLES else record
+        try:
+            found.append(free_run_residual(model, judged))
+        except ModelError:
+            return {}
+    return dict(max(found, key=lambda residual: residual.rms).provenance)
 
 
 def _split(record: Recording) -> tuple[Recording, Recording]:

@@ -35,7 +35,7 @@ def test_a_sound_design_passes(passed):
     assert passed.margins.phase_low_deg > 45.0
     assert passed.margins.crossover_Hz < passed.excited_band_Hz
     assert {f.subject for f in passed.findings} >= {"gain margin", "excitation", "overshoot", "tracking"}
-    assert passed.sentence.startswith("pass: an integral controller")
+    assert passed.sentence.startswith("pass: the I controller")
 
 
 def test_a_far_too_aggressive_controller_fails(passed, model, plant, recording):

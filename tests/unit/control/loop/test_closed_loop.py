@@ -13,7 +13,10 @@ from deatwin.control import (
     sine_reference,
     step_reference,
 )
+from deatwin.control.linear.plant import linearise_plant
+from deatwin.control.loop.closed_loop import at_operating_point
 from deatwin.plant import Experiment, RunStatus, SimulationError
+from deatwin.plant.fleet import specification
 
 H = 0.02
 
@@ -68,7 +71,7 @@ def test_steps_end_on_the_reference_within_noise(plant, controller, linear):
     assert run.status is RunStatus.DONE
     assert run.timepts.shape == run.command.shape == (1250,)
     assert np.all((run.command >= 1.1) & (run.command <= 3.75))
-    late = [run.error[part.stop - 80 : part.stop].mean() for part in run.plateaus]
+    late = [run.error[part.stop - 80 : part.stop].mean() for part in run.levels]
     # The mean of 80 readings; a controller that integrates follows it.
     assert np.abs(late).max() < 4 * plant.rig.noise / np.sqrt(80) + 1e-3 * 50e-6
     assert run.overshoot < 0.1
@@ -81,7 +84,8 @@ def test_sine_error_is_what_the_model_predicts(plant, controller, linear):
     reference = sine_reference(linear.operating_output, 40e-6, frequency, H, 4)
     run = closed_loop(plant, controller, reference, rng=np.random.default_rng(4))
     omega = [2 * np.pi * frequency]
-    predicted = 40e-6 / np.sqrt(2) / np.abs(1 + controller.response(omega)[0] * linear.response(omega)[0])
+    feedback = controller.local(linear.operating_input).feedback_response(omega, H)[0]
+    predicted = 40e-6 / np.sqrt(2) / np.abs(1 + feedback * linear.response(omega)[0])
     assert np.sqrt(np.mean(run.error[500:] ** 2)) == pytest.approx(predicted, rel=0.2)
 
 
@@ -102,6 +106,74 @@ def test_the_noise_comes_from_the_generator_alone(plant, controller, linear):
     )
     np.testing.assert_array_equal(first.measured, second.measured)
     assert np.std(first.measured - first.output) == pytest.approx(plant.rig.noise, rel=0.3)
+
+
+@pytest.fixture(scope="module")
+def chained():
+    """The thesis' plant with drive and sensor, and a controller for it from its own linear model."""
+    plant = specification()
+    linear = linearise_plant(plant, 2.4).in_loop(plant.rig.reading)
+    return plant, linear, lambda_tuning(linear, command_limits=(1.1, 3.75), closed_loop_time=0.3)
+
+
+def test_a_measuring_chain_reads_in_codes_with_its_lag(chained):
+    plant, linear, controller = chained
+    chain = plant.rig.chain
+    reference = step_reference(linear.operating_output, 60e-6, 60)
+    run = closed_loop(plant, controller, reference, rng=np.random.default_rng(6))
+    codes = run.measured / chain.reading_step
+    np.testing.assert_allclose(codes, np.round(codes), atol=1e-6)
+    # The laser looks back by its lag, and rounds to its resolution, the input to its codes.
+    lag = chain.laser.lag / H
+    seen = run.output.copy()
+    seen[1:] = (1 - lag) * run.output[1:] + lag * run.output[:-1]
+    left = run.measured - seen
+    assert left.std() == pytest.approx(chain.noise, rel=0.25)
+    assert np.abs(left).max() < 6 * chain.noise
+    again = closed_loop(plant, controller, reference, rng=np.random.default_rng(6))
+    assert run.to_dict() == again.to_dict()
+
+
+def test_the_drive_gives_the_nearest_code(chained, monkeypatch):
+    """The plant gets what the output makes of the command: a step of its codes tells the two apart."""
+    plant, linear, controller = chained
+    coarse = replace(plant.rig.chain, analogue_output=replace(plant.rig.chain.analogue_output, bits=6))
+    rig = plant.with_rig(replace(plant.rig, chain=coarse))
+    reference = step_reference(linear.operating_output, 60e-6, 30)
+    run = closed_loop(rig, controller, reference, rng=np.random.default_rng(6))
+    step = coarse.analogue_output.step
+    assert step > 0.1  # V
+    stepper = at_operating_point(rig, 2.4, 100)
+    for command, output in zip(run.command, run.output, strict=True):
+        assert stepper.reading == pytest.approx(output, rel=1e-9)
+        stepper.advance(float(step * np.round(command / step)))
+
+
+def test_a_plant_that_has_no_rest_is_a_run_of_no_samples(plant, controller):
+    run = closed_loop(plant.with_values({"mass": 1.0}), controller, np.zeros(9), rng=np.random.default_rng(0))
+    assert run.status is RunStatus.NO_REST
+    assert run.timepts.size == run.output.size == 0
+    assert run.rms_error == run.saturated_share == run.effort == run.overshoot == 0.0
+
+
+def test_progress_is_told_and_may_end_the_run(plant, controller, linear):
+    shares = []
+    reference = np.full(350, linear.operating_output)
+    closed_loop(plant, controller, reference, rng=np.random.default_rng(0), progress=shares.append)
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+
+    def stop(share):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        closed_loop(plant, controller, reference, rng=np.random.default_rng(0), progress=stop)
+
+
+@pytest.mark.parametrize("reference", [np.array([0.0, np.nan]), np.zeros((2, 3)), np.zeros(0)])
+def test_a_reference_that_is_none_is_refused(plant, controller, reference):
+    with pytest.raises(ControlError, match="reference"):
+        closed_loop(plant, controller, reference, rng=np.random.default_rng(0))
 
 
 def test_a_controller_of_another_sample_time_is_refused(plant, controller):

@@ -3,8 +3,13 @@
 import control
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
-from deatwin.control import excited_band, margins
+from deatwin.control.errors import ControlError
+from deatwin.control.stability.circle import search
+from deatwin.control.stability.excited import excited_band
+from deatwin.control.stability.margins import margins
+from deatwin.control.stability.polynomials import in_series
 from deatwin.plant import DataError, Recording
 
 H = 0.02
@@ -71,6 +76,201 @@ def test_margins_of_an_unstable_loop_are_zero():
     found = margins([[0.0, 3.0]], [[1.0, -1.0]], H)
     assert not found.stable[0]
     assert found.gain[0] == found.phase_deg[0] == found.delay[0] == 0.0
+
+
+def random_loops(rng, count, order, decades=(-2.5, -0.3)):
+    """Loops of a few lags and resonances, half of them with an integrator, of so much gain."""
+    for _ in range(count):
+        resonances = [r * np.exp(1j * a) for r, a in rng.uniform([0.8, 0.1], [0.999, 3.0], (order, 2))]
+        poles = [p for r in resonances for p in (r, np.conj(r))] + list(rng.uniform(0.3, 0.98, 3))
+        bottom = np.poly(poles).real
+        top = np.concatenate([[0.0], rng.normal(size=2)])
+        top *= 10 ** rng.uniform(*decades) * abs(bottom.sum() / top.sum())
+        if rng.random() < 0.5:
+            top, bottom = np.convolve(top, [0.3, -0.27]), np.convolve(bottom, [1.0, -1.0])
+        yield np.pad(top, (0, bottom.size - top.size)), bottom
+
+
+def dense(top, bottom):
+    """Measures of a loop in long double, on a grid that is fine about all poles and zeros of what is divided."""
+    roots = np.concatenate([np.roots(np.trim_zeros(c, "b")) for c in (bottom, bottom + top, bottom - top)])
+    angle = [np.geomspace(1e-6, np.pi - 1e-6, 4001), np.linspace(1e-6, np.pi - 1e-6, 4001)]
+    angle += [abs(np.angle(r)) + abs(1 - abs(r)) * np.sinh(np.linspace(-9, 9, 801)) for r in roots if abs(r) > 0]
+    angle = np.unique(np.concatenate(angle))
+    angle = angle[(angle >= 1e-6) & (angle <= np.pi - 1e-6)].astype(np.longdouble)
+    shift = np.cos(angle) - 1j * np.sin(angle)
+    n, d = (np.polyval(c[::-1].astype(np.longdouble), shift) for c in (top, bottom))
+    return abs(n) - abs(d), (n * d.conj()).imag, abs(n + d) / abs(d), 2 * abs(n + d) / abs(d - n)
+
+
+@pytest.mark.parametrize("order", [0, 1, 2])
+def test_all_crossings_and_sharp_approaches_are_found(order):
+    rng = np.random.default_rng(order)
+    stable = 0
+    for top, bottom in random_loops(rng, 60, order):
+        found, places = margins(top, bottom, H), search(top[None], bottom[None])
+        level, height, modulus, disk = dense(top, bottom)
+        assert places.gain.loops.size == np.count_nonzero((level[1:] > 0) != (level[:-1] > 0))
+        assert places.real.loops.size == np.count_nonzero((height[1:] > 0) != (height[:-1] > 0))
+        assert not any(np.isnan(v).any() for v in vars(found).values())
+        if found.stable[0]:
+            stable += 1
+            # A grid is above the least; these are fine enough to be so by less than a thousandth.
+            for ours, theirs in ((found.modulus[0], modulus.min()), (found.disk[0], disk.min())):
+                assert (1 - 1e-3) * theirs < ours < (1 + 1e-9) * theirs
+    assert stable > 10
+
+
+def test_disk_and_modulus_margin_of_a_delayed_gain_in_closed_form():
+    # L = k z^-1: |1 + L| is least, 1 - k, at half the sampling rate, and |1 - L| largest there, 1 + k.
+    k = np.array([0.1, 0.5, 0.9])
+    found = margins(np.outer(k, [0.0, 1.0]), [[1.0]], H)
+    np.testing.assert_allclose(found.modulus, 1 - k, rtol=1e-9)
+    np.testing.assert_allclose(found.disk, 2 * (1 - k) / (1 + k), rtol=1e-9)
+    np.testing.assert_allclose(found.disk_gain, 1 / k, rtol=1e-9)  # where the disk touches on the real axis
+    np.testing.assert_allclose(np.tan(np.radians(found.disk_phase_deg) / 2), (1 - k) / (1 + k), rtol=1e-9)
+
+
+@pytest.mark.parametrize("delay", [1, 3])
+def test_disk_margin_of_a_sampled_integrator_against_a_dense_grid(delay):
+    top, bottom = np.eye(delay + 1)[delay] * 0.2, [1.0, -1.0]
+    found = margins(top, bottom, H)
+    angle = np.linspace(found.crossover[0] * H * 0.2, np.pi, 4_000_001)
+    loop = 0.2 * np.exp(-1j * delay * angle) / (1 - np.exp(-1j * angle))
+    # Spacing 8e-7, so that the grid is above the least by less than 1e-12 of it.
+    assert found.disk[0] == pytest.approx((2 * abs(1 + loop) / abs(1 - loop)).min(), rel=1e-9)
+    assert found.modulus[0] == pytest.approx(abs(1 + loop).min(), rel=1e-9)
+
+
+def test_disk_margins_against_python_control_on_a_grid_with_the_least():
+    rng = np.random.default_rng(8)
+    omega = np.linspace(1e-3, np.pi, 2001) / H
+    compared = 0
+    for top, bottom in random_loops(rng, 30, 0, (-1.0, 0.7)):
+        found = margins(top, bottom, H)
+        if not found.stable[0]:
+            continue
+        least = search(top[None], bottom[None]).disk.angle / H
+        alpha, gain_dB, phase = control.disk_margins(control.tf(top, bottom, H), np.union1d(omega, least))
+        assert found.disk[0] == pytest.approx(alpha, rel=1e-9)
+        if alpha < 1.9:  # gain and phase are steep towards 2
+            compared += 1
+            assert found.disk_phase_deg[0] == pytest.approx(phase, rel=1e-9)
+            assert found.disk_gain[0] == pytest.approx(10 ** (gain_dB / 20), rel=1e-9)
+    assert compared > 5
+
+
+def polished(loop, guess):
+    """A gain crossing near a guess, if there is one, by python-control's evaluation of the loop."""
+
+    def excess(omega):
+        return abs(loop(np.exp(1j * omega * H))) - 1
+
+    low, high = guess * (1 - 1e-4), guess * (1 + 1e-4)
+    return [brentq(excess, low, high, xtol=1e-14, rtol=1e-15)] if excess(low) * excess(high) < 0 else []
+
+
+@pytest.mark.parametrize("order", [0, 1])  # of higher ones python-control loses crossings
+def test_random_stable_loops_against_python_control(order):
+    rng = np.random.default_rng(20 + order)
+    compared = 0
+    for top, bottom in random_loops(rng, 120, order, (-0.5, 0.7)):
+        found = margins(top, bottom, H)
+        # Slower crossovers stand for roots near a double one at 1, which python-control loses.
+        if not (found.stable[0] and found.crossover[0] * H > 0.05):
+            continue
+        loop = control.tf(top, bottom, H)
+        gains, phases, _, _, crossovers, _ = control.stability_margins(loop, returnall=True, method="poly")
+        # Roots near the unit circle count there, and are right to the root of rounding by order: polished, or dropped.
+        crossovers = np.array([w for guess in crossovers for w in polished(loop, guess)])
+        phases = np.array([np.angle(-loop(np.exp(1j * w * H))) for w in crossovers])
+        assert found.phase_deg[0] == pytest.approx(np.degrees(abs(phases).min(initial=np.inf)), rel=1e-9)
+        ahead = np.mod(phases, 2 * np.pi) / np.where(crossovers > 0, crossovers, 1.0)
+        assert found.delay[0] == pytest.approx(ahead.min(initial=np.inf), rel=1e-9)
+        gains = np.append(gains, [-1 / loop(z).real for z in (1.0, -1.0) if np.isfinite(loop(z)) and loop(z).real < 0])
+        factors = np.maximum(gains, 1 / gains)
+        # What is near the circle only may lie lower; the margin itself must be among them.
+        assert found.gain[0] >= factors.min(initial=np.inf) * (1 - 1e-9)
+        if np.isfinite(found.gain[0]):
+            assert abs(factors / found.gain[0] - 1).min() < 1e-8
+        compared += 1
+    assert compared > 5
+
+
+def test_families_are_multiplied_and_keep_their_axes():
+    rng = np.random.default_rng(4)
+    plants, controllers = rng.normal(size=(3, 1, 5, 2)) * 0.1, rng.normal(size=(2, 1, 3))
+    loops = in_series(plants, controllers)
+    assert loops.shape == (3, 2, 5, 4)
+    np.testing.assert_allclose(loops[2, 1, 3], np.convolve(plants[2, 0, 3], controllers[1, 0]), atol=1e-15)
+    found = margins(loops, [1.0, -0.5], H)
+    assert found.gain.shape == found.disk_gain.shape == (3, 2, 5)
+    single = margins(loops[1, 0, 4], [1.0, -0.5], H)
+    assert single.disk[0] == pytest.approx(found.disk[1, 0, 4], rel=1e-12)
+
+
+def test_loops_of_no_gain_have_all_margins_that_there_are():
+    found = margins([[0.0, 0.0]], [[1.0, -0.5]], H)
+    assert found.gain[0] == found.phase_deg[0] == found.delay[0] == np.inf
+    assert found.modulus[0] == pytest.approx(1.0)
+    assert found.disk[0] == pytest.approx(2.0)  # S = 1, T = 0
+    assert found.stable[0]
+
+
+def test_a_static_loop_has_a_gain_margin_to_minus_one_and_none_at_it():
+    found = margins([[-0.5], [-2.0], [0.5], [-1.0]], [1.0], H)
+    np.testing.assert_allclose(found.gain, [2.0, 2.0, np.inf, 0.0])
+    assert found.stable.tolist() == [True, True, True, False]
+    assert not any(np.isnan(v).any() for v in vars(found).values())
+
+
+def test_an_integrator_that_a_zero_cancels_leaves_the_loop_unstable():
+    # The pole at 1 is not moved by the feedback: (1 - z^-1)(1 + 0.1 z^-1) closed.
+    found = margins([[0.0, 0.1, -0.1]], [[1.0, -1.0, 0.0]], H)
+    assert not found.stable[0]
+    assert found.disk[0] == 0.0
+
+
+def test_large_controllers_times_large_models():
+    rng = np.random.default_rng(6)
+    spread = 0.85 * np.exp(1j * np.linspace(0.3, 2.8, 5))  # order 10, and order 6
+    controller = np.poly([*spread, *spread.conj()]).real
+    model = np.poly([*(0.7 * spread[:3]), *(0.7 * spread[:3].conj())]).real
+    tops = in_series(rng.normal(size=(40, 7)) * 0.02, rng.normal(size=(40, 11)) * 0.1)
+    bottom = np.convolve(controller, model)
+    found = margins(tops, bottom, H)
+    largest = [abs(np.roots(bottom + top)).max() for top in tops]
+    assert found.stable.tolist() == [value < 1 for value in largest]
+    assert found.stable.sum() > 5
+    assert not any(np.isnan(v).any() for v in vars(found).values())
+
+
+def test_stability_agrees_with_the_roots_near_the_unit_circle():
+    rng = np.random.default_rng(9)
+    polynomials, expected = [], []
+    for distance in np.repeat(10.0 ** -np.arange(2, 10), 20):
+        outside = rng.random() < 0.5
+        first = (1 + distance if outside else 1 - distance) * np.exp(1j * rng.uniform(0.5, 2.5))
+        others = rng.uniform(-0.9, 0.9, 4)
+        polynomials.append(np.poly([first, first.conj(), *others]).real)
+        expected.append(not outside)
+    polynomials = np.array(polynomials)
+    # As closed loops: the numerator is what the denominator lacks.
+    found = margins(polynomials - [1.0, 0, 0, 0, 0, 0, 0], [1.0], H)
+    assert found.stable.tolist() == expected
+
+
+@pytest.mark.parametrize(
+    ("top", "bottom", "sample_time", "text"),
+    [
+        ([[0.0, np.nan]], [1.0, -0.5], H, "loop 0 is not finite"),
+        ([[0.0, 1.0], [0.0, 1.0]], [[1.0, 0.0], [0.0, 0.0]], H, "loop 1 is zero"),
+        ([0.0, 1.0], [1.0, -0.5], 0.0, "sample time"),
+    ],
+)
+def test_what_is_no_loop_is_refused(top, bottom, sample_time, text):
+    with pytest.raises(ControlError, match=text):
+        margins(top, bottom, sample_time)
 
 
 def test_excited_band(recording):

@@ -29,7 +29,7 @@ from deatwin.ident.narx.operating import read_only
 from deatwin.ident.narx.trajectory import ThetaTrajectory
 from deatwin.plant.errors import ModelError
 
-__all__ = ["tv_gfrf", "tv_nofrf", "tv_output_spectrum"]
+__all__ = ["checked_inputs", "checked_times", "tv_gfrf", "tv_nofrf", "tv_output_spectrum"]
 
 Array = NDArray[np.float64]
 
@@ -218,8 +218,8 @@ def _along(
 ) -> VaryingResponse:
     """Compute a quantity of the model of each time, about its equilibrium."""
     require_one_input(trajectory.model)
-    times = _times(trajectory, timepts)
-    inputs = _inputs(trajectory, operating_input, times.size)
+    times = checked_times(trajectory, timepts)
+    inputs = checked_inputs(trajectory, operating_input, times.size)
     models: list[NarxModel | None] = []
     responses: list[FrequencyResponse | None] = []
     for model in followed(trajectory, times, inputs):
@@ -242,8 +242,26 @@ def _along(
     )
 
 
-def _times(trajectory: ThetaTrajectory, timepts: ArrayLike | None) -> Array:
-    """Return the times of a map after a check."""
+def checked_times(trajectory: ThetaTrajectory, timepts: ArrayLike | None) -> Array:
+    """Return the times of a map after a check.
+
+    Parameters
+    ----------
+    trajectory : ThetaTrajectory
+        theta(t).
+    timepts : array_like, shape (n_times,), or None
+        As for `tv_gfrf`.
+
+    Returns
+    -------
+    ndarray, shape (n_times,)
+        s.
+
+    Raises
+    ------
+    ModelError
+        If they lie outside the trajectory or do not increase.
+    """
     known = trajectory.timepts
     if timepts is None:
         chosen = np.linspace(0, known.size - 1, min(known.size, _MOST_TIMES)).round().astype(int)
@@ -256,8 +274,28 @@ def _times(trajectory: ThetaTrajectory, timepts: ArrayLike | None) -> Array:
     return times
 
 
-def _inputs(trajectory: ThetaTrajectory, operating_input: ArrayLike | None, count: int) -> Array:
-    """Return the operating input of each time after a check."""
+def checked_inputs(trajectory: ThetaTrajectory, operating_input: ArrayLike | None, count: int) -> Array:
+    """Return the operating input of each time after a check.
+
+    Parameters
+    ----------
+    trajectory : ThetaTrajectory
+        theta(t) of a model of one input and one output.
+    operating_input : array_like, shape () or (n_times,), or None
+        As for `tv_gfrf`.
+    count : int
+        Number of times.
+
+    Returns
+    -------
+    ndarray, shape (n_times,)
+        In the input's unit.
+
+    Raises
+    ------
+    ModelError
+        If it is not one finite number, or one for each time.
+    """
     centre = operating_input_of(trajectory.model, None)
     given = real_numbers(centre if operating_input is None else operating_input, "operating_input")
     if given.shape not in ((), (1,), (count,)) or not np.all(np.isfinite(given)):

@@ -1,0 +1,53 @@
+"""Whether the film bears the commands: on all plants that the calibrated one may be."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.control.checking.specification import Verdict
+from deatwin.control.checking.verdict import Finding
+from deatwin.control.controllers.base import Controller
+from deatwin.ident.mismatch.advise.waveforms import HEADROOM, bears
+from deatwin.plant.model import Plant
+
+__all__ = ["judge_film"]
+
+_HOLD = 2.0  # s at the largest command
+
+
+def judge_film(plants: Sequence[Plant], commands: NDArray[np.float64], controller: Controller) -> Finding:
+    """Judge whether the film bears what the controller commands, and what it might command.
+
+    Parameters
+    ----------
+    plants : sequence of Plant
+        The calibrated one, and draws of its parameters.
+    commands : ndarray, shape (n,)
+        Of a run of the closed loop, in the input's unit.
+    controller : Controller
+        With the limits of the command.
+
+    Returns
+    -------
+    Finding
+        It fails where a plant does not bear the commands of the run with a headroom of 5 % (pull-in, breakdown,
+        or loss of tension), and is marginal where one does not bear the controller's own limits.
+    """
+    rig = plants[0].rig
+    rest = rig.start.rest_command
+    used = sum(not bears(plant, commands, rest) for plant in plants)
+    who = f"of {len(plants)} plants inside the calibration's intervals" if len(plants) > 1 else "of 1 plant"
+    if used:
+        text = f"{used} {who} would pull in, break down or lose tension with {100 * (HEADROOM - 1):.0f} % more voltage"
+        return Finding(subject="film", value=float(used), verdict=Verdict.FAIL, text=text)
+    count = max(round(_HOLD / rig.sample_time), 2)
+    ends = np.repeat([controller.command_max, controller.command_min], count)
+    lost = sum(not bears(plant, ends, rest, headroom=1.0) for plant in plants)
+    if lost:
+        text = f"{lost} {who} would pull in, break down or lose tension at the controller's own limits"
+        return Finding(subject="film", value=float(lost), verdict=Verdict.MARGINAL, text=text)
+    text = f"none {who} pulls in, breaks down or loses tension, at the controller's limits either"
+    return Finding(subject="film", value=0.0, verdict=Verdict.PASS, text=text)

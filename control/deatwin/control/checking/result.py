@@ -1,0 +1,152 @@
+"""What a check found: a verdict with everything that it rests on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Self
+
+from deatwin.control.checking.checkfile import SCHEMA, from_document, to_document
+from deatwin.control.checking.operating import OperatingPoint
+from deatwin.control.checking.rows import MarginRow
+from deatwin.control.checking.specification import Verdict
+from deatwin.control.checking.verdict import Finding, worst
+from deatwin.control.controllers.base import Controller
+from deatwin.control.loop.closed_loop import ClosedLoop
+from deatwin.control.loop.predicted import PredictedLoop
+from deatwin.plant.documents import read_document, write_document
+from deatwin.plant.drawing import axes_or_new
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["Check"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Check:
+    """What the check found.
+
+    Parameters
+    ----------
+    findings : tuple of Finding
+        All that was judged; the most severe one decides.
+    operating : OperatingPoint
+        Where the model was linearised.
+    controller : Controller or None
+        None where none could be designed; so for all that follows.
+    margins : MarginRow or None
+        What the model promises at the operating point of the controller.
+    table : tuple of MarginRow
+        Margins of model, plant and other plants over operating points, and over time where the model varies.
+    excited_band_Hz : float or None
+        Band that the recording excited, Hz; None where it is not known.
+    steps, sine : ClosedLoop or None
+        Runs on the physics plant.
+    others : mapping of str to ClosedLoop
+        Runs of the steps on the other plants, by their names.
+    predicted : PredictedLoop or None
+        The steps as the model predicts them; not in the file but for its band.
+    sine_predicted : float or None
+        Rms error on the sine that the model predicts, in the output's unit.
+    """
+
+    findings: tuple[Finding, ...]
+    operating: OperatingPoint
+    controller: Controller | None = None
+    margins: MarginRow | None = None
+    table: tuple[MarginRow, ...] = ()
+    excited_band_Hz: float | None = None
+    steps: ClosedLoop | None = None
+    sine: ClosedLoop | None = None
+    others: Mapping[str, ClosedLoop] = field(default_factory=dict)
+    predicted: PredictedLoop | None = None
+    sine_predicted: float | None = None
+
+    @property
+    def verdict(self) -> Verdict:
+        """The verdict of the worst finding."""
+        return self.worst_case.verdict
+
+    @property
+    def worst_case(self) -> Finding:
+        """The finding that decides."""
+        return worst(self.findings)
+
+    @property
+    def reason(self) -> str:
+        """The texts of all findings that are as severe as the verdict, if it is not `pass`."""
+        if self.verdict is Verdict.PASS:
+            return "every limit is kept"
+        return "; ".join(f.text for f in self.findings if f.verdict is self.verdict)
+
+    @property
+    def sentence(self) -> str:
+        """The check in one plain sentence; every number in it is a field of the file."""
+        if self.controller is None or self.margins is None:
+            return f"{self.verdict.value}: {self.reason}."
+        tuned, promised, at = self.controller, self.margins, self.operating
+        return (
+            f"{self.verdict.value}: the {tuned.name} controller with a closed-loop time of "
+            f"{tuned.closed_loop_time:.2g} s at {at.input:.3g} {at.input_unit} (crossover "
+            f"{promised.crossover_Hz:.2g} Hz, gain margin {promised.gain_low:.2g}, phase margin "
+            f"{promised.phase_low_deg:.0f}°): {self.reason}."
+        )
+
+    def save(self, path: str | Path) -> None:
+        """Write the check as JSON ("deatwin/check/1"), beside the target first and then renamed.
+
+        Parameters
+        ----------
+        path : str or Path
+            File to write.
+        """
+        write_document(path, to_document(self))
+
+    @classmethod
+    def load(cls, path: str | Path) -> Self:
+        """Read a check that `save` wrote.
+
+        Parameters
+        ----------
+        path : str or Path
+            File to read.
+
+        Returns
+        -------
+        Check
+            Without the draws of `predicted`.
+
+        Raises
+        ------
+        ModelError
+            If the file is missing, not JSON, of another schema, or malformed.
+        """
+        return read_document(path, SCHEMA, lambda document: cls(**from_document(document)))
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the step reference, what the model promised, and what the physics plant made of it.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Where to draw; new axes otherwise.
+
+        Returns
+        -------
+        matplotlib Axes
+        """
+        axes = axes_or_new(ax)
+        if self.predicted is not None:
+            self.predicted.plot(axes)
+        if self.steps is not None:
+            steps = self.steps
+            axes.plot(steps.timepts, steps.output, color="C3", linewidth=1.2, label="on the physics plant")
+            if self.predicted is None:
+                axes.plot(steps.timepts, steps.reference, "--", color="0.4", linewidth=0.9, label="reference")
+            axes.set_xlabel("time (s)")
+            axes.set_ylabel(f"output ({steps.output_unit})" if steps.output_unit else "output")
+            axes.legend()
+        axes.set_title(f"{self.verdict.value}: {self.worst_case.text}", fontsize="small", wrap=True)
+        return axes

@@ -1,0 +1,137 @@
+"""The table of margins: one row for each linear model that the loop may meet."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.control.controllers.base import Controller
+from deatwin.control.linear.family import LinearFamily
+from deatwin.control.linear.model import LinearModel
+from deatwin.control.stability.bands import MarginBand
+from deatwin.control.stability.margins import Margins, margins
+from deatwin.control.stability.polynomials import in_series
+
+__all__ = ["QUANTILE", "MarginRow", "row_of_band", "rows_of_family"]
+
+QUANTILE = 0.025
+"""Of the draws, at which margins are judged."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MarginRow:
+    """Margins at one operating point; infinite where nothing bounds them, zero where the loop is unstable.
+
+    Parameters
+    ----------
+    source : str
+        Whose linear model: ``model``, ``plant``, or the name of another plant.
+    operating_input : float
+        In the input's unit.
+    time : float or None
+        Of a model that varies in time, s.
+    gain, phase_deg, delay, disk, crossover_Hz : float
+        Of the source itself: factor, degrees, s, disk margin, Hz.
+    gain_low, phase_low_deg, delay_low, disk_low : float
+        The 2.5 % quantile over the draws.
+    stable_share : float
+        Share of the draws with a stable closed loop.
+    samples : int
+        Number of draws, the source itself included.
+    """
+
+    source: str
+    operating_input: float
+    time: float | None
+    gain: float
+    phase_deg: float
+    delay: float
+    disk: float
+    crossover_Hz: float
+    gain_low: float
+    phase_low_deg: float
+    delay_low: float
+    disk_low: float
+    stable_share: float
+    samples: int
+
+
+def rows_of_family(
+    source: str, family: LinearFamily, controller: Controller, times: Sequence[float | None] | None = None
+) -> tuple[MarginRow, ...]:
+    """Margins of a controller over operating points (or times) and draws.
+
+    Parameters
+    ----------
+    source : str
+        Whose family it is.
+    family : LinearFamily
+        As the controller sees it; the first draw at each point is the source itself.
+    controller : Controller
+        In the loop; at each point its local law.
+    times : sequence of float, optional
+        Of each point of a family along time, s.
+
+    Returns
+    -------
+    tuple of MarginRow
+        One a point.
+    """
+    rows = []
+    for point, operating_input in enumerate(family.operating_inputs):
+        numerator, denominator = controller.local(float(operating_input)).feedback
+        found = margins(
+            in_series(family.numerators[point], numerator), in_series(family.denominators[point], denominator),
+            family.sample_time,
+        )  # fmt: skip
+        rows.append(
+            _row(source, float(operating_input), None if times is None else times[point], found, family.exists[point])
+        )
+    return tuple(rows)
+
+
+def row_of_band(band: MarginBand, linear: LinearModel, crossover_Hz: float) -> MarginRow:
+    """Margins with their limits from the model's covariance, to first order and without draws.
+
+    Parameters
+    ----------
+    band : MarginBand
+        Of the loop.
+    linear : LinearModel
+        Of which it is.
+    crossover_Hz : float
+        Highest frequency at which the loop gain is one, Hz.
+
+    Returns
+    -------
+    MarginRow
+        Stable where the simultaneous 95 % band keeps clear of -1.
+    """
+    return MarginRow(
+        source="model by its analytic band", operating_input=linear.operating_input, time=None,
+        gain=band.gain.value, phase_deg=band.phase_deg.value, delay=band.delay.value, disk=band.disk.value,
+        crossover_Hz=crossover_Hz, gain_low=band.gain.low, phase_low_deg=band.phase_deg.low, delay_low=band.delay.low,
+        disk_low=band.disk.low, stable_share=1.0 if band.modulus_low > 0.0 else band.level, samples=1,
+    )  # fmt: skip
+
+
+def _row(
+    source: str, operating_input: float, time: float | None, found: Margins, exists: NDArray[np.bool_]
+) -> MarginRow:
+    stable = found.stable & exists
+
+    def low(values: NDArray[np.float64]) -> float:
+        # An order statistic: interpolation between infinite margins is not a number.
+        worst = np.quantile(np.where(stable, values, 0.0), QUANTILE, method="lower")
+        return float(min(worst, values[0] if stable[0] else 0.0))
+
+    itself = [float(v[0]) if stable[0] else 0.0 for v in (found.gain, found.phase_deg, found.delay, found.disk)]
+    return MarginRow(
+        source=source, operating_input=operating_input, time=time, gain=itself[0], phase_deg=itself[1],
+        delay=itself[2], disk=itself[3], crossover_Hz=float(found.crossover[0] / (2 * np.pi)),
+        gain_low=low(found.gain), phase_low_deg=low(found.phase_deg), delay_low=low(found.delay),
+        disk_low=low(found.disk), stable_share=float(stable.mean()) if stable[0] else 0.0, samples=stable.size,
+    )  # fmt: skip

@@ -1,0 +1,128 @@
+"""What a closed loop must keep to: limits with their sources."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from math import isfinite
+
+from deatwin.control.errors import ControlError
+
+__all__ = ["Limit", "Specification", "Verdict"]
+
+
+class Verdict(Enum):
+    """Whether a controller would survive the actuator; the value is its name in files."""
+
+    PASS = "pass"
+    MARGINAL = "marginal"
+    FAIL = "fail"
+
+    @property
+    def severity(self) -> int:
+        """0 for pass, 2 for fail."""
+        return list(Verdict).index(self)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limit:
+    """Where a number stops to be good, and where it becomes bad.
+
+    Parameters
+    ----------
+    good, poor : float
+        Limits of `pass` and of `marginal`, in the number's own unit; a good one above the poor one means that
+        more is better.
+
+    Raises
+    ------
+    ControlError
+        If they are equal or not finite.
+    """
+
+    good: float
+    poor: float
+
+    def __post_init__(self) -> None:
+        if not (isfinite(self.good) and isfinite(self.poor) and self.good != self.poor):
+            raise ControlError(
+                f"a limit needs two finite numbers that differ, as the larger one says whether more is better; "
+                f"it has {self.good} and {self.poor}"
+            )
+
+    def judge(self, value: float) -> Verdict:
+        """Verdict on a number.
+
+        Parameters
+        ----------
+        value : float
+            In the number's own unit; one that is not a number fails.
+
+        Returns
+        -------
+        Verdict
+        """
+        sign = 1.0 if self.good > self.poor else -1.0
+        if sign * value >= sign * self.good:
+            return Verdict.PASS
+        return Verdict.MARGINAL if sign * value >= sign * self.poor else Verdict.FAIL
+
+    @property
+    def wanted(self) -> str:
+        """The good value in words."""
+        return f"at {'least' if self.good > self.poor else 'most'} {self.good:g}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Specification:
+    """What is asked of a closed loop.
+
+    The defaults of the margins are those of the textbooks: Åström & Murray, Feedback Systems (2008), section 9.3
+    (gain margin 2 to 5, phase margin 30 to 60 degrees); Skogestad & Postlethwaite, Multivariable Feedback Control
+    (2005), section 2.4.3 (gain margin above 2, phase margin above 30 degrees). The other defaults are our choice.
+
+    Parameters
+    ----------
+    gain : Limit
+        Gain margin, as a factor.
+    phase_deg : Limit
+        Phase margin, degrees.
+    delay_samples : Limit
+        Delay margin, samples: a command that comes one sample late must not upset the loop.
+    disk : Limit
+        Symmetric disk margin; 2/3 and 0.4 hold gain margins of 2 and 1.5 for all changes of gain and phase at
+        once that lie in the disk.
+    stable_share : Limit
+        Share of the posterior's draws with a stable closed loop.
+    overshoot : Limit
+        Of a step, as a share of it: about what phase margins of 45 and 30 degrees give in a second-order loop
+        (Åström & Murray, sections 6.3 and 9.3).
+    steady_error : Limit
+        Mean error late after a step, as a share of the step; with integral action it goes to zero.
+    ripple : Limit
+        Rms motion late after a step, as a share of the step: more is ringing or a limit cycle.
+    saturated : Limit
+        Share of samples with the command at a limit.
+    tracking : Limit
+        Error on a slow sine, achieved against predicted.
+    diverged : Limit
+        Share of the draws of the model whose own closed loop diverges.
+    inside : Limit
+        Share of a run inside the simultaneous band that the model predicted.
+    limit_cycle : Limit
+        Amplitude of a predicted limit cycle, as a share of the smallest step.
+    """
+
+    gain: Limit = Limit(good=2.0, poor=1.5)
+    phase_deg: Limit = Limit(good=45.0, poor=30.0)
+    delay_samples: Limit = Limit(good=1.0, poor=0.5)
+    disk: Limit = Limit(good=2.0 / 3.0, poor=0.4)
+    stable_share: Limit = Limit(good=0.975, poor=0.9)
+    overshoot: Limit = Limit(good=0.25, poor=0.5)
+    steady_error: Limit = Limit(good=0.05, poor=0.15)
+    ripple: Limit = Limit(good=0.1, poor=0.3)
+    saturated: Limit = Limit(good=0.05, poor=0.25)
+    tracking: Limit = Limit(good=1.5, poor=3.0)
+    diverged: Limit = Limit(good=0.025, poor=0.1)
+    inside: Limit = Limit(good=0.99, poor=0.0)
+    limit_cycle: Limit = Limit(good=0.05, poor=0.3)

@@ -1,0 +1,168 @@
+"""What every sampled controller is: a law with limits, one command a sample, for one loop or for many at once."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import isfinite
+from typing import TYPE_CHECKING, Any, ClassVar, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from deatwin.control.controllers.law import Law
+from deatwin.control.errors import ControlError
+
+if TYPE_CHECKING:
+    from control import NonlinearIOSystem
+
+__all__ = ["Controller"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Controller(ABC):
+    """A sampled controller with the limits of its command.
+
+    Parameters
+    ----------
+    name : str
+        As a person calls it, such as ``PI``.
+    sample_time : float
+        s; that of the model on which it was designed.
+    operating_input : float
+        Command at which the loop is closed, in its unit.
+    operating_output : float
+        Output at rest there, in its unit.
+    command_min, command_max : float
+        Limits of the command, in its unit.
+    closed_loop_time : float
+        Time constant that was asked of the closed loop, s.
+
+    Raises
+    ------
+    ControlError
+        If a value is not finite, or the operating input does not lie inside the limits.
+    """
+
+    name: str
+    sample_time: float
+    operating_input: float
+    operating_output: float
+    command_min: float
+    command_max: float
+    closed_loop_time: float
+
+    kind: ClassVar[str]
+
+    def __post_init__(self) -> None:
+        values = (self.operating_input, self.operating_output, self.command_min, self.command_max)
+        times = (self.sample_time, self.closed_loop_time)
+        if not all(map(isfinite, (*values, *times))) or min(times) <= 0.0:
+            raise ControlError(f"every value of a controller must be finite, and its times positive: {self}")
+        if not self.command_min < self.operating_input < self.command_max:
+            raise ControlError(
+                f"the operating input {self.operating_input:g} must lie between the limits of the command, "
+                f"{self.command_min:g} and {self.command_max:g}"
+            )
+
+    @property
+    @abstractmethod
+    def states(self) -> int:
+        """Number of states."""
+
+    @abstractmethod
+    def start(self) -> Array:
+        """State when the loop is closed, shape (states,)."""
+
+    @abstractmethod
+    def command(self, reference: ArrayLike, reading: ArrayLike, state: Array) -> tuple[Array, Array]:
+        """One sample of one loop, or of many at once.
+
+        Parameters
+        ----------
+        reference, reading : array_like, shape batch
+            In the output's unit; batch is () for one loop.
+        state : ndarray, shape (states, *batch)
+            Before the sample.
+
+        Returns
+        -------
+        command : ndarray, shape batch
+            Inside the limits, in the input's unit.
+        state : ndarray, shape (states, *batch)
+            After it.
+        """
+
+    @abstractmethod
+    def local(self, operating_input: float) -> Law:
+        """The linear law for small deviations about an operating point, away from the limits.
+
+        Parameters
+        ----------
+        operating_input : float
+            In the input's unit.
+
+        Returns
+        -------
+        Law
+        """
+
+    @abstractmethod
+    def scaled(self, factor: float) -> Self:
+        """The same controller with another loop gain.
+
+        Parameters
+        ----------
+        factor : float
+            Of its feedback.
+
+        Returns
+        -------
+        Controller
+        """
+
+    @abstractmethod
+    def details(self) -> dict[str, Any]:
+        """Plain data of what the kind has beyond the common fields."""
+
+    @classmethod
+    @abstractmethod
+    def from_details(cls, common: Mapping[str, Any], details: Mapping[str, Any]) -> Self:
+        """The controller that the common fields and `details` described.
+
+        Parameters
+        ----------
+        common : mapping
+            The fields that all kinds have.
+        details : mapping
+            Plain data.
+
+        Returns
+        -------
+        Controller
+        """
+
+    def to_control(self) -> NonlinearIOSystem:
+        """The controller with its limits as a discrete system of python-control.
+
+        Returns
+        -------
+        control.NonlinearIOSystem
+            From ``reference`` and ``reading`` to ``command``; ``dt`` is the sample time. Its initial state is
+            `start`. For the linear law alone see `local` and `Law.to_control`.
+        """
+        import control
+
+        def update(t: float, x: Array, u: Array, params: Mapping[str, Any]) -> Array:
+            return self.command(u[0], u[1], np.asarray(x))[1]
+
+        def output(t: float, x: Array, u: Array, params: Mapping[str, Any]) -> Array:
+            return np.atleast_1d(self.command(u[0], u[1], np.asarray(x))[0])
+
+        return control.nlsys(
+            update, output, dt=self.sample_time, states=self.states, name=self.name,
+            inputs=["reference", "reading"], outputs=["command"],
+        )  # fmt: skip

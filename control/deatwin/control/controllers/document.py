@@ -1,0 +1,59 @@
+"""A controller as plain data, and back."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from deatwin.control.controllers.base import Controller
+from deatwin.control.controllers.inverse import InverseController
+from deatwin.control.controllers.linear import LinearController
+from deatwin.control.controllers.scheduled import ScheduledController
+from deatwin.control.errors import ControlError
+
+__all__ = ["controller_from_dict", "controller_to_dict"]
+
+_KINDS: tuple[type[Controller], ...] = (LinearController, InverseController, ScheduledController)
+_COMMON = (
+    "name", "sample_time", "operating_input", "operating_output", "command_min", "command_max", "closed_loop_time",
+)  # fmt: skip
+
+
+def controller_to_dict(controller: Controller) -> dict[str, Any]:
+    """A controller as JSON can hold it.
+
+    Parameters
+    ----------
+    controller : Controller
+        Of any kind.
+
+    Returns
+    -------
+    dict
+    """
+    common = {name: getattr(controller, name) for name in _COMMON}
+    return {"kind": controller.kind, **common, **controller.details()}
+
+
+def controller_from_dict(data: Mapping[str, Any]) -> Controller:
+    """The controller that `controller_to_dict` described.
+
+    Parameters
+    ----------
+    data : mapping
+        Plain data.
+
+    Returns
+    -------
+    Controller
+
+    Raises
+    ------
+    ControlError
+        If the kind is not known.
+    """
+    for kind in _KINDS:
+        if kind.kind == data["kind"]:
+            return kind.from_details({name: data[name] for name in _COMMON}, data)
+    known = ", ".join(kind.kind for kind in _KINDS)
+    raise ControlError(f"a controller of the kind {data['kind']!r} is not known; there are {known}")

@@ -1,0 +1,296 @@
+"""A controller behind the inverse of the actuator's static curve: the loop sees a unit gain everywhere."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from deatwin.control.controllers.base import Controller
+from deatwin.control.controllers.law import Law
+from deatwin.control.controllers.linear import LinearController
+from deatwin.control.errors import ControlError
+from deatwin.plant.drawing import axes_or_new
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from scipy.interpolate import PchipInterpolator
+
+__all__ = ["InverseController", "StaticCurve"]
+
+Array = NDArray[np.float64]
+
+_CELLS = 32  # points of the table in a piece of the cubic
+_STEPS = 60  # halve a bracket down to rounding; Newton's method needs two or three
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StaticCurve:
+    """Output at rest over a constant input, strictly monotone, and its inverse.
+
+    Between the points goes a monotone cubic (Fritsch and Carlson); beyond them the ends are held.
+
+    Parameters
+    ----------
+    inputs : ndarray, shape (n,)
+        Increasing, in the input's unit.
+    outputs : ndarray, shape (n,)
+        Strictly increasing or strictly decreasing, in the output's unit.
+    input_unit, output_unit : str
+        Units.
+
+    Raises
+    ------
+    ControlError
+        If there are fewer than two points, a value is not finite, or the curve cannot be inverted.
+
+    References
+    ----------
+    F. N. Fritsch and R. E. Carlson, "Monotone piecewise cubic interpolation", SIAM J. Numer. Anal. 17 (1980)
+    238-246.
+    """
+
+    inputs: Array
+    outputs: Array
+    input_unit: str = ""
+    output_unit: str = ""
+
+    def __post_init__(self) -> None:
+        for name in ("inputs", "outputs"):
+            values = np.array(getattr(self, name), dtype=np.float64)
+            values.setflags(write=False)
+            object.__setattr__(self, name, values)
+        if self.inputs.ndim != 1 or self.inputs.size < 2 or self.outputs.shape != self.inputs.shape:
+            raise ControlError("a static curve needs at least two points, an output to each input")
+        if not (np.all(np.isfinite(self.inputs)) and np.all(np.isfinite(self.outputs))):
+            raise ControlError("every point of a static curve must be finite")
+        if not np.all(np.diff(self.inputs) > 0.0):
+            raise ControlError("the inputs of a static curve must increase")
+        steps = np.diff(self.outputs)
+        if not (np.all(steps > 0.0) or np.all(steps < 0.0)):
+            turn = int(np.argmax(np.sign(steps) != np.sign(steps[0])))
+            raise ControlError(
+                f"the static curve turns at {self.inputs[turn]:.4g} {self.input_unit}: it cannot be inverted there; "
+                "choose a range of the command on one side of it"
+            )
+
+    @cached_property
+    def _forward(self) -> PchipInterpolator:
+        from scipy.interpolate import PchipInterpolator
+
+        return PchipInterpolator(self.inputs, self.outputs)
+
+    @cached_property
+    def _table(self) -> tuple[Array, Array, NDArray[np.intp]]:
+        """Inputs and outputs of many points, outputs increasing, and the piece of the cubic behind each point."""
+        shares = np.arange(_CELLS) / _CELLS
+        inputs = np.append((self.inputs[:-1, None] + np.diff(self.inputs)[:, None] * shares).ravel(), self.inputs[-1])
+        pieces = np.repeat(np.arange(self.inputs.size - 1), _CELLS)
+        if self.outputs[-1] < self.outputs[0]:
+            inputs, pieces = inputs[::-1], pieces[::-1]
+        return inputs, np.maximum.accumulate(self._forward(inputs)), pieces
+
+    def output(self, value: ArrayLike) -> Array:
+        """Output at rest.
+
+        Parameters
+        ----------
+        value : array_like
+            Constant input, in its unit; beyond the ends the end's output is returned.
+
+        Returns
+        -------
+        ndarray
+            In the output's unit.
+        """
+        return np.asarray(self._forward(np.clip(value, self.inputs[0], self.inputs[-1])), dtype=np.float64)
+
+    def slope(self, value: ArrayLike) -> Array:
+        """Static gain.
+
+        Parameters
+        ----------
+        value : array_like
+            Constant input, in its unit.
+
+        Returns
+        -------
+        ndarray
+            Output unit by input unit.
+        """
+        return np.asarray(self._forward(np.clip(value, self.inputs[0], self.inputs[-1]), 1), dtype=np.float64)
+
+    def input(self, value: ArrayLike) -> Array:
+        """The constant input that holds an output.
+
+        Parameters
+        ----------
+        value : array_like
+            In the output's unit.
+
+        Returns
+        -------
+        ndarray
+            In the input's unit.
+        """
+        inputs, outputs, pieces = self._table
+        wanted = np.clip(np.asarray(value, dtype=np.float64), outputs[0], outputs[-1])
+        cell = np.clip(np.searchsorted(outputs, wanted, side="right") - 1, 0, pieces.size - 1)
+        left, right = inputs[cell], inputs[cell + 1]  # the output is too small at the left, too large at the right
+        begin, (c3, c2, c1, c0) = self.inputs[pieces[cell]], self._forward.c[:, pieces[cell]]
+        found = np.interp(wanted, outputs, inputs)
+        for _ in range(_STEPS):
+            s = found - begin
+            gap = wanted - (((c3 * s + c2) * s + c1) * s + c0)
+            slope = (3.0 * c3 * s + 2.0 * c2) * s + c1
+            left, right = np.where(gap > 0.0, found, left), np.where(gap < 0.0, found, right)
+            moved = found + np.divide(gap, slope, out=np.zeros_like(s), where=slope != 0.0)
+            inside = (moved - left) * (moved - right) <= 0.0  # else Newton's method leaves the bracket: halve it
+            moved = np.where(inside, moved, 0.5 * (left + right))
+            done, found = np.all(np.abs(moved - found) <= self._resolution), moved
+            if done:
+                break
+        return np.asarray(found, dtype=np.float64)
+
+    @cached_property
+    def _resolution(self) -> float:
+        """What rounding leaves of an input, in its unit."""
+        return 2.0 * float(np.finfo(np.float64).eps * np.abs(self.inputs).max())
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the curve.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Where to draw; new axes otherwise.
+
+        Returns
+        -------
+        matplotlib Axes
+        """
+        axes = axes_or_new(ax)
+        inputs, outputs, _ = self._table
+        axes.plot(inputs, outputs)
+        axes.set_xlabel(f"constant input ({self.input_unit})" if self.input_unit else "constant input")
+        axes.set_ylabel(f"output at rest ({self.output_unit})" if self.output_unit else "output at rest")
+        return axes
+
+
+_INNER = ("name", "operating_input", "command_min", "command_max")
+"""In which the feedback differs from the whole: its command is a wanted output."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class InverseController(Controller):
+    """A controller whose command is the output that it wants, behind the inverse of the static curve.
+
+    The reference goes forward through the inverse, so that feedback has only to mend what the curve does not
+    know: dynamics, drift and hysteresis. Since the inverse cancels the slope of the curve, the loop gain is the
+    same at all operating points.
+
+    Parameters
+    ----------
+    feedback : LinearController
+        From reference and reading to the wanted output; its command has the output's unit, and the reference goes
+        into it with a gain of one (`Law.feedforward`).
+    curve : StaticCurve
+        Of the actuator.
+    """
+
+    feedback: LinearController
+    curve: StaticCurve
+
+    kind = "inverse"
+
+    @property
+    def states(self) -> int:
+        """Number of states."""
+        return self.feedback.states
+
+    def start(self) -> Array:
+        """Zeros, shape (states,)."""
+        return self.feedback.start()
+
+    def command(self, reference: ArrayLike, reading: ArrayLike, state: Array) -> tuple[Array, Array]:
+        """One sample; see `Controller.command`.
+
+        Parameters
+        ----------
+        reference, reading : array_like, shape batch
+            In the output's unit.
+        state : ndarray, shape (states, *batch)
+            Before the sample.
+
+        Returns
+        -------
+        command : ndarray, shape batch
+            Inside the limits, in the input's unit.
+        state : ndarray, shape (states, *batch)
+            After it.
+        """
+        wanted, after = self.feedback.command(reference, reading, state)
+        return np.clip(self.curve.input(wanted), self.command_min, self.command_max), after
+
+    def local(self, operating_input: float) -> Law:
+        """The law of small deviations: the feedback's, by the slope of the inverse.
+
+        Parameters
+        ----------
+        operating_input : float
+            In the input's unit.
+
+        Returns
+        -------
+        Law
+        """
+        return self.feedback.law.scaled(1.0 / float(self.curve.slope(operating_input)))
+
+    def scaled(self, factor: float) -> Self:
+        """The same controller with another loop gain.
+
+        Parameters
+        ----------
+        factor : float
+            Of its feedback.
+
+        Returns
+        -------
+        InverseController
+        """
+        own = self.feedback
+        law = own.law.feedforward(-1.0).scaled(factor).feedforward(1.0)  # what goes forward is not fed back
+        return replace(self, feedback=replace(own, law=law, windup=own.windup / factor))
+
+    def details(self) -> dict[str, Any]:
+        """Plain data of feedback and curve."""
+        feedback, curve = self.feedback, self.curve
+        return {
+            "feedback": {**feedback.details(), **{name: getattr(feedback, name) for name in _INNER}},
+            "curve": {"inputs": curve.inputs.tolist(), "outputs": curve.outputs.tolist(),
+                      "input_unit": curve.input_unit, "output_unit": curve.output_unit},
+        }  # fmt: skip
+
+    @classmethod
+    def from_details(cls, common: Mapping[str, Any], details: Mapping[str, Any]) -> Self:
+        """The controller that the common fields and `details` described.
+
+        Parameters
+        ----------
+        common : mapping
+            The fields that all kinds have.
+        details : mapping
+            Plain data.
+
+        Returns
+        -------
+        InverseController
+        """
+        inner = details["feedback"]
+        wanted = {**common, **{name: inner[name] for name in _INNER}}
+        feedback = LinearController.from_details(wanted, inner)
+        return cls(**common, feedback=feedback, curve=StaticCurve(**details["curve"]))

@@ -1,0 +1,210 @@
+"""A linear sampled control law of reference and reading, as a state space."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from deatwin.control.errors import ControlError
+
+if TYPE_CHECKING:
+    from control import StateSpace
+
+__all__ = ["Law", "Polynomials"]
+
+Array = NDArray[np.float64]
+Polynomials = tuple[Array, Array]
+"""Numerator and denominator, coefficients of z^0, z^-1, ..."""
+
+REFERENCE, READING = 0, 1
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Law:
+    """``x(k+1) = A x(k) + B w(k)``, ``u(k) = C x(k) + D w(k)`` with w = (reference, reading), all as deviations.
+
+    Parameters
+    ----------
+    a : ndarray, shape (n, n)
+        A.
+    b : ndarray, shape (n, 2)
+        B, by the output's unit.
+    c : ndarray, shape (n,)
+        C, in the input's unit.
+    d : ndarray, shape (2,)
+        D, input unit by output unit.
+
+    Raises
+    ------
+    ControlError
+        If shapes do not fit or a value is not finite.
+    """
+
+    a: Array
+    b: Array
+    c: Array
+    d: Array
+
+    def __post_init__(self) -> None:
+        for name in ("a", "b", "c", "d"):
+            values = np.array(getattr(self, name), dtype=np.float64)
+            values.setflags(write=False)
+            object.__setattr__(self, name, values)
+        n = self.c.size
+        shapes = {"a": (n, n), "b": (n, 2), "c": (n,), "d": (2,)}
+        for name, shape in shapes.items():
+            values = getattr(self, name)
+            if values.shape != shape:
+                raise ControlError(f"{name} of a control law has the shape {values.shape}: it must be {shape}")
+            if not np.all(np.isfinite(values)):
+                raise ControlError(f"{name} of a control law must be finite; it has {values.tolist()}")
+
+    @classmethod
+    def of_error(cls, a: ArrayLike, b: ArrayLike, c: ArrayLike, d: float) -> Self:
+        """The law that knows only the error, reference minus reading.
+
+        Parameters
+        ----------
+        a : array_like, shape (n, n)
+            A.
+        b : array_like, shape (n,)
+            From the error, by the output's unit.
+        c : array_like, shape (n,)
+            C, in the input's unit.
+        d : float
+            From the error, input unit by output unit.
+
+        Returns
+        -------
+        Law
+        """
+        column = np.asarray(b, dtype=np.float64)
+        return cls(
+            a=np.asarray(a, dtype=np.float64),
+            b=np.stack([column, -column], axis=1),
+            c=np.asarray(c, dtype=np.float64),
+            d=np.array([d, -d]),
+        )
+
+    def scaled(self, factor: float) -> Law:
+        """The law with a command that is a multiple of this one's.
+
+        Parameters
+        ----------
+        factor : float
+            May have a unit.
+
+        Returns
+        -------
+        Law
+        """
+        return Law(a=self.a, b=self.b, c=factor * self.c, d=factor * self.d)
+
+    def feedforward(self, gain: float) -> Law:
+        """The law with a multiple of the reference added to its command.
+
+        Parameters
+        ----------
+        gain : float
+            Input unit by output unit.
+
+        Returns
+        -------
+        Law
+        """
+        return Law(a=self.a, b=self.b, c=self.c, d=self.d + np.array([gain, 0.0]))
+
+    @property
+    def feedback(self) -> Polynomials:
+        """From minus the reading to the command: with the model's transfer function it makes the loop."""
+        return self._transfer(-self.b[:, READING], -self.d[READING])
+
+    def feedback_response(self, omega: ArrayLike, sample_time: float) -> NDArray[np.complex128]:
+        """Frequency response of `feedback`.
+
+        Parameters
+        ----------
+        omega : array_like, shape (n,)
+            Angular frequencies above 0, rad/s.
+        sample_time : float
+            s.
+
+        Returns
+        -------
+        ndarray of complex, shape (n,)
+            Input unit by output unit.
+        """
+        numerator, denominator = self.feedback
+        shift = np.exp(-1j * np.asarray(omega, dtype=np.float64) * sample_time)
+        values = np.polyval(numerator[::-1], shift) / np.polyval(denominator[::-1], shift)
+        return np.asarray(values, dtype=np.complex128)
+
+    @property
+    def prefilter(self) -> Polynomials:
+        """From the reference to the command."""
+        return self._transfer(self.b[:, REFERENCE], self.d[REFERENCE])
+
+    @property
+    def poles(self) -> NDArray[np.complex128]:
+        """Eigenvalues of A, in the z plane."""
+        return np.asarray(np.linalg.eigvals(self.a), dtype=np.complex128)
+
+    def to_control(self, sample_time: float) -> StateSpace:
+        """The law as a discrete system of python-control.
+
+        Parameters
+        ----------
+        sample_time : float
+            s.
+
+        Returns
+        -------
+        control.StateSpace
+            From ``reference`` and ``reading`` to ``command``.
+        """
+        import control
+
+        return control.ss(
+            self.a, self.b, self.c[None, :], self.d[None, :], sample_time,
+            inputs=["reference", "reading"], outputs=["command"],
+        )  # fmt: skip
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data from which `from_dict` makes the same law."""
+        return {name: getattr(self, name).tolist() for name in ("a", "b", "c", "d")}
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Self:
+        """The law that `to_dict` described.
+
+        Parameters
+        ----------
+        data : mapping
+            Plain data.
+
+        Returns
+        -------
+        Law
+        """
+        n = len(data["c"])
+        return cls(
+            a=np.reshape(data["a"], (n, n)), b=np.reshape(data["b"], (n, 2)), c=np.array(data["c"], dtype=float),
+            d=np.array(data["d"], dtype=float),
+        )  # fmt: skip
+
+    def _transfer(self, b: Array, d: float) -> Polynomials:
+        """``C (z - A)^-1 b + d``, by the determinant of a rank-one change."""
+        denominator = _characteristic(self.a)
+        # The change has the size of A whatever the units are, so that no digits cancel in the difference.
+        size = float(np.linalg.norm(b) * np.linalg.norm(self.c)) or 1.0
+        changed = _characteristic(self.a - np.outer(b, self.c) / size)
+        return size * (changed - denominator) + d * denominator, denominator
+
+
+def _characteristic(matrix: Array) -> Array:
+    """Coefficients of ``det(z - A)``, from the highest power on."""
+    return np.atleast_1d(np.real(np.poly(matrix))) if matrix.size else np.ones(1)

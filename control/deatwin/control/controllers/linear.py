@@ -1,0 +1,147 @@
+"""A linear law with limits and anti-windup: PI, PID, LQG and H-infinity controllers are of this kind."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from deatwin.control.controllers.base import Controller
+from deatwin.control.controllers.law import READING, REFERENCE, Law
+from deatwin.control.errors import ControlError
+
+__all__ = ["LinearController"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LinearController(Controller):
+    """``v = u_0 + C x + D w``, ``u = v`` inside the limits, ``x(k+1) = A x + B w + L (u - v)``.
+
+    w holds the deviations of reference and reading from the operating output. At a limit the states follow
+    what was applied instead of what was wanted (back-calculation).
+
+    Parameters
+    ----------
+    law : Law
+        A, B, C, D.
+    windup : ndarray, shape (n,)
+        L; A - L C has its eigenvalues inside the unit circle.
+
+    Raises
+    ------
+    ControlError
+        If the shapes do not fit, or the states would drift away at a limit.
+
+    References
+    ----------
+    K. J. Åström and B. Wittenmark, Computer-Controlled Systems (3rd ed. 1997), section 3.5: the observer
+    approach to anti-windup.
+    """
+
+    law: Law
+    windup: Array
+
+    kind = "linear"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        values = np.array(self.windup, dtype=np.float64)
+        values.setflags(write=False)
+        object.__setattr__(self, "windup", values)
+        if values.shape != self.law.c.shape:
+            raise ControlError(f"windup has the shape {values.shape}: it must be {self.law.c.shape}")
+        held = np.abs(np.linalg.eigvals(self.law.a - np.outer(values, self.law.c))).max(initial=0.0)
+        if not held < 1.0:
+            raise ControlError(f"at a limit the controller's states would drift away (eigenvalue {held:.4g})")
+
+    @property
+    def states(self) -> int:
+        """Number of states."""
+        return int(self.law.c.size)
+
+    def start(self) -> Array:
+        """Zeros, shape (states,)."""
+        return np.zeros(self.states)
+
+    def command(self, reference: ArrayLike, reading: ArrayLike, state: Array) -> tuple[Array, Array]:
+        """One sample; see `Controller.command`.
+
+        Parameters
+        ----------
+        reference, reading : array_like, shape batch
+            In the output's unit.
+        state : ndarray, shape (states, *batch)
+            Before the sample.
+
+        Returns
+        -------
+        command : ndarray, shape batch
+            Inside the limits, in the input's unit.
+        state : ndarray, shape (states, *batch)
+            After it.
+        """
+        law, x = self.law, np.asarray(state)
+        asked, seen = np.asarray(reference) - self.operating_output, np.asarray(reading) - self.operating_output
+        wanted = self.operating_input + np.tensordot(law.c, x, 1) + law.d[REFERENCE] * asked + law.d[READING] * seen
+        applied = np.minimum(np.maximum(wanted, self.command_min), self.command_max)
+        after = np.tensordot(law.a, x, 1) + (
+            np.multiply.outer(law.b[:, REFERENCE], asked)
+            + np.multiply.outer(law.b[:, READING], seen)
+            + np.multiply.outer(self.windup, applied - wanted)
+        )
+        return applied, after
+
+    def local(self, operating_input: float) -> Law:
+        """The law; it is the same everywhere.
+
+        Parameters
+        ----------
+        operating_input : float
+            In the input's unit.
+
+        Returns
+        -------
+        Law
+        """
+        return self.law
+
+    def scaled(self, factor: float) -> Self:
+        """The same controller with another loop gain.
+
+        Parameters
+        ----------
+        factor : float
+            Of what its command deviates from the operating input.
+
+        Returns
+        -------
+        LinearController
+        """
+        return replace(self, law=self.law.scaled(factor), windup=self.windup / factor)
+
+    def details(self) -> dict[str, Any]:
+        """Plain data of law and anti-windup."""
+        return {"law": self.law.to_dict(), "windup": self.windup.tolist()}
+
+    @classmethod
+    def from_details(cls, common: Mapping[str, Any], details: Mapping[str, Any]) -> Self:
+        """The controller that the common fields and `details` described.
+
+        Parameters
+        ----------
+        common : mapping
+            The fields that all kinds have.
+        details : mapping
+            Plain data.
+
+        Returns
+        -------
+        LinearController
+        """
+        law = Law.from_dict(details["law"])
+        return cls(**common, law=law, windup=np.array(details["windup"], dtype=float))

@@ -1,0 +1,215 @@
+"""Laws for several operating points, between which the present command chooses."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from deatwin.control.controllers.base import Controller
+from deatwin.control.controllers.law import READING, REFERENCE, Law
+from deatwin.control.errors import ControlError
+
+__all__ = ["ScheduledController"]
+
+Array = NDArray[np.float64]
+
+_ROUNDING = 1e-9  # of equations in units of the states' steps
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ScheduledController(Controller):
+    """Control laws of one structure at several operating inputs, interpolated at the command, made smooth.
+
+    The smoothed command follows the command in a closed-loop time, ``s(k+1) = s(k) + (h/T) (u(k) - s(k))``. With
+    the command of the sample before, a schedule whose gains differ much can throw itself from limit to limit.
+
+    All laws rest alike: with reading and reference equal and constant, the same states hold the same command in
+    each. So a change of the law moves the command only by what it does with the present error, and near rest the
+    schedule adds no feedback of its own.
+
+    Parameters
+    ----------
+    points : ndarray, shape (m,)
+        Operating inputs of the laws, increasing, in the input's unit.
+    laws : tuple of Law
+        One a point; those of PI and PID controllers (`PidGains.law`) rest alike.
+    windup : ndarray, shape (m, n) or (n,)
+        As in `LinearController`, one a law or one for all.
+
+    Raises
+    ------
+    ControlError
+        If there are fewer than two points, they do not increase, the laws differ in structure or do not rest
+        alike, or the states would drift away at a limit.
+
+    References
+    ----------
+    W. J. Rugh and J. S. Shamma, "Research on gain scheduling", Automatica 36 (2000) 1401-1425: why the schedule
+    must not move the command at rest ("hidden coupling").
+    """
+
+    points: Array
+    laws: tuple[Law, ...]
+    windup: Array
+
+    kind = "scheduled"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        points, windup = (np.array(getattr(self, name), dtype=np.float64) for name in ("points", "windup"))
+        if windup.ndim == 1:
+            windup = np.tile(windup, (points.size, 1))
+        for name, values in (("points", points), ("windup", windup)):
+            values.setflags(write=False)
+            object.__setattr__(self, name, values)
+        if self.points.size < 2 or not np.all(np.diff(self.points) > 0.0) or self.points.size != len(self.laws):
+            raise ControlError(f"a schedule needs two or more increasing points, a law at each; got {self.points}")
+        first = self.laws[0]
+        if any(law.c.size != first.c.size for law in self.laws):
+            counts = ", ".join(f"{law.c.size} at {point:g}" for law, point in zip(self.laws, self.points, strict=True))
+            raise ControlError(f"the laws of a schedule must have one structure; they have as states {counts}")
+        shape = (self.points.size, first.c.size)
+        if self.windup.shape != shape:
+            raise ControlError(f"windup has the shape {self.windup.shape}: it must be {shape}, a row for each law")
+        for law, point, windup in zip(self.laws, self.points, self.windup, strict=True):
+            if not _rest_alike(first, law):
+                raise ControlError(
+                    f"the laws of a schedule must hold the same command with the same states at rest; that at "
+                    f"{point:g} differs from that at {self.points[0]:g}: schedule PI or PID laws"
+                )
+            held = np.abs(np.linalg.eigvals(law.a - np.outer(windup, law.c))).max(initial=0.0)
+            if not held < 1.0:
+                raise ControlError(f"at a limit the states would drift away at {point:g} (eigenvalue {held:.4g})")
+
+    @property
+    def states(self) -> int:
+        """Number of states: the law's, and the smoothed command."""
+        return int(self.laws[0].c.size) + 1
+
+    def start(self) -> Array:
+        """Zeros and the operating input, shape (states,)."""
+        return np.append(np.zeros(self.states - 1), self.operating_input)
+
+    def command(self, reference: ArrayLike, reading: ArrayLike, state: Array) -> tuple[Array, Array]:
+        """One sample; see `Controller.command`.
+
+        Parameters
+        ----------
+        reference, reading : array_like, shape batch
+            In the output's unit.
+        state : ndarray, shape (states, *batch)
+            Before the sample.
+
+        Returns
+        -------
+        command : ndarray, shape batch
+            Inside the limits, in the input's unit.
+        state : ndarray, shape (states, *batch)
+            After it.
+        """
+        x, smooth = state[:-1], state[-1]
+        asked, seen = np.asarray(reference) - self.operating_output, np.asarray(reading) - self.operating_output
+        a, b, c, d, windup = self._at(smooth)
+        wanted = self.operating_input + (c * x).sum(axis=0) + d[REFERENCE] * asked + d[READING] * seen
+        applied = np.minimum(np.maximum(wanted, self.command_min), self.command_max)
+        moved = (a * x).sum(axis=1) + b[:, REFERENCE] * asked + b[:, READING] * seen
+        after = moved + windup * (applied - wanted)
+        smooth = smooth + min(self.sample_time / self.closed_loop_time, 1.0) * (applied - smooth)
+        return applied, np.concatenate([after, smooth[None]])
+
+    def local(self, operating_input: float) -> Law:
+        """The law at an operating point.
+
+        Parameters
+        ----------
+        operating_input : float
+            In the input's unit; beyond the ends the end's law holds.
+
+        Returns
+        -------
+        Law
+        """
+        a, b, c, d, _ = self._at(np.asarray(operating_input, dtype=np.float64))
+        return Law(a=a, b=b, c=c, d=d)
+
+    def scaled(self, factor: float) -> Self:
+        """The same controller with another loop gain.
+
+        Parameters
+        ----------
+        factor : float
+            Of what its command deviates from the operating input.
+
+        Returns
+        -------
+        ScheduledController
+        """
+        laws = tuple(law.scaled(factor) for law in self.laws)
+        return replace(self, laws=laws, windup=self.windup / factor)
+
+    def details(self) -> dict[str, Any]:
+        """Plain data of points and laws."""
+        return {
+            "points": self.points.tolist(), "laws": [law.to_dict() for law in self.laws],
+            "windup": self.windup.tolist(),
+        }  # fmt: skip
+
+    @classmethod
+    def from_details(cls, common: Mapping[str, Any], details: Mapping[str, Any]) -> Self:
+        """The controller that the common fields and `details` described.
+
+        Parameters
+        ----------
+        common : mapping
+            The fields that all kinds have.
+        details : mapping
+            Plain data.
+
+        Returns
+        -------
+        ScheduledController
+        """
+        laws = tuple(Law.from_dict(law) for law in details["laws"])
+        points, windup = (np.array(details[name], dtype=float) for name in ("points", "windup"))
+        return cls(**common, points=points, laws=laws, windup=windup)
+
+    @cached_property
+    def _tables(self) -> tuple[Array, ...]:
+        """A, B, C, D and L of all laws, the points last: shapes (n, n, m), (n, 2, m), (n, m), (2, m) and (n, m)."""
+        laws = tuple(np.stack([getattr(law, name) for law in self.laws], axis=-1) for name in ("a", "b", "c", "d"))
+        return (*laws, self.windup.T)
+
+    def _at(self, command: Array) -> tuple[Array, ...]:
+        """A, B, C, D and L at commands, their points replaced by the shape of the commands."""
+        inside = np.clip(command, self.points[0], self.points[-1])
+        place = np.clip(np.searchsorted(self.points, inside, side="right") - 1, 0, self.points.size - 2)
+        share = (inside - self.points[place]) / (self.points[place + 1] - self.points[place])
+        return tuple(t[..., place] + share * (t[..., place + 1] - t[..., place]) for t in self._tables)
+
+
+def _rest_alike(first: Law, other: Law) -> bool:
+    """Whether the states of rest of two laws, with reading equal to reference, are the same and hold one command."""
+    units = np.maximum(np.abs(first.b).max(axis=1), np.abs(other.b).max(axis=1))
+    units[units == 0.0] = 1.0  # states differ by many orders of magnitude
+    manifolds = []
+    for law in (first, other):
+        # Rows of (x, r): (A - 1) x + (B_r + B_y) r = 0, and the command there.
+        steps = np.column_stack([law.a - np.eye(units.size), law.b.sum(axis=1)])
+        command = np.append(law.c, law.d.sum())
+        scales = np.append(units, 1.0)
+        manifolds.append((steps * scales / units[:, None], command * scales))
+    (steps, command), (others, its) = manifolds
+    _, sizes, vectors = np.linalg.svd(steps)
+    rank = np.count_nonzero(sizes > _ROUNDING)
+    at_rest = vectors[rank:].T
+    if rank != np.count_nonzero(np.linalg.svd(others, compute_uv=False) > _ROUNDING):
+        return False
+    if np.abs(others @ at_rest).max(initial=0.0) > _ROUNDING:
+        return False
+    size = max(np.abs(command).max(), np.abs(its).max())
+    return bool(np.abs((command - its) @ at_rest).max(initial=0.0) <= _ROUNDING * size)

@@ -1,0 +1,165 @@
+"""A reference that is fed forward through the inverse of the actuator's linear dynamics."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.control.controllers.inverse import InverseController
+from deatwin.control.controllers.law import Law
+from deatwin.control.errors import ControlError
+from deatwin.control.linear.model import LinearModel
+
+__all__ = ["InverseFilter", "inverse_filter", "with_dynamics"]
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+_LAGS = (0.1, 0.4, 1.6)
+"""Time constants of the filter, in periods of the band's end: they follow what creeps within the band."""
+_LOWEST = 0.01  # of the band: where its lower end lies
+_POINTS = 80
+_RIDGE = 1e-3  # of each column's size: keeps the filter's coefficients from cancelling each other
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class InverseFilter:
+    """``F(z)`` with F(1) = 1, near G(1)/G(z) on a band: what makes an output follow its reference there.
+
+    Parameters
+    ----------
+    a : ndarray, shape (n, n)
+        State matrix; its eigenvalues lie inside the unit circle.
+    b, c : ndarray, shape (n,)
+        Input and output vectors, dimensionless.
+    d : float
+        Direct part, dimensionless.
+    band_Hz : float
+        Upper end of the band, Hz.
+    error : float
+        Largest |F G/G(1) - 1| on the band: the share of a tone that feedforward alone leaves.
+    """
+
+    a: Array
+    b: Array
+    c: Array
+    d: float
+    band_Hz: float
+    error: float
+
+    def response(self, omega: Array, sample_time: float) -> Complex:
+        """Frequency response.
+
+        Parameters
+        ----------
+        omega : ndarray, shape (n,)
+            rad/s.
+        sample_time : float
+            s.
+
+        Returns
+        -------
+        ndarray of complex, shape (n,)
+            Dimensionless.
+        """
+        z = np.exp(1j * np.asarray(omega) * sample_time)
+        states = np.linalg.solve(z[:, None, None] * np.eye(self.c.size) - self.a, self.b[None, :, None])
+        return np.asarray(states[:, :, 0] @ self.c + self.d, dtype=np.complex128)
+
+    def before(self, law: Law) -> Law:
+        """A law with the filtered reference added to its command.
+
+        Parameters
+        ----------
+        law : Law
+            Whose command has the output's unit.
+
+        Returns
+        -------
+        Law
+            Its further states are those of the filter.
+        """
+        n, m = law.c.size, self.c.size
+        b = np.vstack([law.b, np.stack([self.b, np.zeros(m)], axis=1)])
+        a = np.block([[law.a, np.zeros((n, m))], [np.zeros((m, n)), self.a]])
+        return Law(a=a, b=b, c=np.concatenate([law.c, self.c]), d=law.d + np.array([self.d, 0.0]))
+
+
+def inverse_filter(linear: LinearModel, band_Hz: float) -> InverseFilter:
+    """Fit the inverse of a model's dynamics on a band, by a filter that does not look ahead.
+
+    The filter has the present reference, the one before, and three lags; their weights are found by least
+    squares of ``F G/G(1) - 1`` from a hundredth of the band to its end. It is stable whatever zeros the model has.
+
+    Parameters
+    ----------
+    linear : LinearModel
+        As the controller sees it.
+    band_Hz : float
+        Upper end of the band in which references move, below half the sampling rate, Hz.
+
+    Returns
+    -------
+    InverseFilter
+
+    Raises
+    ------
+    ModelError
+        If no controller can be designed on the model.
+    ControlError
+        If the band is not as described.
+    """
+    h = linear.require().sample_time
+    highest = 0.5 / h
+    if not 0.0 < band_Hz < highest:
+        raise ControlError(f"a band up to {band_Hz:g} Hz: it must end above 0 and below {highest:g} Hz")
+    omega = 2 * np.pi * np.geomspace(_LOWEST, 1.0, _POINTS) * band_Hz
+    later = np.exp(-1j * omega * h)
+    poles = np.exp(-h * band_Hz / np.array(_LAGS))
+    columns = np.stack([later - 1.0, *((1.0 - p) / (1.0 - p * later) - 1.0 for p in poles)], axis=1)
+    relative = (linear.response(omega) / linear.static_gain)[:, None]
+    weights = _ridge(columns * relative, 1.0 - relative[:, 0])
+    error = float(np.abs((1.0 + columns @ weights) * relative[:, 0] - 1.0).max())
+    before, *lags = weights
+    # States: the reference before, and the lags; x(k+1) = p x(k) + (1 - p) r(k), whose output is that of the update.
+    return InverseFilter(
+        a=np.diag([0.0, *poles]),
+        b=np.array([1.0, *(1.0 - poles)]),
+        c=np.array([before, *(w * p for w, p in zip(lags, poles, strict=True))]),
+        d=float(1.0 - weights.sum() + sum(w * (1.0 - p) for w, p in zip(lags, poles, strict=True))),
+        band_Hz=band_Hz,
+        error=error,
+    )
+
+
+def with_dynamics(controller: InverseController, filter: InverseFilter) -> InverseController:
+    """The controller with the filtered reference fed forward instead of the bare one.
+
+    Parameters
+    ----------
+    controller : InverseController
+        That feeds the bare reference forward.
+    filter : InverseFilter
+        Of the model on which it was designed.
+
+    Returns
+    -------
+    InverseController
+        Its loop, and so its margins, are the same.
+    """
+    inner = controller.feedback
+    law = filter.before(inner.law.feedforward(-1.0))
+    windup = np.concatenate([inner.windup, np.zeros(filter.c.size)])
+    return replace(
+        controller, name=f"{controller.name} with dynamics", feedback=replace(inner, law=law, windup=windup)
+    )
+
+
+def _ridge(matrix: Complex, target: Complex) -> Array:
+    """Real least squares of complex equations, a little shrunk."""
+    rows = np.vstack([matrix.real, matrix.imag])
+    sizes = np.diag(_RIDGE * np.linalg.norm(rows, axis=0))
+    wanted = np.concatenate([target.real, target.imag, np.zeros(rows.shape[1])])
+    return np.asarray(np.linalg.lstsq(np.vstack([rows, sizes]), wanted, rcond=None)[0])

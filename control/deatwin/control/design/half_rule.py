@@ -1,0 +1,136 @@
+"""Reduction of a sampled model to two lags and a delay by the half rule."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.control.errors import ControlError
+from deatwin.control.linear.model import LinearModel
+
+__all__ = ["SecondOrderDelay", "reduce_to_second_order"]
+
+Array = NDArray[np.float64]
+
+_REAL = 1e-9  # imaginary part, against the modulus, of a root that is real
+_CLOSE = 1.6  # a zero is nearer to the smaller lag beside it if their ratio is below this
+_ROUNDS = 20  # of delay and zeros, which depend on each other
+
+
+@dataclass(frozen=True, kw_only=True)
+class SecondOrderDelay:
+    """``gain * exp(-delay s) / ((first_lag s + 1) (second_lag s + 1))``.
+
+    Parameters
+    ----------
+    gain : float
+        Output unit by input unit; of the frequencies about the crossover where a slow lag was nearly cancelled.
+    first_lag, second_lag : float
+        s, the longer first.
+    delay : float
+        s, half a sample for the hold included.
+    """
+
+    gain: float
+    first_lag: float
+    second_lag: float
+    delay: float
+
+
+def reduce_to_second_order(linear: LinearModel) -> SecondOrderDelay:
+    """Reduce a model by its real poles and zeros.
+
+    The real poles between 0 and 1 are lags and the real zeros there leads; what else the model has (samples of
+    delay, the hold, zeros outside, oscillating poles) counts by its mean residence time as delay. A lead is
+    cancelled with the lag beside it (Skogestad's rules T1 to T3). Of the third lag one half goes to the second and
+    the other to the delay, as do all further ones.
+
+    Parameters
+    ----------
+    linear : LinearModel
+        As the controller sees it (`LinearModel.in_loop`).
+
+    Returns
+    -------
+    SecondOrderDelay
+
+    Raises
+    ------
+    ModelError
+        If no controller can be designed on the model.
+    ControlError
+        If the model has no second lag of at least a sample.
+
+    References
+    ----------
+    S. Skogestad, "Simple analytic rules for model reduction and PID controller tuning", J. Process Control 13 (2003)
+    291-309, sections 2.1 (half rule) and 2.2 (zeros).
+    """
+    h = linear.require().sample_time
+    lags, leads = _times(linear.denominator, h), _times(linear.numerator, h)
+    rest = max(_residence(linear) - lags.sum() + leads.sum(), 0.0)
+    delay, share, kept = rest, 1.0, lags
+    for _ in range(_ROUNDS):
+        share, kept = _without_leads(lags, leads, max(delay, 0.5 * h))
+        before, delay = delay, rest + 0.5 * kept[2:3].sum() + kept[3:].sum()
+        if abs(delay - before) < 1e-9 * h:
+            break
+    first, second = (*kept[:2], 0.0, 0.0)[:2]
+    second += 0.5 * kept[2:3].sum()
+    if second < h:
+        poles = ", ".join(f"{pole:.3g}" for pole in np.sort_complex(linear.poles)[::-1])
+        raise ControlError(
+            f"the model has no second lag of at least a sample, {h:g} s, for a derivative to cancel "
+            f"(poles in z: {poles or 'none'}): a PI controller is right (lambda_tuning)"
+        )
+    return SecondOrderDelay(
+        gain=linear.static_gain * share, first_lag=float(max(first, second)), second_lag=float(min(first, second)),
+        delay=float(delay),
+    )  # fmt: skip
+
+
+def _times(polynomial: Array, h: float) -> Array:
+    """Time constants of the real roots between 0 and 1, the longest first, s."""
+    roots = np.roots(np.trim_zeros(polynomial, "f"))
+    real = roots.real[np.abs(roots.imag) <= _REAL * np.abs(roots)]
+    inside = real[(real > 0.0) & (real < 1.0)]
+    return np.asarray(np.sort(-h / np.log(inside))[::-1])
+
+
+def _residence(linear: LinearModel) -> float:
+    """Mean of the impulse response over time, s: of lags and delays their sum, leads counted negative."""
+    top, bottom = linear.numerator, linear.denominator
+    steps = np.arange(top.size) @ top / top.sum() - np.arange(bottom.size) @ bottom / bottom.sum()
+    return float(steps * linear.sample_time)
+
+
+def _without_leads(lags: Array, leads: Array, delay: float) -> tuple[float, Array]:
+    """Gain factor and lags after each lead was cancelled with a lag beside it."""
+    kept, factor = [float(lag) for lag in lags], 1.0
+    for lead in leads:
+        if not kept:
+            break
+        above, below = [lag for lag in kept if lag >= lead], [lag for lag in kept if lag < lead]
+        near = not above or (bool(below) and lead / max(below) < min(min(above) / lead, _CLOSE))
+        lag = max(below) if near else min(above)
+        kept.remove(lag)
+        ratio, left = _smaller_lag(lead, lag, delay) if near else _larger_lag(lead, lag, delay)
+        factor *= ratio
+        if left > 0.0:
+            kept.append(left)
+    return factor, np.sort(kept)[::-1]
+
+
+def _smaller_lag(lead: float, lag: float, delay: float) -> tuple[float, float]:
+    """``(lead s + 1)/(lag s + 1)`` with the lead above the lag as a gain (rules T1, T1a and T1b)."""
+    return max(lead, delay) / max(lag, delay), 0.0
+
+
+def _larger_lag(lead: float, lag: float, delay: float) -> tuple[float, float]:
+    """The same with the lag above the lead, as a gain and a lag (rules T2 and T3)."""
+    if lead >= 5.0 * delay:
+        return lead / lag, 0.0
+    bounded = min(lag, 5.0 * delay)
+    return bounded / lag, bounded - lead

@@ -1,0 +1,258 @@
+"""H-infinity mixed sensitivity on the sampled model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from importlib import import_module
+from importlib.util import find_spec
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from deatwin.control.controllers.law import Law
+from deatwin.control.controllers.linear import LinearController
+from deatwin.control.design.pid import Limits
+from deatwin.control.design.states import States, integrating
+from deatwin.control.errors import ControlError
+from deatwin.control.linear.model import LinearModel
+from deatwin.control.stability.margins import margins
+
+if TYPE_CHECKING:
+    from control import StateSpace, TransferFunction
+
+__all__ = ["MixedSensitivity", "hinf"]
+
+Array = NDArray[np.float64]
+
+_LEAK = 1e-4  # of the bandwidth: the pole of the first weight, which theory wants stable
+_ROLL_OFF = 2.0  # times the bandwidth: from where the command has to fall
+_LAST = 100.0  # times that: up to where the bound on the command falls
+_HALVINGS = 12
+
+
+@dataclass(frozen=True, kw_only=True)
+class MixedSensitivity:
+    """Bounds on the sensitivity S and on C S, as weights whose stacked norm has to stay below one.
+
+    ``|S| <= |(w + b l)/(w/M + b)|`` and ``|C S G(1)| <= effort / |1 + w/(2 b)|`` with b the bandwidth, in the plane
+    of ``w = (z - 1)/(z + 1)``, ``|w| = tan(omega h / 2)``; l = 1e-4 stands for the integrator.
+
+    Parameters
+    ----------
+    bandwidth_Hz : float
+        Up to where the sensitivity is below one, Hz.
+    max_sensitivity : float
+        Largest sensitivity, M.
+    effort : float
+        Largest command that a reference asks, against the command that holds it at rest.
+    sample_time : float
+        s.
+
+    Raises
+    ------
+    ControlError
+        If a bound makes no sense.
+    """
+
+    bandwidth_Hz: float
+    max_sensitivity: float
+    effort: float
+    sample_time: float
+
+    def __post_init__(self) -> None:
+        nyquist = 0.5 / self.sample_time
+        if not 0.0 < self.bandwidth_Hz < nyquist:
+            raise ControlError(
+                f"bandwidth_Hz is {self.bandwidth_Hz:g}: it must lie between 0 and half the sampling rate, {nyquist:g}"
+            )
+        for name in ("max_sensitivity", "effort"):
+            if not 1.0 < getattr(self, name) < np.inf:
+                raise ControlError(f"{name} is {getattr(self, name):g}: it must be above 1 (1.2 to 2 is usual)")
+
+    @property
+    def _coefficients(self) -> tuple[tuple[list[float], list[float]], tuple[list[float], list[float]]]:
+        """Numerator and denominator of both weights in w, from the highest power on."""
+        b = float(np.tan(np.pi * self.bandwidth_Hz * self.sample_time))
+        corner = _ROLL_OFF * b
+        first = [1.0 / self.max_sensitivity, b], [1.0, b * _LEAK]
+        second = [1.0 / (corner * self.effort), 1.0 / self.effort], [1.0 / (corner * _LAST), 1.0]
+        return first, second
+
+    def weights(self) -> tuple[TransferFunction, TransferFunction]:
+        """Both weights in the w plane, as continuous systems of python-control.
+
+        Returns
+        -------
+        tuple of control.TransferFunction
+            Of S and of C S G(1).
+        """
+        import control
+
+        first, second = self._coefficients
+        return control.tf(*first), control.tf(*second)
+
+    def values(self, omega: ArrayLike) -> tuple[Array, Array]:
+        """Absolute values of both weights.
+
+        Parameters
+        ----------
+        omega : array_like, shape (n,)
+            Angular frequencies, rad/s.
+
+        Returns
+        -------
+        tuple of ndarray, each of shape (n,)
+            Of S and of C S G(1).
+        """
+        w = 1j * np.tan(0.5 * np.asarray(omega, dtype=np.float64) * self.sample_time)
+        first, second = (np.abs(np.polyval(top, w) / np.polyval(bottom, w)) for top, bottom in self._coefficients)
+        return first, second
+
+
+def hinf(
+    linear: LinearModel,
+    *,
+    command_limits: Limits,
+    bandwidth_Hz: float,
+    max_sensitivity: float = 1.5,
+    effort: float = 2.0,
+) -> LinearController:
+    """Design a sampled H-infinity controller of mixed sensitivity with integral action.
+
+    The bilinear transform to the w plane and back keeps norms, so that the bounds hold for the sampled loop.
+    The controller's slowest pole, at 1e-4 of the bandwidth, is then moved to z = 1.
+
+    Parameters
+    ----------
+    linear : LinearModel
+        As the controller sees it (`LinearModel.in_loop`).
+    command_limits : (float, float)
+        Least and largest command, in its unit.
+    bandwidth_Hz : float
+        Up to where the sensitivity shall be below one, Hz. A model says nothing beyond the band that its recording
+        excited: choose it well inside.
+    max_sensitivity : float
+        Largest sensitivity.
+    effort : float
+        Largest command that a reference asks, against the command that holds it at rest; beyond twice the bandwidth
+        it has to fall.
+
+    Returns
+    -------
+    LinearController
+        At the sample time of the model; it knows the error only. Its closed-loop time is one by the bandwidth in rad/s.
+
+    Raises
+    ------
+    ModelError
+        If no controller can be designed on the model.
+    ControlError
+        If slycot is missing, a bound makes no sense, or the bounds cannot be met (the text says up to which bandwidth
+        they can).
+
+    References
+    ----------
+    S. Skogestad and I. Postlethwaite, Multivariable Feedback Control (2nd ed. 2005), sections 2.8.3 and 9.3.6: weights
+    and mixed sensitivity. R. Hanus, M. Kinnaert and J.-L. Henrotte, "Conditioning technique, a general anti-windup and
+    bumpless transfer method", Automatica 23 (1987) 729-739: states that follow the applied command.
+    """
+    _require_slycot()
+    states, h = States.of(linear), linear.sample_time
+    plant = _to_w(states.balanced())
+    bounds = MixedSensitivity(
+        bandwidth_Hz=bandwidth_Hz, max_sensitivity=max_sensitivity, effort=effort, sample_time=h
+    )  # fmt: skip
+    found = _synthesis(plant, bounds)
+    if found is None:
+        raise ControlError(_why_not(plant, bounds))
+    law = integrating(_from_w(found)).scaled(1.0 / states.gain)
+    top, bottom = law.feedback
+    loop = margins([np.convolve(linear.numerator, top)], [np.convolve(linear.denominator, bottom)], h)
+    if not loop.stable[0]:
+        raise ControlError("the H-infinity controller lost stability to rounding: choose another bandwidth")
+    return LinearController(
+        name="H-infinity", sample_time=h, operating_input=linear.operating_input,
+        operating_output=linear.rest_output, command_min=float(command_limits[0]),
+        command_max=float(command_limits[1]), closed_loop_time=float(1.0 / (2 * np.pi * bandwidth_Hz)),
+        law=law, windup=_follower(law),
+    )  # fmt: skip
+
+
+def _require_slycot() -> None:
+    if find_spec("slycot") is None:
+        raise ControlError("an H-infinity design needs slycot, which is not installed: pip install deatwin[hinf]")
+
+
+def _to_w(states: States) -> StateSpace:
+    """The model in the w plane, with a static gain of one."""
+    import control
+
+    inverse = np.linalg.inv(states.a + np.eye(states.b.size))
+    b, c = (inverse @ states.b)[:, None], (states.c @ inverse)[None, :]
+    a = inverse @ (states.a - np.eye(states.b.size))
+    return control.ss(a, np.sqrt(2.0) * b, np.sqrt(2.0) * c, -states.c @ b)
+
+
+def _from_w(system: StateSpace) -> Law:
+    """A law of the error from the w plane."""
+    a, b, c, d = (np.asarray(matrix) for matrix in (system.A, system.B, system.C, system.D))
+    identity = np.eye(len(a))
+    inverse = np.linalg.inv(identity - a)
+    through = float((d + c @ inverse @ b)[0, 0])
+    return Law.of_error(
+        (identity + a) @ inverse, np.sqrt(2.0) * (inverse @ b)[:, 0], np.sqrt(2.0) * (c @ inverse)[0], through
+    )  # fmt: skip
+
+
+def _synthesis(plant: StateSpace, bounds: MixedSensitivity) -> StateSpace | None:
+    """The central controller, in the w plane, with which the stacked norm is below one; None where there is none."""
+    import control
+
+    p = _weighted(plant, bounds)
+    n, inputs, outputs = p.nstates, p.ninputs, p.noutputs
+    try:
+        # Job 4: for this norm, without a search for the least; python-control's hinfsyn searches, at times for ever.
+        found = import_module("slycot").sb10ad(n, inputs, outputs, 1, 1, 1.0, p.A, p.B, p.C, p.D, job=4)
+    except ArithmeticError:  # of slycot: no admissible controller
+        return None
+    return control.ss(*found[1:5])
+
+
+def _weighted(plant: StateSpace, bounds: MixedSensitivity) -> StateSpace:
+    """From reference and command to the weighted error, the weighted command and the error, in the w plane."""
+    import control
+
+    g, (first, second) = plant, (control.ss(weight) for weight in bounds.weights())
+    n = g.nstates
+    a, b, c, d = np.zeros((n + 2, n + 2)), np.zeros((n + 2, 2)), np.zeros((3, n + 2)), np.zeros((3, 2))
+    a[:n, :n], b[:n, 1:] = g.A, g.B
+    c[2, :n], d[2] = -g.C[0], [1.0, -g.D[0, 0]]
+    a[n, n], a[n + 1, n + 1] = first.A[0, 0], second.A[0, 0]
+    a[n, :n], b[n], b[n + 1, 1] = first.B[0, 0] * c[2, :n], first.B[0, 0] * d[2], second.B[0, 0]
+    c[0, :n], c[0, n], d[0] = first.D[0, 0] * c[2, :n], first.C[0, 0], first.D[0, 0] * d[2]
+    c[1, n + 1], d[1, 1] = second.C[0, 0], second.D[0, 0]
+    return control.ss(a, b, c, d)
+
+
+def _why_not(plant: StateSpace, bounds: MixedSensitivity) -> str:
+    """Up to which bandwidth the other bounds can be met."""
+    low, high = 0.0, bounds.bandwidth_Hz
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        reached = _synthesis(plant, replace(bounds, bandwidth_Hz=middle)) is not None
+        low, high = (middle, high) if reached else (low, middle)
+    up_to = f"with these bounds {low:.3g} Hz can be reached" if low > 0.0 else "no bandwidth can be reached with them"
+    return (
+        f"a bandwidth of {bounds.bandwidth_Hz:g} Hz with a sensitivity of at most {bounds.max_sensitivity:g} and "
+        f"commands of at most {bounds.effort:g} times those at rest cannot be met; {up_to}"
+    )
+
+
+def _follower(law: Law) -> Array:
+    """Gain with which the law's states follow the applied command: a Kalman filter that sees the command alone."""
+    from scipy.linalg import solve_discrete_are
+
+    b, size = law.b[:, 0], float(law.c @ law.b[:, 0])
+    p = solve_discrete_are(law.a.T, law.c[:, None], np.outer(b, b), np.array([[law.d[0] ** 2 + size**2]]))
+    return np.asarray(law.a @ p @ law.c / (law.d[0] ** 2 + size**2 + law.c @ p @ law.c))

@@ -1,0 +1,194 @@
+"""Feedback behind the inverse of the actuator's static curve, and the curve of a model or a plant."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import singledispatch
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.control.controllers.inverse import InverseController, StaticCurve
+from deatwin.control.controllers.law import READING, Law
+from deatwin.control.controllers.linear import LinearController
+from deatwin.control.design.pid import Limits
+from deatwin.control.errors import ControlError
+from deatwin.control.linear.model import LinearModel
+from deatwin.ident.frequency import equilibrium
+from deatwin.ident.narx import NarxModel
+from deatwin.plant.errors import ModelError
+from deatwin.plant.model import Plant
+from deatwin.plant.rest import rest_state
+
+__all__ = ["Design", "static_curve", "with_inverse"]
+
+Array = NDArray[np.float64]
+
+
+class Design(Protocol):
+    """A design function whose other settings are chosen, such as ``partial(lambda_tuning, closed_loop_time=0.5)``."""
+
+    def __call__(self, linear: LinearModel, *, command_limits: Limits) -> LinearController:
+        """Design on a model.
+
+        Parameters
+        ----------
+        linear : LinearModel
+            As the controller sees it.
+        command_limits : (float, float)
+            Least and largest command, in its unit.
+
+        Returns
+        -------
+        LinearController
+        """
+        ...
+
+
+@singledispatch
+def static_curve(system: Any, command_range: Limits, *, count: int = 33) -> StaticCurve:
+    """Output at rest over the command, of an identified model or of a plant.
+
+    Parameters
+    ----------
+    system : NarxModel or Plant
+        Of one input and one output.
+    command_range : (float, float)
+        Least and largest command, in its unit.
+    count : int
+        Number of points, evenly spaced.
+
+    Returns
+    -------
+    StaticCurve
+
+    Raises
+    ------
+    ControlError
+        If the range is empty, the system does not come to rest at one of the commands, or the curve cannot be
+        inverted; the text says where.
+    """
+    raise TypeError(f"a static curve is that of a NarxModel or a Plant, not of a {type(system).__name__}")
+
+
+@static_curve.register
+def _(system: NarxModel, command_range: Limits, *, count: int = 33) -> StaticCurve:
+    if len(system.input_names) != 1:
+        raise ControlError(f"the model has {len(system.input_names)} inputs; a static curve is that of one")
+    unit = system.input_units[0]
+
+    def output(command: float) -> float:
+        try:
+            found = equilibrium(system, command)
+        except ModelError as error:
+            raise ControlError(f"no static curve: at {command:.4g} {unit}".rstrip() + f" {error}") from None
+        if not found.is_stable:
+            raise ControlError(
+                f"no static curve: the model is unstable at {command:.4g} {unit}".rstrip()
+                + "; choose a smaller range of the command"
+            )
+        return found.output
+
+    return _curve(output, command_range, count, unit, system.output_units[0])
+
+
+@static_curve.register
+def _(system: Plant, command_range: Limits, *, count: int = 33) -> StaticCurve:
+    equations, values, rig = system.equations, system.free_values, system.rig
+    start = rest_state(equations, rig.start.rest_command, values)  # where a sensor that is zeroed at rest has its zero
+    guess: Array | None = None
+
+    def output(command: float) -> float:
+        nonlocal guess
+        rest = rest_state(equations, command, values, guess=guess)
+        if not rest.found:
+            raise ControlError(
+                f"no static curve: the plant has no state of rest at {command:.4g} {rig.input_unit} (pull-in, or the "
+                "film is too soft); choose a smaller range of the command"
+            )
+        guess = np.concatenate([rest.x, rest.z])  # so that the next stays on the branch
+        inputs = equations.held_inputs(command)
+        return float(equations.output(rest.x, rest.z, start.d, inputs, 0.0, values, equations.constants))
+
+    return _curve(output, command_range, count, rig.input_unit, rig.output_unit)
+
+
+def _curve(
+    output: Callable[[float], float], command_range: Limits, count: int, input_unit: str, output_unit: str
+) -> StaticCurve:
+    low, high = map(float, command_range)
+    if not (np.isfinite([low, high]).all() and low < high):
+        raise ControlError(f"the range of the command is {low:g} to {high:g}: it must rise")
+    if count < 2:
+        raise ControlError(f"a static curve of {count} points: it needs two or more")
+    inputs = np.linspace(low, high, count)
+    return StaticCurve(
+        inputs=inputs, outputs=np.array([output(float(u)) for u in inputs]), input_unit=input_unit,
+        output_unit=output_unit,
+    )  # fmt: skip
+
+
+def with_inverse(
+    linear: LinearModel, curve: StaticCurve, design: Design, *, command_limits: Limits
+) -> InverseController:
+    """Design feedback on the model behind the inverse of a static curve, with the reference fed forward.
+
+    The feedback answers to the error alone: how the reference moves the command is the curve's business.
+
+    Parameters
+    ----------
+    linear : LinearModel
+        As the controller sees it (`LinearModel.in_loop`), at the operating point.
+    curve : StaticCurve
+        Of the actuator, about the operating point.
+    design : callable
+        Of the feedback, with all settings but the limits; such as ``partial(lambda_tuning, closed_loop_time=0.5)``.
+    command_limits : (float, float)
+        Least and largest command, in its unit; where the curve ends before, its end is the limit.
+
+    Returns
+    -------
+    InverseController
+        At the sample time of the model.
+
+    Raises
+    ------
+    ModelError
+        If no controller can be designed on the model.
+    ControlError
+        If the operating point lies outside the curve, slope and static gain have opposite signs, or the design fails.
+    """
+    low, high = max(command_limits[0], curve.inputs[0]), min(command_limits[1], curve.inputs[-1])
+    point = linear.require().operating_input
+    if not low < point < high:
+        raise ControlError(
+            f"the operating input {point:g} must lie inside the limits and the static curve, {low:g} to {high:g}"
+        )
+    slope = float(curve.slope(point))
+    if not slope * linear.static_gain > 0.0:
+        raise ControlError(
+            f"the static curve rises by {slope:.4g} at {point:g} and the model by {linear.static_gain:.4g}: "
+            "their signs must agree"
+        )
+    demands = sorted(float(v) for v in curve.output([low, high]))
+    found = design(_behind(linear, curve, slope), command_limits=(demands[0], demands[1]))
+    law = Law.of_error(found.law.a, -found.law.b[:, READING], found.law.c, -float(found.law.d[READING]))
+    feedback = replace(found, law=law.feedforward(1.0))
+    return InverseController(
+        name=f"{found.name} behind the inverse", sample_time=found.sample_time, operating_input=point,
+        operating_output=linear.rest_output, command_min=low, command_max=high,
+        closed_loop_time=found.closed_loop_time, feedback=feedback, curve=curve,
+    )  # fmt: skip
+
+
+def _behind(linear: LinearModel, curve: StaticCurve, slope: float) -> LinearModel:
+    """The model from a wanted output to the output."""
+    scale = np.ones(len(linear.covariance))
+    scale[: linear.numerator.size] = 1.0 / slope
+    return replace(
+        linear, numerator=linear.numerator / slope, covariance=linear.covariance * np.outer(scale, scale),
+        operating_input=float(curve.output(linear.operating_input)), input_name="demand",
+        input_unit=linear.output_unit,
+    )  # fmt: skip

@@ -1,0 +1,312 @@
+"""PI and PID controllers by shaping the loop: most integral gain under bounds on robustness."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.control.controllers.linear import LinearController
+from deatwin.control.design.pid import Limits, PidGains, pid
+from deatwin.control.errors import ControlError
+from deatwin.control.linear.model import LinearModel
+
+__all__ = ["Robustness", "loop_shaping", "loop_shaping_pid"]
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Shape = Callable[[float, float], PidGains]
+"""Gains of a controller from its integral gain and its time constant."""
+
+_POINTS = 1500  # frequencies of each half of the grid: logarithmic and even
+_LOWEST = 1e-5  # rad a sample
+_NEAR = np.sinh(np.linspace(-6.0, 6.0, 121)) / np.sinh(6.0)  # about a pole, dense where it is near
+_LONGEST = 1000.0  # samples: time constant of the controller, at least
+_TIMES = 240  # time constants that are tried, and again about the best
+_FILTER = 10.0
+"""The derivative time by its filter's time constant."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Robustness:
+    """Bounds that a loop has to keep.
+
+    Parameters
+    ----------
+    max_sensitivity : float
+        Largest |1/(1 + L)|, above 1.
+    phase_margin_deg : float
+        Least phase margin, degrees.
+
+    Raises
+    ------
+    ControlError
+        If no integrating loop can keep them.
+    """
+
+    max_sensitivity: float
+    phase_margin_deg: float
+
+    def __post_init__(self) -> None:
+        if not 1.0 < self.max_sensitivity < np.inf:
+            raise ControlError(f"max_sensitivity is {self.max_sensitivity:g}: it must be above 1 (1.2 to 2 is usual)")
+        if not 0.0 <= self.phase_margin_deg < 90.0:
+            raise ControlError(
+                f"phase_margin_deg is {self.phase_margin_deg:g}: it must be from 0 to below 90, which an integrator has"
+            )
+
+    def largest_gain(self, loops: Complex) -> Array:
+        """Up to which factor loops may be raised from nothing before a bound is reached.
+
+        Where |1 + k L|² = 1/M² has roots k, the lower one; where the phase of L is within the margin of -180°, the
+        k for which |k L| = 1. Below the least of them over all frequencies the locus never touches the circle about
+        -1, so that the closed loop is stable if the open one is.
+
+        Parameters
+        ----------
+        loops : ndarray of complex, shape (n, n_frequencies)
+            Values of loops that integrate with a positive gain; dimensionless for a factor of one.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+        """
+        real, square = loops.real, np.abs(loops) ** 2
+        outside = 1.0 - 1.0 / self.max_sensitivity**2
+        under = real**2 - square * outside
+        reached = (under >= 0.0) & (real < 0.0)
+        root = np.full(loops.shape, np.inf)
+        root[reached] = outside / (-real[reached] + np.sqrt(under[reached]))
+        late = np.abs(np.angle(-loops)) < np.radians(self.phase_margin_deg)
+        root[late] = np.minimum(root[late], 1.0 / np.sqrt(square[late]))
+        return np.asarray(root.min(axis=1))
+
+
+def loop_shaping(
+    linear: LinearModel,
+    *,
+    command_limits: Limits,
+    crossover_Hz: float | None = None,
+    phase_margin_deg: float = 60.0,
+    max_sensitivity: float = 1.4,
+) -> LinearController:
+    """Design a sampled PI controller with the most integral gain that bounds on the loop allow.
+
+    The integral gain is what a slow disturbance is rejected with. The bounds hold for the sampled loop, and for all
+    lower loop gains as well. With a crossover the loop gain is one there, and nowhere above.
+
+    Parameters
+    ----------
+    linear : LinearModel
+        As the controller sees it (`LinearModel.in_loop`).
+    command_limits : (float, float)
+        Least and largest command, in its unit.
+    crossover_Hz : float, optional
+        Where the loop gain shall be one, Hz; without it wherever the bounds allow. A model says nothing beyond the
+        band that its recording excited: choose it well inside.
+    phase_margin_deg : float
+        Least phase margin, degrees.
+    max_sensitivity : float
+        Largest peak of the sensitivity |1/(1 + L)|.
+
+    Returns
+    -------
+    LinearController
+        At the sample time of the model; its closed-loop time is one by the crossover in rad/s.
+
+    Raises
+    ------
+    ModelError
+        If no controller can be designed on the model.
+    ControlError
+        If a bound makes no sense, or the bounds cannot be kept at the crossover; the text says what can.
+
+    References
+    ----------
+    K. J. Åström, H. Panagopoulos and T. Hägglund, "Design of PI controllers based on non-convex optimization",
+    Automatica 34 (1998) 585-601: the integral gain is maximised under a bound on the sensitivity.
+    """
+
+    def gains(integral: float, time: float) -> PidGains:
+        return PidGains(proportional=integral * time, integral=integral)
+
+    bounds = Robustness(max_sensitivity=max_sensitivity, phase_margin_deg=phase_margin_deg)
+    return _shaped(linear, gains, bounds, command_limits, crossover_Hz)
+
+
+def loop_shaping_pid(
+    linear: LinearModel,
+    *,
+    command_limits: Limits,
+    crossover_Hz: float | None = None,
+    phase_margin_deg: float = 60.0,
+    max_sensitivity: float = 1.4,
+) -> LinearController:
+    """Design a sampled PID controller with the most integral gain that bounds on the loop allow.
+
+    As `loop_shaping`, with two equal zeros: the derivative time is a quarter of the integral time. With both free
+    the most integral gain lies at complex zeros, where the loop is very sensitive to the gains.
+
+    Parameters
+    ----------
+    linear : LinearModel
+        As the controller sees it (`LinearModel.in_loop`).
+    command_limits : (float, float)
+        Least and largest command, in its unit.
+    crossover_Hz : float, optional
+        Where the loop gain shall be one, Hz; without it wherever the bounds allow.
+    phase_margin_deg : float
+        Least phase margin, degrees.
+    max_sensitivity : float
+        Largest peak of the sensitivity |1/(1 + L)|.
+
+    Returns
+    -------
+    LinearController
+        At the sample time of the model; its closed-loop time is one by the crossover in rad/s.
+
+    Raises
+    ------
+    ModelError
+        If no controller can be designed on the model.
+    ControlError
+        If a bound makes no sense, or the bounds cannot be kept at the crossover; the text says what can.
+
+    References
+    ----------
+    H. Panagopoulos, K. J. Åström and T. Hägglund, "Design of PID controllers based on constrained optimisation", IEE
+    Proc. Control Theory Appl. 149 (2002) 32-40.
+    """
+    h = linear.sample_time
+
+    def gains(integral: float, time: float) -> PidGains:
+        if time == 0.0:
+            return PidGains(proportional=0.0, integral=integral)
+        derivative_time = 0.5 * time
+        return PidGains(
+            proportional=2.0 * time * integral, integral=integral, derivative=time**2 * integral,
+            filter_time=max(derivative_time / _FILTER, h),
+        )  # fmt: skip
+
+    bounds = Robustness(max_sensitivity=max_sensitivity, phase_margin_deg=phase_margin_deg)
+    return _shaped(linear, gains, bounds, command_limits, crossover_Hz)
+
+
+def _shaped(
+    linear: LinearModel, gains: Shape, bounds: Robustness, command_limits: Limits, crossover_Hz: float | None
+) -> LinearController:
+    loops = _Loops(linear.require(), gains, bounds)
+    if crossover_Hz is None:
+        integral, time = loops.fastest()
+        crossover = loops.crossover(integral, time)
+    else:
+        crossover = 2 * np.pi * crossover_Hz
+        integral, time = loops.at(crossover)
+    found = gains(float(np.copysign(integral, linear.static_gain)), time)
+    return pid(linear, found, command_limits, 1.0 / crossover)
+
+
+class _Loops:
+    """Loops of a model with controllers of one shape, on a grid of frequencies."""
+
+    def __init__(self, linear: LinearModel, gains: Shape, bounds: Robustness) -> None:
+        self.linear, self.gains, self.bounds = linear, gains, bounds
+        self.omega = _frequencies(linear)
+        h = linear.sample_time
+        lag = -h / np.log(np.abs(linear.poles).max(initial=0.5))
+        # No proportional part at all is one of them.
+        self.times = np.append(0.0, np.geomspace(0.1 * h, max(_LONGEST * h, 3.0 * lag), _TIMES))
+
+    @cached_property
+    def table(self) -> Complex:
+        """All loops at all frequencies, shape (n_times, n_frequencies)."""
+        return self.values(self.times, self.omega)
+
+    def values(self, times: Array, omega: Array) -> Complex:
+        """Loops with an integral gain of one, shape (n_times, n_frequencies)."""
+        h, sign = self.linear.sample_time, float(np.sign(self.linear.static_gain))
+        delay, model = np.exp(-1j * omega * h), sign * self.linear.response(omega)
+        rows = []
+        for time in times:
+            top, bottom = self.gains(1.0, float(time)).law(h).feedback
+            rows.append(np.polyval(top[::-1], delay) / np.polyval(bottom[::-1], delay) * model)
+        return np.array(rows)
+
+    def fastest(self) -> tuple[float, float]:
+        """The largest integral gain within the bounds, and its time constant."""
+        times, values = self.times, self.table
+        for _ in range(3):  # each time between the neighbours of the best
+            largest = self.bounds.largest_gain(values)
+            best = int(np.argmax(largest))
+            found = float(largest[best]), float(times[best])
+            times = np.linspace(times[max(best - 1, 0)], times[min(best + 1, times.size - 1)], 41)
+            values = self.values(times, self.omega)
+        return found
+
+    def crossover(self, integral: float, time: float) -> float:
+        """Highest frequency at which the loop gain is one, rad/s."""
+        above = np.flatnonzero(integral * np.abs(self.values(np.array([time]), self.omega)[0]) >= 1.0)
+        return float(self.omega[above[-1]])
+
+    def at(self, crossover: float) -> tuple[float, float]:
+        """The largest integral gain with a crossover within the bounds, and its time constant."""
+        nyquist = np.pi / self.linear.sample_time
+        if not 0.0 < crossover < nyquist:
+            raise ControlError(
+                f"a crossover of {crossover / (2 * np.pi):g} Hz: it must lie between 0 and half the sampling rate, "
+                f"{nyquist / (2 * np.pi):g} Hz"
+            )
+        found = self._reached(crossover)
+        if found is None:
+            raise ControlError(self._why_not(crossover))
+        return found
+
+    def _reached(self, crossover: float) -> tuple[float, float] | None:
+        needed = self._needed(crossover)
+        good = needed <= self.bounds.largest_gain(self.table)
+        good &= ~self._crosses_above(needed, crossover)
+        if not good.any():
+            return None
+        best = int(np.argmax(np.where(good, needed, 0.0)))
+        return float(needed[best]), float(self.times[best])
+
+    def _needed(self, crossover: float) -> Array:
+        """Integral gain with which the loop gain is one at the crossover, for all time constants."""
+        return np.asarray(1.0 / np.abs(self.values(self.times, np.array([crossover]))[:, 0]))
+
+    def _crosses_above(self, needed: Array, crossover: float) -> NDArray[np.bool_]:
+        above = self.omega > crossover * (1.0 + 1e-9)
+        return np.asarray((needed[:, None] * np.abs(self.table[:, above]) > 1.0).any(axis=1))
+
+    def _why_not(self, crossover: float) -> str:
+        """What the loop would have at the crossover, and up to which one the bounds can be kept."""
+        phase = np.unwrap(np.angle(self.table), axis=1)[:, np.searchsorted(self.omega, crossover)]
+        margin = 180.0 + float(np.degrees(phase).max())
+        low, high = self.omega[0], crossover
+        if self._reached(low) is None:
+            up_to = "the bounds can be kept at no crossover"
+        else:
+            for _ in range(20):
+                middle = float(np.sqrt(low * high))
+                low, high = (middle, high) if self._reached(middle) is not None else (low, middle)
+            up_to = f"the bounds can be kept up to a crossover of {low / (2 * np.pi):.3g} Hz"
+        return (
+            f"a crossover of {crossover / (2 * np.pi):g} Hz with a phase margin of at least "
+            f"{self.bounds.phase_margin_deg:g}° and a peak of the sensitivity of at most "
+            f"{self.bounds.max_sensitivity:g} cannot be reached: the phase margin there is at most {margin:.3g}°; "
+            f"{up_to}"
+        )
+
+
+def _frequencies(linear: LinearModel) -> Array:
+    """Frequencies from far below all time constants to half the sampling rate, dense about the poles, rad/s."""
+    poles = linear.poles[np.abs(linear.poles) > 0.0]
+    grid = [np.geomspace(_LOWEST, np.pi, _POINTS), np.linspace(0.0, np.pi, _POINTS + 1)[1:]]
+    for pole in poles[poles.imag > 0.0]:
+        angle, width = float(np.angle(pole)), 1.0 - abs(pole)
+        near = angle + 30.0 * width * _NEAR
+        grid.append(near[(near > 0.0) & (near < np.pi)])
+    return np.unique(np.concatenate(grid)) / linear.sample_time

@@ -1,0 +1,245 @@
+"""LQG with integral action on the sampled model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import isfinite
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.control.controllers.law import Law
+from deatwin.control.controllers.linear import LinearController
+from deatwin.control.design.lambda_tuning import default_closed_loop_time, require_time
+from deatwin.control.design.pid import Limits
+from deatwin.control.design.states import States, integrating
+from deatwin.control.errors import ControlError
+from deatwin.control.linear.model import LinearModel
+
+__all__ = ["LqgGains", "lqg", "lqg_gains"]
+
+Array = NDArray[np.float64]
+
+_REACHED = 1.0 - np.exp(-1.0)  # of a step, in the time constant
+_LEAST, _STEP = np.log(1e-8), np.log(30.0)  # weight of the command's steps against the error, and how it is searched
+_LONGEST = 1e5  # samples in which an answer is waited for
+_OBSERVER_SHARE = 0.5
+"""The observer averages over this share of the closed-loop time, if nothing is known of drift and noise."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LqgGains:
+    """A regulator for steps of the command and an observer with an output that drifts.
+
+    Parameters
+    ----------
+    states : States
+        Of the model, n of them.
+    regulator : ndarray, shape (n + 1,)
+        From the deviations of states and last command from their targets to minus the command's step.
+    observer : ndarray, shape (n + 1,)
+        From the surprise in the reading to the corrections of states and drift (filter form).
+    """
+
+    states: States
+    regulator: Array
+    observer: Array
+
+    @property
+    def regulator_poles(self) -> NDArray[np.complex128]:
+        """Of the model with the true states fed back, shape (n + 1,), in the z plane."""
+        a, b = _in_steps(self.states)
+        return np.asarray(np.linalg.eigvals(a - np.outer(b, self.regulator)), dtype=np.complex128)
+
+    @property
+    def observer_poles(self) -> NDArray[np.complex128]:
+        """Of the observer's error, shape (n + 1,), in the z plane."""
+        a, c = _with_drift(self.states)
+        return np.asarray(np.linalg.eigvals(a - np.outer(a @ self.observer, c)), dtype=np.complex128)
+
+    def law(self) -> tuple[Law, Array]:
+        """The law from reference and reading to command, and how it follows the command that was applied.
+
+        Returns
+        -------
+        law : Law
+            Its states are the predicted states and drift, and the command before.
+        windup : ndarray, shape (n + 2,)
+            For `LinearController`: the observer is fed with the applied command.
+        """
+        n, gain, m = self.states.b.size, self.states.gain, self.observer
+        a, c = _with_drift(self.states)
+        forward = float(self.regulator[:n] @ self.states.rest + self.regulator[n])
+        # v = u(k-1) - K_x (x - x_s) - K_u (u(k-1) - u_s) with u_s = r - d, x_s = rest * u_s.
+        feedback = np.append(self.regulator[:n], forward)
+        corrected = np.eye(n + 1) - np.outer(m, c)  # from predicted states to states, the reading used
+        c_v = np.append(-feedback @ corrected, 1.0 - self.regulator[n])
+        d_v = np.array([forward, -feedback @ m])
+        applied = np.concatenate([self.states.b, [0.0, 1.0]])
+        a_v, b_v = np.zeros((n + 2, n + 2)), np.zeros((n + 2, 2))
+        a_v[: n + 1, : n + 1], b_v[: n + 1, 1] = a @ corrected, a @ m
+        law = Law(a=a_v + np.outer(applied, c_v), b=(b_v + np.outer(applied, d_v)) / gain, c=c_v, d=d_v / gain)
+        return integrating(law), applied  # exactly, for what rounding left of it
+
+
+def lqg(
+    linear: LinearModel,
+    *,
+    command_limits: Limits,
+    closed_loop_time: float | None = None,
+    noise: float = 1.0,
+    drift: float | None = None,
+    band_Hz: float | None = None,
+) -> LinearController:
+    r"""Design a sampled LQG controller with integral action.
+
+    The regulator minimises :math:`\sum (y - r)^2 + \rho \, (\Delta u)^2`, with the :math:`\rho` for which the
+    reading has answered 63 % of a step of the reference a closed-loop time after the delay. The observer is the
+    stationary Kalman filter of the model with an output that wanders (and commands that are off by as much as would
+    move the output likewise) and a reading with white noise; since it knows the drift, the loop has no error at rest.
+
+    Parameters
+    ----------
+    linear : LinearModel
+        As the controller sees it (`LinearModel.in_loop`).
+    command_limits : (float, float)
+        Least and largest command, in its unit.
+    closed_loop_time : float, optional
+        s; by default as `lambda_tuning`.
+    noise : float
+        Standard deviation of the reading's noise, in the output's unit.
+    drift : float, optional
+        Standard deviation by which the output wanders in a second, in the output's unit; by a random walk, so that it
+        grows with the root of time. By default what makes the observer average over half the closed-loop time.
+    band_Hz : float, optional
+        Band that the recording excited, Hz.
+
+    Returns
+    -------
+    LinearController
+        At the sample time of the model, with two degrees of freedom; at a limit its observer knows what was applied.
+
+    Raises
+    ------
+    ModelError
+        If no controller can be designed on the model.
+    ControlError
+        If the closed-loop time cannot be reached (the text says what can), a level is not positive, or the limits do
+        not enclose the operating input.
+
+    References
+    ----------
+    K. J. Åström and B. Wittenmark, Computer-Controlled Systems (3rd ed. 1997), chapter 11. G. Pannocchia and J. B.
+    Rawlings, "Disturbance models for offset-free model-predictive control", AIChE J. 49 (2003) 426-437: why the drift
+    in the observer leaves no error at rest.
+    """
+    h = linear.sample_time
+    wanted = require_time(closed_loop_time, h) or default_closed_loop_time(linear, band_Hz)
+    moved = noise * np.sqrt(h) / (_OBSERVER_SHARE * wanted) if drift is None else drift
+    if not (isfinite(noise) and isfinite(moved) and min(noise, moved) > 0.0):
+        raise ControlError(f"noise ({noise:g}) and drift ({moved:g}) must be positive and finite")
+    law, windup = lqg_gains(linear, wanted, float(moved * np.sqrt(h) / noise)).law()
+    return LinearController(
+        name="LQG", sample_time=h, operating_input=linear.operating_input, operating_output=linear.rest_output,
+        command_min=float(command_limits[0]), command_max=float(command_limits[1]), closed_loop_time=float(wanted),
+        law=law, windup=windup,
+    )  # fmt: skip
+
+
+def lqg_gains(linear: LinearModel, closed_loop_time: float, drift_by_noise: float) -> LqgGains:
+    """Both gains of an LQG controller.
+
+    Parameters
+    ----------
+    linear : LinearModel
+        As the controller sees it.
+    closed_loop_time : float
+        s.
+    drift_by_noise : float
+        Standard deviation of the drift in a sample by that of the noise.
+
+    Returns
+    -------
+    LqgGains
+
+    Raises
+    ------
+    ModelError, ControlError
+        As `lqg`.
+    """
+    states = States.of(linear)
+    return LqgGains(
+        states=states, regulator=_regulator(states, closed_loop_time / linear.sample_time, linear.sample_time),
+        observer=_observer(states, drift_by_noise),
+    )  # fmt: skip
+
+
+def _in_steps(states: States) -> tuple[Array, Array]:
+    """The model with the last command as a further state, driven by steps of the command."""
+    a = np.block([[states.a, states.b[:, None]], [np.zeros((1, states.b.size)), np.ones((1, 1))]])
+    return a, np.append(states.b, 1.0)
+
+
+def _with_drift(states: States) -> tuple[Array, Array]:
+    """The model with an output that wanders."""
+    n = states.b.size
+    a = np.eye(n + 1)
+    a[:n, :n] = states.a
+    return a, np.append(states.c, 1.0)
+
+
+def _regulator(states: States, samples: float, sample_time: float) -> Array:
+    """The gain whose closed loop takes so many samples for 63 % of a step."""
+    from scipy.optimize import brentq
+
+    def excess(logarithm: float) -> float:
+        return _rise(states, _regulator_of(states, float(np.exp(logarithm))), limit=4.0 * samples) - samples
+
+    low = high = 2.0 * np.log(samples)  # of an actuator that answers at once
+    while excess(high) < 0.0:
+        high += _STEP
+    while excess(low) > 0.0:
+        low -= _STEP
+        if low < _LEAST:
+            fastest = _rise(states, _regulator_of(states, float(np.exp(low))), limit=_LONGEST) * sample_time
+            raise ControlError(
+                f"a closed-loop time of {samples * sample_time:.4g} s cannot be reached: the model allows "
+                f"{fastest:.4g} s at least"
+            )
+    return _regulator_of(states, float(np.exp(brentq(excess, low, high, xtol=1e-6))))
+
+
+def _regulator_of(states: States, weight: float) -> Array:
+    """The linear quadratic gain for a weight of the command's steps."""
+    from scipy.linalg import solve_discrete_are
+
+    a, b = _in_steps(states)
+    seen = np.append(states.c, 0.0)
+    p = solve_discrete_are(a, b[:, None], np.outer(seen, seen), np.array([[weight]]))
+    return np.asarray((b @ p @ a) / (weight + b @ p @ b))
+
+
+def _rise(states: States, regulator: Array, limit: float) -> float:
+    """Samples after the delay until a step is answered by 63 %, or the limit."""
+    a, b = _in_steps(states)
+    closed = a - np.outer(b, regulator)
+    gap = -np.append(states.rest, 1.0)  # from the target
+    before = 0.0
+    for k in range(1, int(limit) + states.delay + 2):
+        gap = closed @ gap
+        reached = 1.0 + float(states.c @ gap[:-1])
+        if reached >= _REACHED:
+            return k - (reached - _REACHED) / (reached - before) - (states.delay - 1)
+        before = reached
+    return limit
+
+
+def _observer(states: States, drift: float) -> Array:
+    """The stationary Kalman gain, filter form, for a reading with unit noise."""
+    from scipy.linalg import solve_discrete_are
+
+    a, c = _with_drift(states)
+    pushed = np.append(states.b, 0.0)
+    moves = np.diag(np.eye(1, c.size, c.size - 1)[0])
+    p = solve_discrete_are(a.T, c[:, None], drift**2 * (np.outer(pushed, pushed) + moves), np.ones((1, 1)))
+    return np.asarray(p @ c / (1.0 + c @ p @ c))

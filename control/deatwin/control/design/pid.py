@@ -1,0 +1,130 @@
+"""PI and PID laws with limits, from their gains."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from deatwin.control.controllers.law import Law
+from deatwin.control.controllers.linear import LinearController
+from deatwin.control.errors import ControlError
+from deatwin.control.linear.model import LinearModel
+
+__all__ = ["Limits", "PidGains", "pid"]
+
+Limits = tuple[float, float]
+"""Least and largest command, in its unit."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PidGains:
+    """Gains of a PID controller with a filtered derivative of the reading.
+
+    Parameters
+    ----------
+    proportional : float
+        K_p, input unit by output unit.
+    integral : float
+        K_i, input unit by output unit and second.
+    derivative : float
+        K_d, input unit by output unit, times second.
+    filter_time : float
+        T_f of the derivative's filter, s.
+
+    Raises
+    ------
+    ControlError
+        If a value is not finite, there is no integral action, or a derivative has no filter.
+    """
+
+    proportional: float
+    integral: float
+    derivative: float = 0.0
+    filter_time: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not np.all(np.isfinite([self.proportional, self.integral, self.derivative, self.filter_time])):
+            raise ControlError(f"the gains of a controller must be finite: {self}")
+        if self.integral == 0.0:
+            raise ControlError("a controller of a drifting actuator needs integral action: integral must not be 0")
+        if self.filter_time < 0.0 or (self.derivative != 0.0 and self.filter_time == 0.0):
+            raise ControlError(f"a derivative needs a positive filter_time; it is {self.filter_time:g} s")
+
+    @property
+    def name(self) -> str:
+        """``I``, ``PI`` or ``PID``."""
+        return ("P" if self.proportional else "") + "I" + ("D" if self.derivative else "")
+
+    def law(self, sample_time: float) -> Law:
+        """The sampled law: integral and derivative by backward differences.
+
+        Parameters
+        ----------
+        sample_time : float
+            h, s.
+
+        Returns
+        -------
+        Law
+            The first state is the integral in the input's unit, the second of a PID the filtered reading in the
+            output's: with them laws of other gains rest alike (`ScheduledController`).
+        """
+        step = self.integral * sample_time
+        pi = Law.of_error([[1.0]], [step], [1.0], self.proportional + step)
+        if not self.derivative:
+            return pi
+        # D(k) = p D(k-1) - g (y(k) - y(k-1)) = g (y_f(k) - y(k)), with y_f(k+1) = p y_f(k) + (1 - p) y(k)
+        p = self.filter_time / (self.filter_time + sample_time)
+        g = self.derivative / (self.filter_time + sample_time)
+        return Law(
+            a=np.diag([1.0, p]),
+            b=np.vstack([pi.b, [0.0, 1.0 - p]]),
+            c=np.array([1.0, g]),
+            d=pi.d - np.array([0.0, g]),
+        )
+
+    def windup(self, sample_time: float) -> np.ndarray:
+        """Back-calculation that unloads the integral in the integral time, at once where there is none.
+
+        Parameters
+        ----------
+        sample_time : float
+            s.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            For `LinearController`.
+        """
+        share = self.integral * sample_time / self.proportional if self.proportional else 1.0
+        tracking = min(abs(share), 1.0)
+        return np.array([tracking, 0.0] if self.derivative else [tracking])
+
+
+def pid(linear: LinearModel, gains: PidGains, command_limits: Limits, closed_loop_time: float) -> LinearController:
+    """A PI or PID controller about the operating point of a model.
+
+    Parameters
+    ----------
+    linear : LinearModel
+        On which it was designed.
+    gains : PidGains
+        Of the controller.
+    command_limits : (float, float)
+        Least and largest command, in its unit.
+    closed_loop_time : float
+        What was asked for, s.
+
+    Returns
+    -------
+    LinearController
+        At the sample time of the model.
+    """
+    h = linear.sample_time
+    return LinearController(
+        name=gains.name, sample_time=h, operating_input=linear.operating_input,
+        operating_output=linear.rest_output, command_min=float(command_limits[0]),
+        command_max=float(command_limits[1]), closed_loop_time=float(closed_loop_time),
+        law=gains.law(h), windup=gains.windup(h),
+    )  # fmt: skip

@@ -1,0 +1,91 @@
+"""One controller from designs at several operating points."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from deatwin.control.controllers.linear import LinearController
+from deatwin.control.controllers.scheduled import ScheduledController
+from deatwin.control.design.inverse import Design
+from deatwin.control.design.pid import Limits
+from deatwin.control.errors import ControlError
+from deatwin.control.linear.model import LinearModel
+from deatwin.plant.errors import ModelError
+
+__all__ = ["scheduled"]
+
+
+def scheduled(
+    models: Sequence[LinearModel], design: Design, *, command_limits: Limits, operating_input: float | None = None
+) -> ScheduledController:
+    """Design at each of several operating points and interpolate between them.
+
+    Parameters
+    ----------
+    models : sequence of LinearModel
+        As the controller sees them (`LinearModel.in_loop`), two or more, at different operating inputs.
+    design : callable
+        With all settings but the limits, such as ``partial(lambda_tuning, closed_loop_time=0.5)``. Its laws must be of
+        one structure that rests alike: PI or PID.
+    command_limits : (float, float)
+        Least and largest command, in its unit.
+    operating_input : float, optional
+        Where the loop is closed: that of one of the models; by default the one in the middle.
+
+    Returns
+    -------
+    ScheduledController
+        At the sample time of the models; its closed-loop time is the longest of them.
+
+    Raises
+    ------
+    ControlError
+        If a point has no design (the text says which, and why), the points do not fit together, or the laws differ in
+        structure.
+    """
+    if len(models) < 2:
+        raise ControlError(f"a schedule needs two or more operating points; there are {len(models)}")
+    ordered = sorted(models, key=lambda model: model.operating_input)
+    times = {model.sample_time for model in ordered}
+    if len(times) > 1:
+        raise ControlError(f"the models of a schedule must have one sample time; they have {sorted(times)} s")
+    found = [_designed(model, design, command_limits) for model in ordered]
+    signs = [float(np.sign(model.static_gain)) for model in ordered]
+    for before, after, change in zip(ordered, ordered[1:], np.diff(signs), strict=False):
+        if change != 0.0:
+            raise ControlError(
+                f"the static gain changes its sign between {before.operating_input:g} and {after.operating_input:g} "
+                f"{after.input_unit}".rstrip() + ": no controller serves both; choose a range on one side"
+            )
+    if len({c.law.c.size for c in found}) > 1:
+        kinds = ", ".join(f"{c.name} at {c.operating_input:g}" for c in found)
+        raise ControlError(f"the laws of a schedule must have one structure; the design gave {kinds}")
+    centre = _centre(found, operating_input)
+    names = sorted({c.name for c in found}, key=len)
+    return ScheduledController(
+        name=f"scheduled {names[-1]}", sample_time=centre.sample_time, operating_input=centre.operating_input,
+        operating_output=centre.operating_output, command_min=centre.command_min, command_max=centre.command_max,
+        closed_loop_time=max(c.closed_loop_time for c in found),
+        points=np.array([c.operating_input for c in found]), laws=tuple(c.law for c in found),
+        windup=np.array([c.windup for c in found]),
+    )  # fmt: skip
+
+
+def _designed(model: LinearModel, design: Design, command_limits: Limits) -> LinearController:
+    try:
+        return design(model, command_limits=command_limits)
+    except (ModelError, ControlError) as error:
+        where = f"{model.operating_input:g} {model.input_unit}".rstrip()
+        raise ControlError(f"no design at {where}: {error}") from None
+
+
+def _centre(found: Sequence[LinearController], operating_input: float | None) -> LinearController:
+    if operating_input is None:
+        return found[len(found) // 2]
+    for controller in found:
+        if abs(controller.operating_input - operating_input) <= 1e-9 * max(abs(operating_input), 1.0):
+            return controller
+    points = ", ".join(f"{c.operating_input:g}" for c in found)
+    raise ControlError(f"the loop cannot be closed at {operating_input:g}: there are models at {points}")

@@ -1,0 +1,135 @@
+"""A linear model in states, for designs that think in states."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.control.controllers.law import Law
+from deatwin.control.errors import ControlError
+from deatwin.control.linear.model import LinearModel
+
+__all__ = ["States", "integrating"]
+
+Array = NDArray[np.float64]
+
+_HARDLY = 5e-9  # of the largest Hankel singular value; what is left out counts twice
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class States:
+    """``x(k+1) = A x(k) + B u(k)``, ``y(k) = gain C x(k)`` with a static gain of one from B to C.
+
+    Parameters
+    ----------
+    a : ndarray, shape (n, n)
+        A.
+    b, c : ndarray, shape (n,)
+        B and C; the states are in the input's unit.
+    gain : float
+        Static gain, output unit by input unit.
+    """
+
+    a: Array
+    b: Array
+    c: Array
+    gain: float
+
+    @classmethod
+    def of(cls, linear: LinearModel) -> States:
+        """The observable canonical form of a model.
+
+        Parameters
+        ----------
+        linear : LinearModel
+            As the controller sees it (`LinearModel.in_loop`).
+
+        Returns
+        -------
+        States
+            Of as many states as the transfer function has poles, those of the delay included.
+
+        Raises
+        ------
+        ModelError
+            If no controller can be designed on the model.
+        ControlError
+            If the reading answers at once to the command that is to be computed from it.
+        """
+        gain = linear.require().static_gain
+        if linear.numerator[0] != 0.0:
+            raise ControlError(
+                "the model answers to a command in the same sample: design on it as the controller sees it, "
+                "linear.in_loop(rig.reading)"
+            )
+        top, bottom = (np.trim_zeros(p, "b") for p in (linear.numerator / gain, linear.denominator))
+        n = max(top.size, bottom.size) - 1
+        top, bottom = (np.pad(p, (0, n + 1 - p.size)) for p in (top, bottom))
+        a = np.eye(n, k=1)
+        a[:, 0] = -bottom[1:]
+        return cls(a=a, b=top[1:], c=np.eye(1, n)[0], gain=gain)
+
+    @property
+    def rest(self) -> Array:
+        """States at rest under a constant unit input, shape (n,)."""
+        return np.asarray(np.linalg.solve(np.eye(self.b.size) - self.a, self.b))
+
+    def balanced(self) -> States:
+        """The same model in states that are excited and seen alike, without those that hardly are.
+
+        Returns
+        -------
+        States
+            What is left out changes the frequency response by less than 1e-8 of the static gain and state.
+
+        References
+        ----------
+        A. J. Laub, M. T. Heath, C. C. Paige and R. C. Ward, "Computation of system balancing transformations", IEEE
+        Trans. Automat. Control 32 (1987) 115-122.
+        """
+        from scipy.linalg import solve_discrete_lyapunov
+
+        a, b, c = self.a, self.b, self.c
+        for _ in range(2):  # the second time mends what the companion matrix lost
+            reached, seen = (
+                _root(solve_discrete_lyapunov(m, np.outer(v, v))) for m, v in ((a, b), (a.T, c))
+            )  # fmt: skip
+            left, sizes, right = np.linalg.svd(seen.T @ reached)
+            kept = sizes > _HARDLY * sizes[0]
+            into = reached @ right[kept].T / np.sqrt(sizes[kept])
+            back = (seen @ left[:, kept] / np.sqrt(sizes[kept])).T
+            a, b, c = back @ a @ into, back @ b, c @ into
+        return States(a=a, b=b, c=c, gain=self.gain)
+
+    @property
+    def delay(self) -> int:
+        """Samples from a command to the first reading that answers to it, at least 1."""
+        return int(np.flatnonzero(self.b)[0]) + 1
+
+
+def _root(gramian: Array) -> Array:
+    """A factor F with F F' = W, of a matrix that is positive but for rounding."""
+    values, vectors = np.linalg.eigh(0.5 * (gramian + gramian.T))
+    return np.asarray(vectors * np.sqrt(values.clip(min=0.0)))
+
+
+def integrating(law: Law) -> Law:
+    """A law with its pole next to z = 1 moved there.
+
+    Parameters
+    ----------
+    law : Law
+        That nearly integrates, with one real pole next to z = 1.
+
+    Returns
+    -------
+    Law
+        All other poles and the eigenvectors are the same.
+    """
+    values, right = np.linalg.eig(law.a)
+    nearest = int(np.argmin(np.abs(values - 1.0)))
+    left = np.linalg.inv(right)[nearest].real
+    moved = law.a + (1.0 - values[nearest].real) * np.outer(right[:, nearest].real, left)
+    return Law(a=moved, b=law.b, c=law.c, d=law.d)

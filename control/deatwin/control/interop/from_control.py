@@ -1,0 +1,126 @@
+"""Linear systems of python-control as the linear models that controllers are designed on and checked with."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.control.errors import ControlError
+from deatwin.control.linear.model import LinearModel
+from deatwin.control.linear.realisation import Realisation
+
+if TYPE_CHECKING:
+    from control import LTI, StateSpace, TransferFunction
+
+__all__ = ["from_control"]
+
+Array = NDArray[np.float64]
+
+
+def from_control(
+    system: LTI,
+    *,
+    operating_input: float = 0.0,
+    operating_output: float = 0.0,
+    input_unit: str = "",
+    output_unit: str = "",
+) -> LinearModel:
+    """A discrete linear system of one input and one output as a linear model, its coefficients taken as certain.
+
+    Parameters
+    ----------
+    system : control.TransferFunction or control.StateSpace
+        With its sample time in s; the result of ``control.zpk`` is a transfer function.
+    operating_input, operating_output : float
+        Where the system's zero is, in the signals' units.
+    input_unit, output_unit : str
+        Units of the signals.
+
+    Returns
+    -------
+    LinearModel
+        With the system's signal names, and a covariance of zero. Its status says whether it is stable and has a static
+        gain; a state-space's modes that the input does not excite count too.
+
+    Raises
+    ------
+    ControlError
+        If the system is not linear, has several inputs or outputs, is continuous or without a sample time, is improper
+        or has a coefficient that is no finite real number.
+    """
+    import control
+
+    if not isinstance(system, control.TransferFunction | control.StateSpace):
+        raise ControlError(
+            f"a {type(system).__name__} is no transfer function or state space: give a tf, ss or zpk of "
+            "python-control, of a nonlinear system what control.linearize makes of it"
+        )
+    if system.ninputs != 1 or system.noutputs != 1:
+        raise ControlError(
+            f"the system has {system.ninputs} inputs and {system.noutputs} outputs; a linear model has one of each: "
+            "choose them, as system[0, 0]"
+        )
+    sample_time = _sample_time(system)
+    if isinstance(system, control.StateSpace):
+        numerator, denominator = _of_states(system)
+        poles = np.linalg.eigvals(system.A)  # with those that neither input nor output knows
+    else:
+        numerator, denominator = _of_fraction(system)
+        poles = np.roots(denominator)
+    size = numerator.size + denominator.size - 1
+    linear = LinearModel(
+        numerator=numerator, denominator=denominator, covariance=np.zeros((size, size)), sample_time=sample_time,
+        operating_input=operating_input, operating_output=operating_output,
+        input_name=system.input_labels[0], output_name=system.output_labels[0],
+        input_unit=input_unit, output_unit=output_unit,
+    )  # fmt: skip
+    return linear.judged(bool((np.abs(poles) < 1.0).all()))
+
+
+def _sample_time(system: LTI) -> float:
+    if system.dt is True:
+        raise ControlError("the system has no sample time (dt = True); give it in s, as control.tf(num, den, 0.02)")
+    if not system.dt:
+        raise ControlError(
+            "the system is continuous; sample it first, as system.sample(0.02), with the sample time of the rig"
+        )
+    return float(system.dt)
+
+
+def _of_fraction(system: TransferFunction) -> tuple[Array, Array]:
+    """Coefficients in powers of z^-1 from those in falling powers of z."""
+    top, bottom = (_leading(part[0][0]) for part in (system.num, system.den))
+    if top.size > bottom.size:
+        raise ControlError(
+            f"the transfer function is improper: its numerator is of degree {top.size - 1}, its denominator of degree "
+            f"{bottom.size - 1}; a sampled system cannot know the future"
+        )
+    top = np.concatenate([np.zeros(bottom.size - top.size), top])
+    return _trimmed(top / bottom[0]), _trimmed(bottom / bottom[0])
+
+
+def _of_states(system: StateSpace) -> tuple[Array, Array]:
+    matrices = {name: _finite(getattr(system, name.upper())) for name in "abcd"}
+    whole = Realisation(a=matrices["a"], b=matrices["b"], c=matrices["c"][0], d=matrices["d"][0])
+    numerator, denominator = whole.coefficients()
+    return _trimmed(numerator), _trimmed(denominator)
+
+
+def _leading(coefficients: Any) -> Array:
+    """Without the zeros before the first coefficient."""
+    values = _finite(coefficients)
+    return np.asarray(values[np.argmax(values != 0.0) :] if values.any() else values[-1:], dtype=np.float64)
+
+
+def _trimmed(coefficients: Array) -> Array:
+    """Without the zeros after the last coefficient, which are poles and zeros at z = 0 that cancel or do not matter."""
+    return coefficients[: max(np.flatnonzero(coefficients), default=0) + 1]
+
+
+def _finite(values: Any) -> Array:
+    given = np.asarray(values)
+    if np.iscomplexobj(given) or not np.isfinite(given).all():
+        raise ControlError(f"every coefficient of the system must be a finite real number; it has {given.tolist()}")
+    return np.asarray(given, dtype=np.float64)

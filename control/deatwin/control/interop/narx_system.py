@@ -1,0 +1,218 @@
+"""A NARX model as a state space: its states are the past outputs and inputs that its terms hold."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from deatwin.ident.frequency import equilibrium
+from deatwin.ident.narx import NarxModel
+from deatwin.ident.narx.response import divergence_limit
+from deatwin.plant.errors import ModelError, SimulationError
+
+if TYPE_CHECKING:
+    from control import NonlinearIOSystem
+
+__all__ = ["NarxSystem", "past_state"]
+
+Array = NDArray[np.float64]
+Params = Mapping[str, Any]
+Lagged = tuple[str, int, int]
+"""Kind "y" or "u", row of the channel, lag in samples."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class NarxSystem:
+    """``x(k+1) = (past of x(k), u(k), y(k))``, ``y(k) = sum_m theta_m term_m(x(k), u(k))``.
+
+    Parameters
+    ----------
+    model : NarxModel
+        Without noise terms.
+    """
+
+    model: NarxModel
+
+    @cached_property
+    def states(self) -> tuple[Lagged, ...]:
+        """What each state is: all lags from 1 to the largest of each channel, outputs first."""
+        depth: dict[tuple[str, int], int] = {}
+        for v in self.model.table.variables:
+            depth[v.kind, v.index] = max(depth.get((v.kind, v.index), 0), v.lag)
+        channels = sorted(depth, key=lambda channel: ("yu".index(channel[0]), channel[1]))
+        return tuple((kind, row, lag) for kind, row in channels for lag in range(1, depth[kind, row] + 1))
+
+    @property
+    def labels(self) -> list[str]:
+        """Names of the states."""
+        names = {"y": self.model.output_names, "u": self.model.input_names}
+        return [f"{names[kind][row]}(k-{lag})" for kind, row, lag in self.states]
+
+    @cached_property
+    def _places(self) -> dict[Lagged, int]:
+        """Where each lagged signal is in (x, u, y)."""
+        counts = {"u": len(self.model.input_names), "y": self.model.n_outputs}
+        present = [(kind, row, 0) for kind, count in counts.items() for row in range(count)]
+        return {lagged: place for place, lagged in enumerate([*self.states, *present])}
+
+    @cached_property
+    def _factors(self) -> NDArray[np.intp]:
+        """Where the variables of the terms are in (x, u)."""
+        found = [self._places[v.kind, v.index, v.lag] for v in self.model.table.variables]
+        return np.array(found, dtype=np.intp)
+
+    @cached_property
+    def _shift(self) -> NDArray[np.intp]:
+        """Where each next state is in (x, u, y)."""
+        return np.array([self._places[kind, row, lag - 1] for kind, row, lag in self.states], dtype=np.intp)
+
+    @cached_property
+    def _weights(self) -> Array:
+        """Parameters by output and term."""
+        weights = np.zeros((self.model.n_outputs, self.model.theta.size))
+        weights[list(self.model.equations), np.arange(self.model.theta.size)] = self.model.theta
+        return weights
+
+    @cached_property
+    def _limit(self) -> float:
+        return divergence_limit(self.model.operating, np.zeros((1, 1)))
+
+    def output(self, t: float, x: Array, u: Array, params: Params) -> Array:
+        """Outputs of a sample.
+
+        Parameters
+        ----------
+        t : float
+            Its time, s.
+        x : ndarray, shape (n_states,)
+            The past, in the signals' units.
+        u : ndarray, shape (n_inputs,)
+            Inputs of the sample, in their units.
+        params : mapping
+            Not used.
+
+        Returns
+        -------
+        ndarray, shape (n_outputs,)
+            In their units.
+
+        Raises
+        ------
+        SimulationError
+            If state or inputs are not finite, or the run has diverged.
+        """
+        # What has no memory python-control may call with one state and a bare number.
+        known = np.concatenate([x[: len(self.states)], np.ravel(u)])
+        if not np.isfinite(known).all():
+            raise SimulationError(f"at {t:g} s an input or state of the model is not a finite number: {known.tolist()}")
+        with np.errstate(over="ignore", invalid="ignore"):
+            outputs = self._weights @ self.model.table.at(known[self._factors])
+        if not np.all(np.abs(outputs) < self._limit):
+            raise SimulationError(
+                f"the model diverges at {t:g} s (beyond {self._limit:.3g}): stay within its operating range, start "
+                "from a state near it, or choose another structure"
+            )
+        return np.asarray(outputs, dtype=np.float64)
+
+    def update(self, t: float, x: Array, u: Array, params: Params) -> Array:
+        """The next state.
+
+        Parameters
+        ----------
+        t, x, u, params
+            As for `output`.
+
+        Returns
+        -------
+        ndarray, shape (n_states,)
+            In the signals' units.
+        """
+        return np.concatenate([x, np.ravel(u), self.output(t, x, u, params)])[self._shift]
+
+    def to_control(self, name: str | None) -> NonlinearIOSystem:
+        """The discrete system of python-control.
+
+        Parameters
+        ----------
+        name : str or None
+            Of the system; python-control's choice by default.
+
+        Returns
+        -------
+        control.NonlinearIOSystem
+        """
+        import control
+
+        return control.nlsys(
+            self.update, self.output, name=name, dt=self.model.sample_time, inputs=list(self.model.input_names),
+            outputs=list(self.model.output_names), states=self.labels,
+        )  # fmt: skip
+
+    def past(self, inputs: Array, outputs: Array) -> Array:
+        """The state after some rows.
+
+        Parameters
+        ----------
+        inputs, outputs : ndarray, shapes (n_inputs, n) and (n_outputs, n)
+            In their units; n is at least the largest lag.
+
+        Returns
+        -------
+        ndarray, shape (n_states,)
+        """
+        signals = {"y": outputs, "u": inputs}
+        return np.array([signals[kind][row, -lag] for kind, row, lag in self.states])
+
+    def rest(self, operating_input: ArrayLike) -> Array:
+        """The state of rest under constant inputs.
+
+        Parameters
+        ----------
+        operating_input : array_like, shape () or (n_inputs,)
+            In the inputs' units.
+
+        Returns
+        -------
+        ndarray, shape (n_states,)
+        """
+        found, rows = equilibrium(self.model, operating_input), max(self.model.table.max_lag, 1)
+        return self.past(np.tile(found.operating_input[:, None], rows), np.full((1, rows), found.output))
+
+
+def past_state(model: NarxModel, inputs: ArrayLike, outputs: ArrayLike) -> Array:
+    """The state of a model's ``control.nlsys`` after some rows of a recording.
+
+    Parameters
+    ----------
+    model : NarxModel
+        Its noise terms, if any, count for nothing.
+    inputs : array_like, shape (n_inputs, n), or (n,) for one input
+        In their units.
+    outputs : array_like, shape (n_outputs, n), or (n,) for one output
+        In their units; n is at least the model's largest lag.
+
+    Returns
+    -------
+    ndarray, shape (n_states,)
+        In the order of the system's states, each in its signal's unit.
+
+    Raises
+    ------
+    ModelError
+        If there are fewer rows, or other signals than the model has.
+    """
+    system = NarxSystem(model=model.deterministic)
+    given = [np.atleast_2d(np.asarray(values, dtype=np.float64)) for values in (inputs, outputs)]
+    least = system.model.table.max_lag
+    wanted = ((len(model.input_names), given[0].shape[-1]), (model.n_outputs, given[0].shape[-1]))
+    if tuple(values.shape for values in given) != wanted or wanted[0][1] < least:
+        raise ModelError(
+            f"inputs of shape {given[0].shape} and outputs of shape {given[1].shape}: the model has {wanted[0][0]} "
+            f"inputs and {wanted[1][0]} outputs, and needs at least {least} rows of each"
+        )
+    return system.past(*given)

@@ -1,0 +1,233 @@
+"""The physics plant as a state space: one implicit step of its equations a sample."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.plant.errors import SimulationError
+from deatwin.plant.model import Plant
+from deatwin.plant.rest import has_equilibrium, rest_state
+from deatwin.plant.rigs.base import ReadingTime
+from deatwin.plant.sample import Sample
+from deatwin.plant.simulate import RunStatus
+from deatwin.plant.small_signal import rest_under
+
+if TYPE_CHECKING:
+    from control import NonlinearIOSystem
+
+__all__ = ["PlantSystem"]
+
+Array = NDArray[np.float64]
+Params = Mapping[str, Any]
+After = tuple[Array, float]
+"""State after a sample, and the reading there, SI."""
+
+
+class PlantSystem:
+    """A plant sample by sample, from any state.
+
+    The state holds departures from the rest at which the rig's experiments start: of the plant's states and
+    coordinates in units of their typical sizes, and of the past commands in the command's unit. So zeros, with which
+    python-control starts and pads, are that rest, and the fixed steps of ``control.linearize`` suit all of them.
+
+    Parameters
+    ----------
+    plant : Plant
+        Of any rig.
+
+    Raises
+    ------
+    SimulationError
+        If the plant has no state of rest.
+    """
+
+    def __init__(self, plant: Plant) -> None:
+        self._plant, self._equations, self._values = plant, plant.equations, plant.free_values
+        self._rest_command = plant.rig.start.rest_command
+        self._rest = rest_state(self._equations, self._rest_command, self._values)
+        if not self._rest.found:
+            raise SimulationError(RunStatus.NO_REST.value)
+        self._at_rest = np.concatenate([self._rest.x, self._rest.z])
+        self._reads_before = plant.rig.reading is ReadingTime.START_OF_HOLD
+        # A reading before the hold still shows the hold before.
+        self._memory = self._equations.history + int(self._reads_before)
+        self._last: tuple[tuple[float, bytes, float], After] | None = None
+
+    @cached_property
+    def _sample(self) -> Sample:
+        return self._plant.simulator.sample(self._values, self._plant.rig.sample_time)
+
+    @property
+    def labels(self) -> list[str]:
+        """Names of the states."""
+        past = [f"{self._plant.rig.input_name}(k-{lag})" for lag in range(1, self._memory + 1)]
+        return [*self._equations.states, *self._equations.coordinates, *past]
+
+    def state(self, x: Array, z: Array, command: float) -> Array:
+        """The state of the system in which the plant is under a command that has long been constant.
+
+        Parameters
+        ----------
+        x, z : ndarray, shapes (n_x,) and (n_z,)
+            States and coordinates, SI.
+        command : float
+            In its unit.
+
+        Returns
+        -------
+        ndarray, shape (n_states,)
+        """
+        unknowns = (np.concatenate([x, z]) - self._at_rest) / self._equations.scale
+        return np.concatenate([unknowns, np.full(self._memory, command - self._rest_command)])
+
+    def rest(self, command: float) -> Array:
+        """The state of rest under a constant command.
+
+        Parameters
+        ----------
+        command : float
+            In its unit.
+
+        Returns
+        -------
+        ndarray, shape (n_states,)
+
+        Raises
+        ------
+        SimulationError
+            If there is none in reach.
+        """
+        found = rest_under(self._plant, command)
+        if found is None or not self._bears(command):
+            raise SimulationError(
+                f"the plant has no rest in reach at a command of {command:g} {self._plant.rig.input_unit}: "
+                f"{RunStatus.PULL_IN.value}"
+            )
+        return self.state(*found[:2], command)
+
+    def output(self, t: float, x: Array, u: Array, params: Params) -> Array:
+        """The reading of a row, as the rig takes it.
+
+        Parameters
+        ----------
+        t : float
+            Clock time at which the row's command is applied, s.
+        x : ndarray, shape (n_states,)
+            The state then.
+        u : ndarray, shape (1,)
+            The command, in its unit.
+        params : mapping
+            Not used.
+
+        Returns
+        -------
+        ndarray, shape (1,)
+            Without noise, SI.
+
+        Raises
+        ------
+        SimulationError
+            If the plant cannot follow the command.
+        """
+        if not self._reads_before:
+            return np.array([self._after(t, x, u)[1]])
+        self._require_finite(t, x, u)
+        unknowns, past = self._split(x)
+        n_x = len(self._equations.states)
+        inputs = self._inputs(past, t - self._plant.rig.sample_time)
+        point = (unknowns[:n_x], unknowns[n_x:], self._rest.d, inputs, t, self._values, self._equations.constants)
+        return np.array([float(self._equations.output(*point))])
+
+    def update(self, t: float, x: Array, u: Array, params: Params) -> Array:
+        """The state after a sample.
+
+        Parameters
+        ----------
+        t, x, u, params
+            As for `output`.
+
+        Returns
+        -------
+        ndarray, shape (n_states,)
+
+        Raises
+        ------
+        SimulationError
+            As `output`.
+        """
+        return self._after(t, x, u)[0]
+
+    def to_control(self, name: str | None) -> NonlinearIOSystem:
+        """The discrete system of python-control.
+
+        Parameters
+        ----------
+        name : str or None
+            Of the system; python-control's choice by default.
+
+        Returns
+        -------
+        control.NonlinearIOSystem
+        """
+        import control
+
+        rig = self._plant.rig
+        return control.nlsys(
+            self.update, self.output, name=name, dt=rig.sample_time, states=self.labels,
+            inputs=[rig.input_name], outputs=[rig.output_name],
+        )  # fmt: skip
+
+    def _after(self, t: float, x: Array, u: Array) -> After:
+        """What a sample leads to; output and update of one sample solve it once."""
+        self._require_finite(t, x, u)
+        command = float(np.ravel(u)[0])  # of a plant without memory python-control may give a bare number
+        key = (float(t), np.asarray(x, dtype=np.float64).tobytes(), command)
+        if self._last is None or self._last[0] != key:
+            self._last = key, self._solved(float(t), x, command)
+        state, reading = self._last[1]
+        return state.copy(), reading
+
+    def _solved(self, time: float, state: Array, command: float) -> After:
+        unknowns, past = self._split(state)
+        n_x, commands = len(self._equations.states), np.concatenate([[command], past])
+        found = self._sample(unknowns[:n_x], unknowns[n_x:], self._rest.d, self._inputs(commands, time), time)
+        if found is None:
+            raise SimulationError(self._why(time, command))
+        x, z, reading = found
+        there = np.concatenate([np.asarray(x).ravel(), np.asarray(z).ravel()])
+        kept = commands[: self._memory] - self._rest_command
+        return np.concatenate([(there - self._at_rest) / self._equations.scale, kept]), reading
+
+    def _split(self, state: Array) -> tuple[Array, Array]:
+        """Unknowns in SI and past commands in their unit."""
+        # A plant without memory is given an empty list.
+        values, n = np.asarray(state, dtype=np.float64), self._at_rest.size
+        return self._at_rest + self._equations.scale * values[:n], self._rest_command + values[n : n + self._memory]
+
+    def _inputs(self, commands: Array, begin: float) -> Array:
+        """Inputs of a sample from its command and the ones before, with the clock time at which it begins, s."""
+        inputs = self._equations.held_inputs(self._rest_command)
+        count = 1 + self._equations.history
+        inputs[:count] = commands[:count]
+        if self._equations.sample_start is not None:
+            inputs[self._equations.sample_start] = begin
+        return inputs
+
+    def _require_finite(self, t: float, x: Array, u: Array) -> None:
+        if not (np.isfinite(x).all() and np.isfinite(u).all()):
+            raise SimulationError(f"at {t:g} s the command ({np.ravel(u)[0]:g}) or the plant's state is not finite")
+
+    def _why(self, time: float, command: float) -> str:
+        where = f"the plant stops at {time:g} s under a command of {command:g} {self._plant.rig.input_unit}"
+        if not self._bears(command):
+            return f"{where}: {RunStatus.PULL_IN.value}"
+        return f"{where}: {RunStatus.NOT_SOLVED.value}, or the state that it started from is none of the plant's"
+
+    def _bears(self, command: float) -> bool:
+        """Whether there is an equilibrium under a command, with the film in tension."""
+        return has_equilibrium(self._equations, self._rest, self._rest_command, command, self._values)

@@ -1,0 +1,184 @@
+"""Frequency responses as ``control.frd``, with the covariance that python-control has no place for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from deatwin.control.linear.model import LinearModel
+from deatwin.ident.frequency import FrequencyResponse
+from deatwin.plant.drawing import axes_or_new, written_unit
+from deatwin.plant.errors import ModelError
+
+if TYPE_CHECKING:
+    from control import FrequencyResponseData
+    from matplotlib.axes import Axes
+
+__all__ = ["Frd", "linear_frd", "to_frd"]
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+_TWO_SIDED = 1.959964
+"""Standard deviations on either side of the mean that hold 95 % of a normal law."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Frd:
+    """A frequency response of python-control and its covariance.
+
+    Parameters
+    ----------
+    system : control.FrequencyResponseData
+        One input, one output; for ``control.bode_plot`` and its like. It has no timebase (``dt`` is None), since a
+        response over frequency needs none: with one ``control.nyquist_plot`` looks for it in the z plane and fails.
+    covariance : ndarray, shape (n, 2, 2)
+        Of real and imaginary part at each frequency, square of the response's unit; to first order.
+    unit : str
+        Of the response; empty where it is not known.
+    """
+
+    system: FrequencyResponseData
+    covariance: Array
+    unit: str = ""
+
+    def __post_init__(self) -> None:
+        covariance = np.array(self.covariance, dtype=np.float64)
+        covariance.setflags(write=False)
+        object.__setattr__(self, "covariance", covariance)
+        if covariance.shape != (self.omega.size, 2, 2):
+            raise ModelError(
+                f"the covariance has the shape {covariance.shape}: {self.omega.size} frequencies need "
+                f"({self.omega.size}, 2, 2)"
+            )
+
+    @property
+    def omega(self) -> Array:
+        """Angular frequencies, increasing, shape (n,), rad/s."""
+        return np.asarray(self.system.omega, dtype=np.float64)
+
+    @property
+    def values(self) -> Complex:
+        """The response, shape (n,), in its unit."""
+        return np.asarray(self.system.frdata[0, 0], dtype=np.complex128)
+
+    @property
+    def gain_deviation(self) -> Array:
+        """Standard deviation of the gain, shape (n,), in the response's unit; where the gain is 0 that of the real
+        part."""
+        gain = np.abs(self.values)
+        direction = np.where(gain == 0.0, 1.0, self.values / np.where(gain == 0.0, 1.0, gain))
+        parts = np.stack([direction.real, direction.imag], axis=-1)
+        return np.asarray(np.sqrt(np.einsum("ni,nij,nj->n", parts, self.covariance, parts).clip(min=0.0)))
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the gain with its pointwise 95 % band over frequency.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Where to draw; new axes otherwise.
+
+        Returns
+        -------
+        matplotlib Axes
+        """
+        axes = axes_or_new(ax)
+        shown = self.omega > 0.0  # a logarithmic axis has no zero
+        frequency, gain = self.omega[shown] / (2 * np.pi), np.abs(self.values[shown])
+        half = _TWO_SIDED * self.gain_deviation[shown]
+        line = axes.loglog(frequency, gain, label="gain")[0]
+        low = np.maximum(gain - half, 1e-3 * gain)
+        axes.fill_between(frequency, low, gain + half, alpha=0.3, color=line.get_color(), label="95 %")
+        axes.set_xlabel("frequency (Hz)")
+        axes.set_ylabel(f"gain ({written_unit(self.unit)})" if self.unit else "gain")
+        axes.legend()
+        return axes
+
+
+def to_frd(
+    response: FrequencyResponse, *, input_name: str = "input", output_name: str = "output", name: str = "response"
+) -> Frd:
+    """A linear frequency response of an identified model as that of python-control.
+
+    Parameters
+    ----------
+    response : FrequencyResponse
+        Of first order: from `frf`, or `gfrf` of order 1.
+    input_name, output_name : str
+        Names of the signals.
+    name : str
+        Of the system, as legends show it.
+
+    Returns
+    -------
+    Frd
+        With the response's covariance, in increasing frequency.
+
+    Raises
+    ------
+    ModelError
+        If the response is not of first order or holds negative frequencies.
+    """
+    if not isinstance(response, FrequencyResponse) or response.order != 1 or response.symbol not in ("H", "G"):
+        raise ModelError("python-control holds linear responses: give that of frf, or of gfrf with the order 1")
+    signals = (input_name, output_name)
+    return _frd(response.omega, response.values, response.covariance, signals, response.unit, name)
+
+
+def linear_frd(linear: LinearModel, omega: ArrayLike, *, name: str = "response") -> Frd:
+    """The frequency response of a linear model as that of python-control.
+
+    Parameters
+    ----------
+    linear : LinearModel
+        About an operating point, with the covariance of its coefficients.
+    omega : array_like, shape (n,)
+        Angular frequencies from 0 to half the sampling rate, rad/s.
+    name : str
+        Of the system, as legends show it.
+
+    Returns
+    -------
+    Frd
+        With the covariance that the coefficients give it, in increasing frequency.
+
+    Raises
+    ------
+    ModelError
+        If there is no equilibrium, or the frequencies are not such numbers.
+    """
+    linear.rest_output  # noqa: B018  (raises without an equilibrium)
+    given = np.atleast_1d(np.asarray(omega, dtype=np.float64))
+    highest = np.pi / linear.sample_time
+    if given.ndim != 1 or given.size == 0 or not np.all(given <= highest * (1 + 1e-9)):
+        raise ModelError(f"omega must be frequencies from 0 to half the sampling rate, {highest:.6g} rad/s")
+    values = linear.response(given)
+    delay = np.exp(-1j * given * linear.sample_time)[:, None]
+    bottom = np.polyval(linear.denominator[::-1], delay)
+    by_numerator = delay ** np.arange(linear.numerator.size) / bottom
+    by_denominator = -values[:, None] * delay ** np.arange(1, linear.denominator.size) / bottom
+    slopes = np.concatenate([by_numerator, by_denominator], axis=1)
+    parts = np.stack([slopes.real, slopes.imag], axis=1)
+    units = (linear.output_unit, linear.input_unit)
+    return _frd(
+        given, values, parts @ linear.covariance @ parts.swapaxes(1, 2),
+        (linear.input_name, linear.output_name), "/".join(units) if all(units) else "", name,
+    )  # fmt: skip
+
+
+def _frd(
+    omega: Array, values: Complex, covariance: Array, signals: tuple[str, str], unit: str, name: str
+) -> Frd:
+    import control
+
+    order = np.argsort(omega, kind="stable")
+    if not np.all(omega >= 0.0):  # also of what is no number
+        raise ModelError("the responses of python-control are over frequencies from 0 on; give those only")
+    system = control.frd(
+        values[order], omega[order], None, inputs=[signals[0]], outputs=[signals[1]], name=name
+    )
+    return Frd(system=system, covariance=covariance[order], unit=unit)

@@ -1,0 +1,265 @@
+"""What a family of linear models says of gain and modes, with bands over its samples."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.control.linear.family import LinearFamily
+from deatwin.plant.drawing import written_unit
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["Banded", "FamilyBands", "Modes"]
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+LEVEL = (0.025, 0.975)
+"""Quantiles of a 95 % band."""
+_SHOWN = {"m": (1e3, "mm"), "N": (1e3, "mN")}
+_CLOUD = 200
+"""Most samples whose poles are drawn."""
+_REAL = 1e-9
+"""Imaginary part of a pole that counts as none."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Banded:
+    """A quantity with its 95 % band over samples.
+
+    Parameters
+    ----------
+    value : ndarray, any shape
+        Of the model itself; NaN where it has no equilibrium.
+    low, high : ndarray, of the same shape
+        The 2.5 and 97.5 % quantiles over the samples that have an equilibrium; NaN where none has.
+    """
+
+    value: Array
+    low: Array
+    high: Array
+
+    @classmethod
+    def over_samples(cls, values: Array) -> Banded:
+        """Take the band.
+
+        Parameters
+        ----------
+        values : ndarray, shape (n_points, 1 + n_samples, ...)
+            Of the model itself and of the samples, some of them NaN; of the model alone where there are no samples.
+
+        Returns
+        -------
+        Banded
+            Arrays of shape (n_points, ...).
+        """
+        own, samples = values[:, 0], values[:, 1:] if values.shape[1] > 1 else values
+        known = np.isfinite(samples)
+        # An order statistic of what is finite: NaN is sorted to the end.
+        ordered = np.sort(np.where(known, samples, np.inf), axis=1)
+        last = np.maximum(known.sum(axis=1, keepdims=True) - 1, 0)
+        ends = [
+            np.take_along_axis(ordered, np.rint(level * last).astype(np.intp), axis=1)[:, 0] for level in LEVEL
+        ]
+        low, high = (np.where(np.isfinite(end), end, np.nan) for end in ends)
+        return cls(value=own, low=low, high=high)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Modes:
+    """Modes over operating points or times; those of one column belong together.
+
+    Parameters
+    ----------
+    poles : ndarray of complex, shape (n_points, n_modes)
+        In the z plane, of the model itself; the slowest of the first point first.
+    time_constant : Banded, arrays of shape (n_points, n_modes)
+        In which the mode decays to 1/e, s; negative where it grows.
+    frequency : Banded, likewise
+        Natural frequency ``|ln z|/(2 pi T)``, Hz.
+    damping : Banded, likewise
+        Damping ratio, 1 for a mode that does not swing.
+    """
+
+    poles: Complex
+    time_constant: Banded
+    frequency: Banded
+    damping: Banded
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FamilyBands:
+    """Gain and modes of a family of linear models.
+
+    Parameters
+    ----------
+    family : LinearFamily
+        Its first sample is the model itself; the bands are those of the samples after it.
+    """
+
+    family: LinearFamily
+
+    @property
+    def operating_inputs(self) -> Array:
+        """Shape (n_points,), in the input's unit."""
+        return self.family.operating_inputs
+
+    @cached_property
+    def operating_output(self) -> Banded:
+        """Output at rest in its unit, arrays of shape (n_points,)."""
+        return Banded.over_samples(self.family.operating_outputs)
+
+    @cached_property
+    def static_gain(self) -> Banded:
+        """G(1), output unit by input unit, arrays of shape (n_points,)."""
+        return Banded.over_samples(self.family.static_gains)
+
+    @property
+    def stable_share(self) -> Array:
+        """Share of the samples with a stable equilibrium, shape (n_points,)."""
+        return np.asarray(self._samples(self.family.stable).mean(axis=1))
+
+    @property
+    def stable(self) -> NDArray[np.bool_]:
+        """Whether the model itself has a stable equilibrium, shape (n_points,)."""
+        return np.asarray(self.family.stable[:, 0])
+
+    @cached_property
+    def slowest(self) -> Banded:
+        """Time constant of the pole nearest to the unit circle, s, arrays of shape (n_points,); negative if it grows.
+
+        0 for a model without poles.
+        """
+        poles = self.family.poles
+        times = _time_constant(np.abs(poles).max(axis=2, initial=0.0), self.family.sample_time)
+        return Banded.over_samples(np.where(self.family.exists, times, np.nan))
+
+    @cached_property
+    def modes(self) -> Modes:
+        """Poles as time constants, frequencies and damping ratios, each mode followed over points and samples."""
+        poles = _sorted_out(self.family.poles)
+        interval = self.family.sample_time
+        with np.errstate(divide="ignore", invalid="ignore"):
+            continuous = np.log(poles) / interval
+            size = np.abs(continuous)
+            # A pole at z = 0 is a mode that is over within its sample.
+            damping = np.where(np.isinf(size), 1.0, -continuous.real / size)
+        return Modes(
+            poles=poles[:, 0],
+            time_constant=Banded.over_samples(_time_constant(np.abs(poles), interval)),
+            frequency=Banded.over_samples(size / (2 * np.pi)),
+            damping=Banded.over_samples(damping),
+        )
+
+    def _samples(self, values: NDArray[Any]) -> NDArray[Any]:
+        return values[:, 1:] if self.family.n_samples > 1 else values
+
+    def _draw_gain(self, ax: Axes, along: Array) -> None:
+        """Static gain with its band over operating inputs or times."""
+        factor, unit = _gain_unit(self.family)
+        gain = self.static_gain
+        ax.fill_between(along, factor * gain.low, factor * gain.high, color="C0", alpha=0.25, linewidth=0,
+                        label="95 % of the samples" if self.family.n_samples > 1 else None)  # fmt: skip
+        ax.plot(along, factor * gain.value, "o-", color="C0", markersize=3, linewidth=1.2, label="model")
+        lost = ~self.stable & self.family.exists[:, 0]
+        if lost.any():
+            ax.plot(along[lost], factor * gain.value[lost], "x", color="C3", label="unstable")
+        ax.set_ylabel(f"static gain ({unit})" if unit else "static gain")
+        _legend_above(ax)
+
+    def _draw_time_constants(self, ax: Axes, along: Array) -> None:
+        """Time constant of each mode with its band over operating inputs or times."""
+        time_constant = self.modes.time_constant
+        for number, k in enumerate(_drawn(self.modes.poles)):
+            colour = f"C{number}"
+            low, middle, high = (
+                np.where(values[:, k] > 0.0, values[:, k], np.nan)
+                for values in (time_constant.low, time_constant.value, time_constant.high)
+            )
+            ax.fill_between(along, low, high, color=colour, alpha=0.25, linewidth=0)
+            ax.plot(
+                along, middle, "o-", color=colour, markersize=3, linewidth=1.2, label=_mode_name(self.modes, k)
+            )
+        ax.set_yscale("log")
+        ax.axhline(self.family.sample_time, color="0.6", linestyle=":", linewidth=1.0, label="sampling interval")
+        ax.set_ylabel("time constant (s)")
+        _legend_above(ax)
+
+    def _draw_poles(self, ax: Axes, along: Array, along_label: str) -> None:
+        """Poles in the z plane by colour of the operating point or time."""
+        from matplotlib.patches import Circle
+
+        poles, samples = self.family.poles, self.family.n_samples
+        ax.add_patch(Circle((0.0, 0.0), 1.0, fill=False, color="0.6", linewidth=1.0))
+        colours = np.repeat(along, poles.shape[2])
+        limits: dict[str, Any] = {"vmin": float(along.min()), "vmax": float(along.max()), "cmap": "viridis"}
+        for sample in range(1, min(samples, 1 + _CLOUD)):
+            cloud = poles[:, sample].ravel()
+            ax.scatter(cloud.real, cloud.imag, c=colours, s=3, alpha=0.15, linewidths=0, **limits)
+        own = poles[:, 0].ravel()
+        drawn = ax.scatter(own.real, own.imag, c=colours, s=28, marker="x", linewidths=1.2, **limits)
+        ax.figure.colorbar(drawn, ax=ax, label=along_label)
+        ax.set_aspect("equal")
+        ax.set_xticks([-1.0, -0.5, 0.0, 0.5, 1.0], labels=["-1", "-0.5", "0", "0.5", "1"])
+        ax.set_yticks([-1.0, -0.5, 0.0, 0.5, 1.0], labels=["-1", "-0.5", "0", "0.5", "1"])
+        ax.set_xlabel("Re z")
+        ax.set_ylabel("Im z")
+
+
+def _drawn(poles: Complex) -> list[int]:
+    """Columns of modes without those that are everywhere the lower one of a pair."""
+    lower = (poles.imag < -_REAL) | np.isnan(poles)
+    return [k for k in range(poles.shape[1]) if not lower[:, k].all()]
+
+
+def _mode_name(modes: Modes, k: int) -> str:
+    swings = np.abs(modes.poles[:, k].imag) > _REAL
+    if not swings.any():
+        return "real pole"
+    frequency = f"{np.nanmedian(modes.frequency.value[swings, k]):.2g} Hz"
+    return f"pair, {frequency}" if swings.all() else f"real, or of a pair ({frequency})"
+
+
+def _legend_above(ax: Axes) -> None:
+    """Over the axes, where it hides nothing."""
+    ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.01), ncols=2, fontsize="small", frameon=False, borderaxespad=0.0)
+
+
+def _gain_unit(family: LinearFamily) -> tuple[float, str]:
+    """Factor and unit in which a gain is shown."""
+    factor, output = _SHOWN.get(family.output_unit, (1.0, family.output_unit))
+    unit = f"{output}/{family.input_unit}" if family.input_unit else output
+    return factor, written_unit(unit)
+
+
+def _time_constant(sizes: Array, interval: float) -> Array:
+    """-T/ln|z|, s: 0 at z = 0, negative outside of the unit circle."""
+    with np.errstate(divide="ignore"):
+        return np.asarray(-interval / np.log(sizes) + 0.0)
+
+
+def _sorted_out(poles: Complex) -> Complex:
+    """Poles so permuted that those of one mode stand in one column, over points and samples."""
+    from scipy.optimize import linear_sum_assignment
+
+    found = poles.copy()
+    before: Complex | None = None
+    for point in range(len(found)):
+        own = found[point, 0]
+        if np.isfinite(own).all():
+            if before is None:
+                own = own[np.lexsort((-own.imag, -np.abs(own).round(9)))]
+            else:
+                own = own[linear_sum_assignment(np.abs(before[:, None] - own))[1]]
+            found[point, 0] = before = own
+        for sample in range(1, found.shape[1]):
+            here = found[point, sample]
+            if before is not None and np.isfinite(here).all():
+                found[point, sample] = here[linear_sum_assignment(np.abs(before[:, None] - here))[1]]
+    return found

@@ -1,0 +1,312 @@
+"""Linear models over operating points and samples, as arrays: what margins over an uncertain model are made of."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from deatwin.control.linear.model import LinearModel, LinearStatus
+from deatwin.ident.frequency.checks import real_numbers
+from deatwin.ident.frequency.dc import equilibrium, expand
+from deatwin.ident.frequency.linear import levels, motion, operating_input_of
+from deatwin.ident.frequency.many import follow_equilibrium, stable_polynomials
+from deatwin.ident.frequency.uncertainty.parameters import draw_theta
+from deatwin.ident.narx import NarxModel
+from deatwin.plant.errors import ModelError
+from deatwin.plant.rigs.base import ReadingTime
+
+__all__ = ["LinearFamily", "draw", "linearise_many"]
+
+Array = NDArray[np.float64]
+Booleans = NDArray[np.bool_]
+
+_ROUNDING = 4 * np.finfo(float).eps
+_LOST = "this sample has no equilibrium at this input on the branch of the model's own"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LinearFamily:
+    """Linear models at operating points, of samples of what is uncertain.
+
+    Parameters
+    ----------
+    operating_inputs : ndarray, shape (n_points,)
+        In the input's unit.
+    operating_outputs : ndarray, shape (n_points, n_samples)
+        Output at rest in its unit; NaN without an equilibrium.
+    numerators : ndarray, shape (n_points, n_samples, n_b)
+        b_0, b_1, ..., output unit by input unit; zero without an equilibrium.
+    denominators : ndarray, shape (n_points, n_samples, n_a + 1)
+        1, a_1, a_2, ...; 1, 0, 0, ... without an equilibrium.
+    exists : ndarray of bool, shape (n_points, n_samples)
+        Whether there is an equilibrium.
+    stable : ndarray of bool, shape (n_points, n_samples)
+        Whether there is one and it is stable.
+    has_gain : ndarray of bool, shape (n_points, n_samples)
+        Whether there is one and its static gain is more than rounding.
+    sample_time : float
+        s.
+    input_name, output_name, input_unit, output_unit : str
+        Names and units of the signals.
+
+    Raises
+    ------
+    ModelError
+        If the shapes do not fit together.
+    """
+
+    operating_inputs: Array
+    operating_outputs: Array
+    numerators: Array
+    denominators: Array
+    exists: Booleans
+    stable: Booleans
+    has_gain: Booleans
+    sample_time: float
+    input_name: str = "input"
+    output_name: str = "output"
+    input_unit: str = ""
+    output_unit: str = ""
+
+    def __post_init__(self) -> None:
+        shape = np.shape(self.exists)
+        for name in ("operating_inputs", "operating_outputs", "numerators", "denominators"):
+            object.__setattr__(self, name, _read_only(getattr(self, name), np.float64))
+        for name in ("exists", "stable", "has_gain"):
+            object.__setattr__(self, name, _read_only(getattr(self, name), np.bool_))
+        fits = [a.shape == shape for a in (self.operating_outputs, self.stable, self.has_gain)]
+        fits += [a.ndim == 3 and a.shape[:2] == shape for a in (self.numerators, self.denominators)]
+        if len(shape) != 2 or 0 in shape or not all(fits) or self.operating_inputs.shape != shape[:1]:
+            raise ModelError("a family of linear models needs arrays over the same operating points and samples, "
+                             "at least one of each")  # fmt: skip
+
+    @classmethod
+    def of(cls, models: Sequence[Sequence[LinearModel]]) -> LinearFamily:
+        """Gather linear models.
+
+        Parameters
+        ----------
+        models : sequence of sequence of LinearModel, lengths n_points and n_samples
+            Those of one operating point beside each other; all of the same signals.
+
+        Returns
+        -------
+        LinearFamily
+            Coefficients filled up with zeros to one length.
+
+        Raises
+        ------
+        ModelError
+            If there are none, or not as many at each operating point.
+        """
+        if not models or not models[0] or any(len(row) != len(models[0]) for row in models):
+            raise ModelError("give at least one linear model for each operating point, and as many at each")
+        first = models[0][0]
+        n_b, n_a = (max(getattr(m, k).size for row in models for m in row) for k in ("numerator", "denominator"))
+        outputs = [[np.nan if m.operating_output is None else m.operating_output for m in row] for row in models]
+        statuses = np.array([[m.status for m in row] for row in models], dtype=object)
+        exists = np.isfinite(np.array(outputs))
+        return cls(
+            operating_inputs=np.array([row[0].operating_input for row in models]),
+            operating_outputs=np.array(outputs),
+            numerators=np.array([[np.pad(m.numerator, (0, n_b - m.numerator.size)) for m in row] for row in models]),
+            denominators=np.array(
+                [[np.pad(m.denominator, (0, n_a - m.denominator.size)) for m in row] for row in models]
+            ),
+            exists=exists, stable=exists & (statuses != LinearStatus.UNSTABLE),
+            has_gain=exists & (statuses != LinearStatus.NO_GAIN), sample_time=first.sample_time,
+            input_name=first.input_name, output_name=first.output_name,
+            input_unit=first.input_unit, output_unit=first.output_unit,
+        )  # fmt: skip
+
+    @property
+    def n_points(self) -> int:
+        """Number of operating points."""
+        return self.exists.shape[0]
+
+    @property
+    def n_samples(self) -> int:
+        """Number of samples."""
+        return self.exists.shape[1]
+
+    @cached_property
+    def static_gains(self) -> Array:
+        """G(1), output unit by input unit, shape (n_points, n_samples); NaN without an equilibrium."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            gains = self.numerators.sum(axis=2) / self.denominators.sum(axis=2)
+        return _read_only(np.where(self.exists, gains, np.nan), np.float64)
+
+    @cached_property
+    def poles(self) -> NDArray[np.complex128]:
+        """Poles in the z plane, shape (n_points, n_samples, n_a); NaN without an equilibrium."""
+        n_a = self.denominators.shape[2] - 1
+        if n_a == 0:
+            return _read_only(np.zeros((*self.exists.shape, 0)), np.complex128)
+        companion = np.zeros((*self.exists.shape, n_a, n_a))
+        companion[..., 1:, :-1] = np.eye(n_a - 1)
+        companion[..., 0, :] = -self.denominators[..., 1:]
+        poles = np.linalg.eigvals(companion).astype(np.complex128)
+        poles[~self.exists] = np.nan
+        return _read_only(poles, np.complex128)
+
+    def in_loop(self, reading: ReadingTime) -> LinearFamily:
+        """The models from a command to the readings that later commands can answer to.
+
+        Parameters
+        ----------
+        reading : ReadingTime
+            When in its row a reading is taken.
+
+        Returns
+        -------
+        LinearFamily
+            As `LinearModel.in_loop` of each: the first coefficients b_0 are zero.
+
+        Raises
+        ------
+        ModelError
+            If a reading at the start of the hold answers to the command that follows it.
+        """
+        if reading is ReadingTime.START_OF_HOLD:
+            answering = np.argwhere(self.numerators[:, :, 0] != 0.0)
+            if answering.size:
+                self.at(*(int(i) for i in answering[0])).in_loop(reading)  # which says what is wrong
+            return self
+        return replace(self, numerators=np.pad(self.numerators, ((0, 0), (0, 0), (1, 0))))
+
+    def at(self, point: int, sample: int) -> LinearModel:
+        """One of the models.
+
+        Parameters
+        ----------
+        point : int
+            Position of the operating point.
+        sample : int
+            Position of the sample.
+
+        Returns
+        -------
+        LinearModel
+            Without covariance: the spread is in the samples.
+        """
+        signals = self._signals | {"operating_input": float(self.operating_inputs[point])}
+        if not self.exists[point, sample]:
+            return LinearModel.without_equilibrium(_LOST, **signals)
+        numerator, denominator = self.numerators[point, sample], self.denominators[point, sample]
+        size = numerator.size + denominator.size - 1
+        model = LinearModel(
+            numerator=numerator, denominator=denominator, covariance=np.zeros((size, size)),
+            operating_output=float(self.operating_outputs[point, sample]), **signals,
+        )  # fmt: skip
+        least_gain = 0.0 if self.has_gain[point, sample] else np.inf
+        return model.judged(bool(self.stable[point, sample]), least_gain)
+
+    @property
+    def _signals(self) -> dict[str, Any]:
+        names = ("sample_time", "input_name", "output_name", "input_unit", "output_unit")
+        return {name: getattr(self, name) for name in names}
+
+
+def draw(model: NarxModel, rng: np.random.Generator, count: int) -> Array:
+    """Draw parameters from a model's posterior.
+
+    Parameters
+    ----------
+    model : NarxModel
+        With the covariance of its parameters (normal, or Student-t where ``theta_dof`` is finite).
+    rng : numpy.random.Generator
+        Source of the draws.
+    count : int
+        Number of draws.
+
+    Returns
+    -------
+    ndarray, shape (count, n_terms)
+        In SI units, for `linearise_many`.
+    """
+    return draw_theta(model, rng, count)
+
+
+def linearise_many(
+    model: NarxModel, operating_inputs: ArrayLike, thetas: ArrayLike | None = None
+) -> LinearFamily:
+    """Linearise a model of one input and one output over operating points, at many parameters at once.
+
+    The equilibrium of each sample is that on the branch of the model's own, to which it is followed in small steps of
+    the parameters; where the branch ends, there is none.
+
+    Parameters
+    ----------
+    model : NarxModel
+        In the rows of its recording, as for `linearise`.
+    operating_inputs : array_like, shape (n_points,)
+        Constant inputs in their unit.
+    thetas : array_like, shape (n_samples, n_terms), optional
+        Parameters, as `draw` gives them; the model's own alone by default.
+
+    Returns
+    -------
+    LinearFamily
+
+    Raises
+    ------
+    ModelError
+        If the model has several inputs, an operating input is not finite, there are none, or the parameters are not
+        as many finite numbers as it has terms.
+    """
+    if len(model.input_names) != 1:
+        raise ModelError(f"the model has {len(model.input_names)} inputs; a controller is designed for one")
+    operating_input_of(model, None)  # refuses what is no model of one output
+    points = np.ravel(real_numbers(operating_inputs, "operating_inputs"))
+    samples = np.atleast_2d(model.theta if thetas is None else real_numbers(thetas, "thetas"))
+    if not (points.size and np.isfinite(points).all()):
+        raise ModelError(f"operating_inputs must be finite numbers, at least one; got {operating_inputs!r}")
+    if samples.shape[1:] != model.theta.shape or not np.isfinite(samples).all():
+        raise ModelError(f"thetas have the shape {samples.shape}; they must be finite, {model.theta.size} in a row")
+    found = [_at_one_point(model, point, samples) for point in points.tolist()]
+    outputs, numerators, denominators, exists = (np.array(values) for values in zip(*found, strict=True))
+    stable = exists & stable_polynomials(denominators)
+    return LinearFamily(
+        operating_inputs=points, operating_outputs=outputs, numerators=numerators, denominators=denominators,
+        exists=exists, stable=stable, has_gain=exists & (numerators.sum(axis=2) != 0.0), sample_time=model.sample_time,
+        input_name=model.input_names[0], output_name=model.output_names[0],
+        input_unit=model.input_units[0], output_unit=model.output_units[0],
+    )  # fmt: skip
+
+
+def _at_one_point(model: NarxModel, level: float, thetas: Array) -> tuple[Array, Array, Array, Booleans]:
+    """Outputs at rest, numerators, denominators, and whether there is an equilibrium, for each sample."""
+    variables = model.table.variables
+    lags = {kind: max((v.lag for v in variables if v.kind == kind), default=0) for kind in "uy"}
+    numerators, denominators = np.zeros((len(thetas), lags["u"] + 1)), np.zeros((len(thetas), lags["y"] + 1))
+    denominators[:, 0] = 1.0
+    nowhere = np.full(len(thetas), np.nan), numerators, denominators, np.zeros(len(thetas), dtype=np.bool_)
+    try:
+        point = equilibrium(model, level)
+        motion(model, levels(model, point.operating_input, point.output))  # the branch has a direction there
+    except ModelError:
+        return nowhere
+    outputs, exists = follow_equilibrium(model, point, thetas)
+    for m, term in enumerate(model.terms):
+        for remaining, share, _ in expand(term, point.operating_input, outputs):
+            if remaining.degree == 1:
+                (variable,) = remaining.expanded
+                side, sign = (denominators, -1.0) if variable.kind == "y" else (numerators, 1.0)
+                side[:, variable.lag] += sign * share * thetas[:, m]
+    stiffness, sizes = denominators.sum(axis=1), np.abs(denominators).sum(axis=1)
+    with np.errstate(invalid="ignore"):
+        exists = exists & (np.abs(stiffness) > _ROUNDING * sizes)  # else it integrates
+    exists &= np.isfinite(numerators).all(axis=1) & np.isfinite(denominators).all(axis=1)
+    numerators[~exists], denominators[~exists, 1:] = 0.0, 0.0
+    return np.where(exists, outputs, np.nan), numerators, denominators, exists
+
+
+def _read_only(values: Any, dtype: Any) -> NDArray[Any]:
+    array = np.array(values, dtype=dtype)
+    array.setflags(write=False)
+    return array

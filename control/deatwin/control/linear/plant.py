@@ -1,0 +1,220 @@
+"""The physics plant about its state of rest, as the sampled linear model that a controller is designed on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from deatwin.control.linear.family import LinearFamily
+from deatwin.control.linear.model import LinearModel
+from deatwin.control.linear.realisation import Realisation
+from deatwin.ident.greybox.fit import Problem
+from deatwin.ident.narx.posterior import covariance_root
+from deatwin.plant.calibrated import CalibratedPlant
+from deatwin.plant.errors import ModelError
+from deatwin.plant.model import Plant
+from deatwin.plant.rigs.base import ReadingTime
+from deatwin.plant.small_signal import SmallSignal, small_signals
+
+__all__ = ["draw_plants", "linearise_calibrated", "linearise_plant", "linearise_plants"]
+
+Array = NDArray[np.float64]
+Progress = Callable[[float], None]
+
+_PULL_IN = "the plant has no state of rest in reach there: it pulls in, or its film goes slack"
+_GROWS = 1e-9
+"""By so much more than 1 a mode that the command does not excite grows for certain: a memory at rest stays as it is."""
+_NO_GAIN = 1e-12
+"""Static gain that is rounding, as a share of what the command does to the states and the states to the reading."""
+_LOWEST, _POINTS = 1e-3, 50
+"""From this frequency, Hz, to half the sampling rate the coefficients are compared with the matrices."""
+_LOSS = 1e-6
+"""Relative error of the response that the coefficients may have without a word about it."""
+
+
+def linearise_plant(
+    plant: Plant, operating_input: float, *, values: Array | None = None, time: float = 0.0
+) -> LinearModel:
+    """Linearise a plant about its state of rest at a constant command, exactly.
+
+    From the rig's rest, as an experiment starts, the plant is brought to the command and comes to rest there; the
+    model is of the step over one sample, from commands held to the noise-free readings of the rig's rows. What drifts
+    by the clock stands still. It holds for motions that are small against everything in the plant: hysteresis is then
+    a spring, of its force by its distance; for motions far beyond that distance `Plant.without_effects` is nearer.
+
+    Parameters
+    ----------
+    plant : Plant
+        Of any rig.
+    operating_input : float
+        Constant command in its unit.
+    values : ndarray, shape (n_p,), optional
+        Free parameters, SI; the plant's own by default.
+    time : float
+        Clock time of what drifts by the clock, s.
+
+    Returns
+    -------
+    LinearModel
+        SI by unit of the command, without covariance. In rows that are read at the end of the hold its numerator
+        begins with lag 0; in rows that are read at the start, b_0 = 0. Its status says whether there is an
+        equilibrium, and whether it is sound.
+
+    Raises
+    ------
+    ModelError
+        If the operating input or the time is not finite.
+
+    Notes
+    -----
+    Coefficients hold slow modes by the sums of their last digits: with one or two slow effects the response keeps ten
+    digits from 1 mHz on, with three about three; `LinearModel.detail` says so where it keeps fewer than six.
+    """
+    return _models(plant, [operating_input], values, time)[0]
+
+
+def draw_plants(calibrated: CalibratedPlant, rng: np.random.Generator, count: int) -> tuple[Plant, ...]:
+    """Draw plants as a calibration leaves them possible.
+
+    Parameters
+    ----------
+    calibrated : CalibratedPlant
+        With the covariance of its parameters' coordinates, each in its `Scale`.
+    rng : numpy.random.Generator
+        Source of the draws.
+    count : int
+        Number of plants.
+
+    Returns
+    -------
+    tuple of Plant, length count
+        Their parameters drawn by the normal law and kept in their physical range; all the same without a covariance.
+    """
+    plant = calibrated.plant
+    problem = Problem(plant=plant, parts=(), names=calibrated.names)
+    if not calibrated.names:
+        return (plant,) * count
+    centre, (lower, upper) = problem.start(), problem.bounds()
+    normal = rng.standard_normal((count, centre.size))
+    drawn = np.clip(centre + normal @ covariance_root(calibrated.covariance).T, lower, upper)
+    return tuple(plant.with_values(problem.values(coordinates)) for coordinates in drawn)
+
+
+def linearise_calibrated(
+    calibrated: CalibratedPlant, operating_input: float, rng: np.random.Generator, count: int, *, time: float = 0.0
+) -> tuple[LinearModel, ...]:
+    """Linearise samples of a calibrated plant, each about its own state of rest.
+
+    Parameters
+    ----------
+    calibrated : CalibratedPlant
+        With the covariance of its parameters.
+    operating_input : float
+        Constant command in its unit.
+    rng : numpy.random.Generator
+        Source of the samples.
+    count : int
+        Number of samples.
+    time : float
+        As for `linearise_plant`.
+
+    Returns
+    -------
+    tuple of LinearModel, length count
+        Some may lack an equilibrium; their status says so.
+
+    Raises
+    ------
+    ModelError
+        As `linearise_plant`.
+    """
+    return tuple(_models(plant, [operating_input], None, time)[0] for plant in draw_plants(calibrated, rng, count))
+
+
+def linearise_plants(
+    plants: tuple[Plant, ...], operating_inputs: ArrayLike, *, time: float = 0.0, progress: Progress | None = None
+) -> LinearFamily:
+    """Linearise plants of one kind over operating points.
+
+    Parameters
+    ----------
+    plants : tuple of Plant, length n_samples
+        On one rig, as `draw_plants` gives them.
+    operating_inputs : array_like, shape (n_points,)
+        Constant commands in their unit.
+    time : float
+        As for `linearise_plant`.
+    progress : callable, optional
+        Called with the share that is done.
+
+    Returns
+    -------
+    LinearFamily
+        Its coefficients filled up with zeros to one length.
+
+    Raises
+    ------
+    ModelError
+        As `linearise_plant`, or if there are no plants or no operating inputs.
+    """
+    columns = []
+    for number, plant in enumerate(plants):
+        columns.append(_models(plant, operating_inputs, None, time))
+        if progress is not None:
+            progress((number + 1) / len(plants))
+    return LinearFamily.of(list(zip(*columns, strict=True)))
+
+
+def _models(plant: Plant, operating_inputs: ArrayLike, values: Array | None, time: float) -> tuple[LinearModel, ...]:
+    points = np.atleast_1d(np.asarray(operating_inputs, dtype=np.float64))
+    if points.ndim != 1 or points.size == 0 or not (np.isfinite(points).all() and np.isfinite(time)):
+        raise ModelError(f"operating inputs {operating_inputs!r} at the time {time} s: all must be finite numbers")
+    found = small_signals(plant, points, values=values, time=time)
+    return tuple(_model(plant, float(point), small) for point, small in zip(points, found, strict=True))
+
+
+def _model(plant: Plant, operating_input: float, small: SmallSignal | None) -> LinearModel:
+    signals = _signals(plant, operating_input)
+    if small is None:
+        return LinearModel.without_equilibrium(_PULL_IN, **signals)
+    whole = Realisation(a=small.a, b=small.b, c=small.c, d=small.d)
+    least = whole.minimal()
+    numerator, denominator = least.coefficients()
+    if plant.rig.reading is ReadingTime.START_OF_HOLD:  # a row shows what the hold before has led to
+        numerator = np.concatenate([[0.0], numerator])
+    size = numerator.size + denominator.size - 1
+    linear = LinearModel(
+        numerator=numerator, denominator=denominator, covariance=np.zeros((size, size)),
+        operating_output=small.reading, detail=_lost(least, numerator, denominator, plant), **signals,
+    )  # fmt: skip
+    grows = np.abs(whole.modes).max(initial=0.0) > 1.0 + _GROWS
+    # States count in their typical sizes, so that much less than one of these by unit of the command is rounding too.
+    moved = max(float(np.linalg.norm(whole.b)), 1.0)
+    floor = _NO_GAIN * float(np.linalg.norm(whole.c) * moved + np.linalg.norm(whole.d))
+    return linear.judged(not grows and bool((np.abs(least.modes) < 1.0).all()), floor)
+
+
+def _lost(least: Realisation, numerator: Array, denominator: Array, plant: Plant) -> str:
+    """What is to be said of the digits that the coefficients have lost."""
+    interval = plant.rig.sample_time
+    omega = np.geomspace(min(2 * np.pi * _LOWEST, 0.1 * np.pi / interval), np.pi / interval, _POINTS)
+    delay = np.exp(-1j * omega * interval)
+    exact = least.response(delay) * (delay if plant.rig.reading is ReadingTime.START_OF_HOLD else 1.0)
+    held = np.polyval(numerator[::-1], delay) / np.polyval(denominator[::-1], delay)
+    size = float(np.abs(exact).max(initial=0.0))
+    loss = float(np.max(np.abs(held - exact) / np.maximum(np.abs(exact), 1e-9 * size))) if size else 0.0
+    if loss <= _LOSS:
+        return ""
+    return f"the plant has many slow modes, so that the coefficients hold its response only to {loss:.1g} of it"
+
+
+def _signals(plant: Plant, operating_input: float) -> dict[str, Any]:
+    rig = plant.rig
+    return {
+        "sample_time": rig.sample_time, "operating_input": operating_input,
+        "input_name": rig.input_name, "output_name": rig.output_name,
+        "input_unit": rig.input_unit, "output_unit": rig.output_unit,
+    }  # fmt: skip

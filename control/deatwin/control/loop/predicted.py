@@ -1,0 +1,313 @@
+"""The closed loop that an identified model promises, with its simultaneous band."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import ceil
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.control.controllers.base import Controller
+from deatwin.control.linear.family import draw
+from deatwin.control.loop.closed_loop import ClosedLoop
+from deatwin.control.loop.residual import Residual
+from deatwin.ident.frequency import equilibrium
+from deatwin.ident.narx import NarxModel
+from deatwin.ident.narx.response import divergence_limit
+from deatwin.plant.drawing import axes_or_new
+from deatwin.plant.errors import ModelError
+from deatwin.plant.rigs.base import ReadingTime
+from deatwin.plant.simulate import RunStatus
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["PredictedLoop", "predict_loop"]
+
+Array = NDArray[np.float64]
+Progress = Callable[[float], None]
+
+LEVEL = 0.95
+_SETTLE = 500  # samples at the operating input before the loop is closed
+_NEWS = 100  # samples between two calls of progress
+_BEYOND = 100.0  # times the range of the training data and the reference: there a free run has diverged
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PredictedLoop:
+    """Closed loops on draws of a model.
+
+    Parameters
+    ----------
+    timepts : ndarray, shape (n,)
+        Time since the loop was closed, s.
+    reference : ndarray, shape (n,)
+        In the output's unit.
+    outputs : ndarray, shape (draws, n)
+        Of the draws that did not diverge, in the output's unit.
+    commands : ndarray, shape (draws, n)
+        In the input's unit.
+    diverged : float
+        Share of the draws that diverged.
+    command_limits : (float, float)
+        Of the controller, in the input's unit.
+    input_unit, output_unit : str
+        Units.
+    """
+
+    timepts: Array
+    reference: Array
+    outputs: Array
+    commands: Array
+    diverged: float
+    command_limits: tuple[float, float]
+    input_unit: str
+    output_unit: str
+
+    def __post_init__(self) -> None:
+        for name in ("timepts", "reference", "outputs", "commands"):
+            values = np.array(getattr(self, name), dtype=np.float64)
+            values.setflags(write=False)
+            object.__setattr__(self, name, values)
+
+    @property
+    def middle(self) -> Array:
+        """Mean output of the draws, shape (n,), in the output's unit."""
+        return np.asarray(self.outputs.mean(axis=0))
+
+    @property
+    def half_width(self) -> Array:
+        """Of the simultaneous 95 % band about `middle`, shape (n,), in the output's unit.
+
+        A multiple of the standard deviation at each sample, so large that 95 % of the draws lie inside at all
+        samples. Each draw is held against the mean and the deviation of the others: against its own it would look
+        nearer than a fresh one is.
+        """
+        count = len(self.outputs)
+        square = (self.outputs - self.middle) ** 2
+        variance = square.mean(axis=0)
+        farthest = np.divide(square, variance, out=np.zeros_like(square), where=variance > 0.0).max(axis=1)
+        # Studentised without itself; a draw that makes up the whole spread would be infinitely far.
+        others = np.sort(count * farthest / np.maximum(count - 1.0 - farthest, 1.0))
+        needed = min(ceil(LEVEL * (count + 1)), count)
+        return np.asarray(np.sqrt(others[needed - 1] * variance))
+
+    def inside(self, run: ClosedLoop) -> float:
+        """Share of the samples of a run that lie inside the band; 1.0 if all of it does.
+
+        Parameters
+        ----------
+        run : ClosedLoop
+            With the same reference.
+
+        Returns
+        -------
+        float
+        """
+        n = run.output.size
+        within = np.abs(run.output - self.middle[:n]) <= self.half_width[:n]
+        return float(within.sum() / self.timepts.size)
+
+    @property
+    def runs(self) -> tuple[ClosedLoop, ...]:
+        """The draws as closed loops, for the measures of each."""
+        return tuple(
+            ClosedLoop(
+                status=RunStatus.DONE, timepts=self.timepts, reference=self.reference, output=output, measured=output,
+                command=command, command_limits=self.command_limits, input_unit=self.input_unit,
+                output_unit=self.output_unit,
+            )
+            for output, command in zip(self.outputs, self.commands, strict=True)
+        )  # fmt: skip
+
+    def interval(self, measure: Callable[[ClosedLoop], float]) -> tuple[float, float, float]:
+        """Median and 95 % interval of a measure over the draws.
+
+        Parameters
+        ----------
+        measure : callable
+            Such as ``lambda run: run.overshoot``.
+
+        Returns
+        -------
+        tuple of float
+            Median, 2.5 % and 97.5 % quantile, in the measure's unit.
+        """
+        values = np.array([measure(run) for run in self.runs])
+        middle, low, high = np.quantile(values, [0.5, 0.025, 0.975])
+        return float(middle), float(low), float(high)
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw reference, mean and band.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Where to draw; new axes otherwise.
+
+        Returns
+        -------
+        matplotlib Axes
+        """
+        axes = axes_or_new(ax)
+        middle, half = self.middle, self.half_width
+        axes.fill_between(
+            self.timepts, middle - half, middle + half, alpha=0.3, linewidth=0, label="predicted, 95 % simultaneous"
+        )
+        axes.plot(self.timepts, middle, label="predicted")
+        axes.plot(self.timepts, self.reference, "--", color="0.4", linewidth=0.9, label="reference")
+        axes.set_xlabel("time (s)")
+        axes.set_ylabel(f"output ({self.output_unit})" if self.output_unit else "output")
+        axes.legend()
+        return axes
+
+
+def predict_loop(
+    model: NarxModel,
+    controller: Controller,
+    reference: Array,
+    *,
+    reading: ReadingTime,
+    residual: Residual,
+    noise: float,
+    rng: np.random.Generator,
+    draws: int = 300,
+    progress: Progress | None = None,
+) -> PredictedLoop:
+    """Close a controller around draws of an identified model.
+
+    Each draw takes its parameters from the model's posterior, adds a residual of the size and the memory that
+    the model's free run left of its recordings, and reads with the sensor's noise.
+
+    Parameters
+    ----------
+    model : NarxModel
+        Of one input and one output, with an equilibrium at the controller's operating input.
+    controller : Controller
+        In the loop.
+    reference : ndarray, shape (n,)
+        In the output's unit.
+    reading : ReadingTime
+        When in its row a reading is taken.
+    residual : Residual
+        Of the model.
+    noise : float
+        Standard deviation of the sensor's noise, in the output's unit.
+    rng : numpy.random.Generator
+        Source of draws and noise.
+    draws : int
+        How many.
+    progress : callable, optional
+        Called with the share that is done.
+
+    Returns
+    -------
+    PredictedLoop
+
+    Raises
+    ------
+    ModelError
+        If the model has no equilibrium there, or a reading at the start of the hold answers to the command that
+        follows it.
+    """
+    rest = equilibrium(model, controller.operating_input).output
+    terms = _Terms(
+        model, draw(model, rng, draws), reading, rest, controller.operating_input, _far(model, rest, reference)
+    )
+    for _ in range(_SETTLE):
+        terms.advance(np.full(draws, controller.operating_input))
+    n = reference.size
+    left = residual.draw(n + 1, draws, model.sample_time, rng)
+    errors = noise * rng.standard_normal((n, draws))
+    outputs, commands = np.empty((n, draws)), np.empty((n, draws))
+    state = np.multiply.outer(controller.start(), np.ones(draws))
+    for k in range(n):
+        outputs[k] = terms.output + left[k]
+        commands[k], state = controller.command(np.full(draws, reference[k]), outputs[k] + errors[k], state)
+        terms.advance(commands[k])
+        if progress is not None and ((k + 1) % _NEWS == 0 or k + 1 == n):
+            progress((k + 1) / n)
+    sound = np.all(np.isfinite(outputs), axis=0) & ~terms.diverged
+    return PredictedLoop(
+        timepts=model.sample_time * np.arange(n, dtype=np.float64), reference=reference,
+        outputs=outputs.T[sound], commands=commands.T[sound], diverged=float(1.0 - sound.mean()),
+        command_limits=(controller.command_min, controller.command_max),
+        input_unit=model.input_units[0], output_unit=model.output_units[0],
+    )  # fmt: skip
+
+
+def _far(model: NarxModel, rest: float, reference: Array) -> float:
+    """Distance from rest at which a free run has diverged, in the output's unit."""
+    if model.operating is None:
+        return divergence_limit(None, np.append(reference, rest))
+    trained = float((model.operating.output_max - model.operating.output_min)[0])
+    return _BEYOND * max(trained, float(np.ptp(reference)))
+
+
+class _Terms:
+    """A model's recursion for many parameters at once.
+
+    Parameters
+    ----------
+    model : NarxModel
+        The structure.
+    theta : ndarray, shape (draws, n_terms)
+        Parameters.
+    reading : ReadingTime
+        When in its row a reading is taken.
+    output, command : float
+        At rest, where it begins.
+    far : float
+        Distance from rest at which it has diverged, in the output's unit.
+    """
+
+    def __init__(
+        self, model: NarxModel, theta: Array, reading: ReadingTime, output: float, command: float, far: float
+    ) -> None:
+        variables = list(model.table.variables)
+        self._theta = theta.T
+        quiet = [m for m, term in enumerate(model.terms) if all(v.kind != "e" for v in term.expanded)]
+        self._terms = [(m, [variables.index(v) for v in model.terms[m].expanded]) for m in quiet]
+        self._first = 0 if reading is ReadingTime.END_OF_HOLD else 1
+        self._is_output = [v.kind == "y" for v in variables]
+        self._lags = [v.lag for v in variables]
+        if any(v.kind == "u" and v.lag < self._first for v in variables):
+            raise ModelError(
+                "the model has the input lag 0, but the rig reads before it applies the row's command: "
+                "identify with input lags from 1 on"
+            )
+        draws = len(theta)
+        longest = max(self._lags, default=0) + 1
+        self._y, self._u = np.full((longest, draws), output), np.full((longest, draws), command)
+        self._rest, self._limit = output, far
+        self.diverged = np.zeros(draws, dtype=np.bool_)
+
+    @property
+    def output(self) -> Array:
+        """The newest output of each draw, shape (draws,)."""
+        return self._y[0]
+
+    def advance(self, command: Array) -> None:
+        """Take one row with a command, shape (draws,).
+
+        A row's reading ends the row or begins it; either way the newest output answers to the newest command by
+        the model's smallest input lag.
+        """
+        self._u = np.concatenate([command[None], self._u[:-1]])
+        values = [
+            self._y[lag - 1] if is_output else self._u[lag - self._first]
+            for is_output, lag in zip(self._is_output, self._lags, strict=True)
+        ]
+        total = np.zeros(command.size)
+        with np.errstate(over="ignore", invalid="ignore"):  # from large to infinite in one row
+            for m, places in self._terms:
+                product = self._theta[m]
+                for place in places:
+                    product = product * values[place]
+                total = total + product
+        self.diverged |= ~(np.abs(total - self._rest) < self._limit)
+        total = np.where(self.diverged, self._rest, total)
+        self._y = np.concatenate([total[None], self._y[:-1]])

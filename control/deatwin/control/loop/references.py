@@ -1,0 +1,113 @@
+"""References for a closed loop: steps with a smooth rise, sines, and several tones at once."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from deatwin.control.errors import ControlError
+
+__all__ = ["sine_reference", "step_reference", "tone_reference"]
+
+Array = NDArray[np.float64]
+
+_LEVELS = (0.0, 1.0, 0.0, -1.0, 0.0)
+"""Levels of the step reference, in amplitudes; the first is where the loop closes."""
+
+
+def step_reference(centre: float, amplitude: float, plateau: int, rise: int = 0) -> Array:
+    """Steps up, back, down and back.
+
+    Parameters
+    ----------
+    centre, amplitude : float
+        In the output's unit.
+    plateau : int
+        Samples of each level, the rise to it included.
+    rise : int
+        Samples in which a level is reached, along half a cosine; 0 for sharp steps.
+
+    Returns
+    -------
+    ndarray, shape (5 * plateau,)
+        In the output's unit; the first level is the centre.
+
+    Raises
+    ------
+    ControlError
+        If the rise is longer than the level.
+
+    Examples
+    --------
+    >>> step_reference(1.0, 0.5, 1).tolist()
+    [1.0, 1.5, 1.0, 0.5, 1.0]
+    >>> step_reference(0.0, 1.0, 3, rise=1)[2:6].tolist()
+    [0.0, 0.5, 1.0, 1.0]
+    """
+    if not 0 <= rise < plateau:
+        raise ControlError(f"a rise of {rise} samples must be shorter than its level of {plateau}")
+    share = np.ones(plateau)
+    share[:rise] = 0.5 - 0.5 * np.cos(np.pi * np.arange(1, rise + 1) / (rise + 1))
+    before = (_LEVELS[0], *_LEVELS[:-1])
+    levels = [low + (high - low) * share for low, high in zip(before, _LEVELS, strict=True)]
+    return np.asarray(centre + amplitude * np.concatenate(levels))
+
+
+def sine_reference(
+    centre: float, amplitude: float, frequency_Hz: float, sample_time: float, periods: int
+) -> Array:
+    """A sine about an operating point.
+
+    Parameters
+    ----------
+    centre, amplitude : float
+        In the output's unit.
+    frequency_Hz : float
+        Hz.
+    sample_time : float
+        s.
+    periods : int
+        Number of periods, rounded to whole samples.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        In the output's unit.
+    """
+    count = round(periods / (frequency_Hz * sample_time))
+    return np.asarray(centre + amplitude * np.sin(2 * np.pi * frequency_Hz * sample_time * np.arange(count)))
+
+
+def tone_reference(
+    centre: float, amplitude: float, frequencies_Hz: ArrayLike, sample_time: float, count: int,
+    rng: np.random.Generator,
+) -> Array:  # fmt: skip
+    """Tones of one size with random phases, that begin gently at the centre.
+
+    Parameters
+    ----------
+    centre : float
+        In the output's unit.
+    amplitude : float
+        Largest distance from the centre, in the output's unit.
+    frequencies_Hz : array_like, shape (m,)
+        Hz.
+    sample_time : float
+        s.
+    count : int
+        Number of samples.
+    rng : numpy.random.Generator
+        Source of the phases.
+
+    Returns
+    -------
+    ndarray, shape (count,)
+        In the output's unit; over the first period of the slowest tone it grows from the centre.
+    """
+    frequencies = np.atleast_1d(np.asarray(frequencies_Hz, dtype=np.float64))
+    timepts = sample_time * np.arange(count)
+    phases = rng.uniform(0.0, 2 * np.pi, frequencies.size)
+    tones = np.sin(2 * np.pi * np.outer(frequencies, timepts) + phases[:, None]).sum(axis=0)
+    tones *= amplitude / np.abs(tones).max()
+    grown = np.clip(timepts * frequencies.min(), 0.0, 1.0)
+    return np.asarray(centre + tones * (0.5 - 0.5 * np.cos(np.pi * grown)))

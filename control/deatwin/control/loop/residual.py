@@ -1,0 +1,144 @@
+"""What an identified model leaves of a recording in free run, as a process that goes on in the closed loop."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import exp
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.narx import NarxModel
+from deatwin.plant.errors import ModelError
+from deatwin.plant.recording import Recording
+
+__all__ = ["RMS_KEY", "TIME_KEY", "Residual", "free_run_residual"]
+
+Array = NDArray[np.float64]
+
+RMS_KEY, TIME_KEY = "free_run_residual_rms", "free_run_residual_time_s"
+"""Keys of a model's provenance under which its residual is found, in the output's unit and in s."""
+_START = 0.05  # of a recording: there the free run still knows the measured start
+
+
+@dataclass(frozen=True, kw_only=True)
+class Residual:
+    """A first-order process (Ornstein and Uhlenbeck) with the size and the memory of a free-run residual.
+
+    Parameters
+    ----------
+    rms : float
+        Without the sensor's white noise, in the output's unit.
+    correlation_time : float
+        Until the autocorrelation has fallen to 1/e, s.
+    """
+
+    rms: float
+    correlation_time: float
+
+    def draw(self, count: int, draws: int, sample_time: float, rng: np.random.Generator) -> Array:
+        """Draw the process.
+
+        Parameters
+        ----------
+        count : int
+            Samples.
+        draws : int
+            How many of them.
+        sample_time : float
+            s.
+        rng : numpy.random.Generator
+            Source of the noise.
+
+        Returns
+        -------
+        ndarray, shape (count, draws)
+            Stationary, in the output's unit.
+        """
+        from scipy.signal import lfilter
+
+        pole = exp(-sample_time / self.correlation_time)
+        shocks = rng.standard_normal((count, draws))
+        shocks[1:] *= np.sqrt(1.0 - pole**2)
+        return np.asarray(self.rms * lfilter([1.0], [1.0, -pole], shocks, axis=0), dtype=np.float64)
+
+    @property
+    def provenance(self) -> dict[str, str]:
+        """As `NarxModel` keeps it."""
+        return {RMS_KEY: f"{self.rms:.6g}", TIME_KEY: f"{self.correlation_time:.6g}"}
+
+    @classmethod
+    def of_provenance(cls, provenance: Mapping[str, str]) -> Self | None:
+        """The residual that a model carries; None where it carries none.
+
+        Parameters
+        ----------
+        provenance : mapping of str to str
+            Of the model.
+
+        Returns
+        -------
+        Residual or None
+
+        Raises
+        ------
+        ModelError
+            If what it carries is no number.
+        """
+        if RMS_KEY not in provenance or TIME_KEY not in provenance:
+            return None
+        try:
+            rms, time = float(provenance[RMS_KEY]), float(provenance[TIME_KEY])
+        except ValueError:
+            rms, time = -1.0, -1.0
+        if not (0.0 <= rms < np.inf and 0.0 < time < np.inf):
+            raise ModelError(
+                f"the model's provenance has {RMS_KEY} = {provenance[RMS_KEY]!r} and {TIME_KEY} = "
+                f"{provenance[TIME_KEY]!r}: they must be positive numbers"
+            )
+        return cls(rms=rms, correlation_time=time)
+
+
+def free_run_residual(model: NarxModel, recording: Recording) -> Residual:
+    """Measure what a model leaves of a recording in free run.
+
+    Parameters
+    ----------
+    model : NarxModel
+        Of one output.
+    recording : Recording
+        Better one on which the model was not fitted.
+
+    Returns
+    -------
+    Residual
+
+    Raises
+    ------
+    ModelError
+        If the free run diverges.
+    """
+    run = model.simulate(recording)
+    if not run.status.ok:
+        raise ModelError(f"the model's free run fails on the recording: {run.status.value}")
+    error = (run.measured - run.outputs)[0]
+    error = error[round(_START * error.size) :]
+    error = error - error.mean()
+    size = 1 << (2 * error.size - 1).bit_length()
+    covariance = np.fft.irfft(np.abs(np.fft.rfft(error, size)) ** 2)[: error.size] / error.size
+    # White noise of the sensor is in the covariance at lag 0 only.
+    coloured = max(float(covariance[1]), 0.0)
+    lags = _falls_to(covariance[1:], np.exp(-1.0) * coloured)
+    return Residual(
+        rms=float(np.sqrt(coloured * np.exp(1.0 / lags))), correlation_time=lags * model.sample_time
+    )
+
+
+def _falls_to(curve: Array, level: float) -> float:
+    """Samples after which a curve first lies below a level, with their fraction; at least one, at most all of it."""
+    below = int(np.argmax(np.append(curve < level, True)))
+    if below == 0 or below == curve.size:
+        return float(max(below, 1))
+    return max(below - float((level - curve[below]) / (curve[below - 1] - curve[below])), 1.0)

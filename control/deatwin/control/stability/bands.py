@@ -1,0 +1,360 @@
+"""Margins and locus of a loop with the band that the model's covariance gives them, to first order.
+
+The counterpart of sampling the posterior: exact derivatives instead of draws, and as good as the loop is linear in the
+model's coefficients over their uncertainty. A margin that another crossing may take over is known by its lower limit,
+which is the least over all crossings, rather than by its deviation, which is that of the crossing that sets it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from deatwin.control.errors import ControlError
+from deatwin.control.linear.model import LinearModel
+from deatwin.control.stability.circle import search
+from deatwin.control.stability.margins import margins
+from deatwin.control.stability.polynomials import in_series
+from deatwin.ident.frequency.dc import Equilibrium
+from deatwin.ident.frequency.response import FrequencyResponse, FrequencyStatus, Pointwise
+from deatwin.ident.frequency.uncertainty.gain_phase import Ellipses, interval_radius
+from deatwin.plant.drawing import axes_or_new
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["MarginBand", "UncertainMargin", "band_margins"]
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+_LOWEST, _POINTS = 1e-4, 2000  # rad a sample, and number of frequencies of the locus
+_ELLIPSES = 24  # that are drawn: more of them cover each other
+
+
+@dataclass(frozen=True, kw_only=True)
+class UncertainMargin:
+    """A margin with its uncertainty.
+
+    Parameters
+    ----------
+    value : float
+        Of the model itself: a factor, degrees, s, or dimensionless; infinite where nothing bounds it.
+    deviation : float
+        Standard deviation to first order, of the logarithm of gain and disk margin, in the margin's unit for phase
+        and delay; 0 where nothing bounds the margin.
+    low : float
+        Limit that the margin exceeds with 97.5 % at a level of 95 %: the least over the crossings, each to first
+        order; at least what is left at the edge of stability (1 for the gain, 0 for the others).
+    """
+
+    value: float
+    deviation: float
+    low: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MarginBand:
+    """What the covariance of a model makes of a loop.
+
+    Parameters
+    ----------
+    gain, phase_deg, delay, disk : UncertainMargin
+        As those of `deatwin.control.Margins`.
+    modulus : float
+        Least distance of the model's locus from -1, dimensionless.
+    modulus_low : float
+        Least distance of the simultaneous band from -1; 0 where the band holds it. Where it is not 0, every loop of
+        the band encircles -1 as often as the model's own and is stable, to first order.
+    response : FrequencyResponse
+        L over frequency with the covariance of real and imaginary part, dimensionless.
+    level : float
+        Probability of the band and of the limits of margins (two-sided).
+    """
+
+    gain: UncertainMargin
+    phase_deg: UncertainMargin
+    delay: UncertainMargin
+    disk: UncertainMargin
+    modulus: float
+    modulus_low: float
+    response: FrequencyResponse
+    level: float
+
+    @property
+    def radius(self) -> float:
+        """Mahalanobis radius of the simultaneous band's ellipses (Scheffé).
+
+        Its square is the quantile of chi-square with as many degrees of freedom as the covariance has rank: the
+        ellipsoid of the coefficients holds them with the level's probability, and the ellipse at each frequency is its
+        shadow, so that the band holds L at all frequencies at once at least as often.
+        """
+        return _scheffe(self.response.theta_cov, self.level)
+
+    def ellipse(self, n_points: int = 73) -> Complex:
+        """Return outlines of the simultaneous band.
+
+        Parameters
+        ----------
+        n_points : int
+            Points of each outline; the last is the first.
+
+        Returns
+        -------
+        ndarray of complex, shape (n, n_points)
+        """
+        turn = np.linspace(0.0, 2 * np.pi, n_points)
+        outline = self.radius * Ellipses.of(self.response.covariance).roots @ np.stack([np.cos(turn), np.sin(turn)])
+        return np.asarray(self.response.values[:, None] + outline[:, 0] + 1j * outline[:, 1])
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the Nyquist curve about -1 with the ellipses of the simultaneous band.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Where to draw; new axes otherwise.
+
+        Returns
+        -------
+        matplotlib Axes
+        """
+        from matplotlib.collections import LineCollection
+
+        axes = axes_or_new(ax)
+        values = self.response.values
+        near = np.flatnonzero(np.abs(values) < 2.5)
+        axes.plot(values.real, values.imag, color="C0", label="loop of the model")
+        if near.size:
+            shown = near[_evenly_along(values[near], _ELLIPSES)]
+            outlines = self.ellipse()[shown]
+            segments = list(np.stack([outlines.real, outlines.imag], axis=-1))
+            name = f"{100 * self.level:g} % band, all frequencies at once"
+            axes.add_collection(LineCollection(segments, colors="C0", linewidths=0.8, alpha=0.6, label=name))
+        turn = np.linspace(0.0, 2 * np.pi, 181)
+        if self.modulus_low > 0.0:
+            circle = -1.0 + self.modulus_low * np.exp(1j * turn)
+            axes.plot(circle.real, circle.imag, color="C3", linewidth=0.8, label="nearest the band comes to -1")
+        axes.plot(-1.0, 0.0, "+", color="k", markersize=10, label="-1")
+        axes.set_xlim(-2.0, 1.0)
+        axes.set_ylim(-2.0, 1.0)
+        axes.set_aspect("equal")
+        axes.axhline(0.0, color="0.8", linewidth=0.8, zorder=0)
+        axes.axvline(0.0, color="0.8", linewidth=0.8, zorder=0)
+        axes.set_xlabel("real part of L")
+        axes.set_ylabel("imaginary part of L")
+        axes.legend(fontsize="small", loc="lower left")
+        return axes
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Loop:
+    """The loop at some angles: value, slope by the angle, gradient by the model's coefficients."""
+
+    value: Complex
+    slope: Complex
+    gradient: Complex
+
+    @property
+    def log_slope(self) -> Complex:
+        return self.slope / self.value
+
+    @property
+    def log_gradient(self) -> Complex:
+        return self.gradient / self.value[:, None]
+
+
+def band_margins(
+    linear: LinearModel,
+    feedback_numerator: ArrayLike,
+    feedback_denominator: ArrayLike,
+    *,
+    level: float = 0.95,
+) -> MarginBand:
+    """Propagate the covariance of a linear model to the margins and the locus of its loop.
+
+    At a phase crossing ln|L| changes by Re(dL/L) and the crossing moves by -Im(dL/L)/Im(L'/L); at a gain crossing the
+    phase changes by Im(dL/L) and the crossing moves by -Re(dL/L)/Re(L'/L); the disk margin changes as its distance
+    does at the place where it is least.
+
+    Parameters
+    ----------
+    linear : LinearModel
+        As the controller sees it (`LinearModel.in_loop`), with its covariance.
+    feedback_numerator, feedback_denominator : array_like, shapes (n,) and (m,)
+        Of the controller, coefficients of z^0, z^-1, ..., input unit by output unit; certain.
+    level : float
+        Of the band, between 0 and 1.
+
+    Returns
+    -------
+    MarginBand
+
+    Raises
+    ------
+    ModelError
+        If no controller can be designed on the model.
+    ControlError
+        If the loop of the model itself is unstable, or the level is not between 0 and 1.
+    """
+    if not 0.0 < level < 1.0:
+        raise ControlError(f"the level is {level}: it must lie between 0 and 1")
+    linear.require()
+    feedback = (np.asarray(feedback_numerator, np.float64), np.asarray(feedback_denominator, np.float64))
+    top, bottom = in_series(linear.numerator, feedback[0]), in_series(linear.denominator, feedback[1])
+    own = margins(top, bottom, linear.sample_time)
+    if not own.stable[0]:
+        raise ControlError("the loop of the model itself is unstable: it has no margins; choose a slower controller")
+    size = max(top.size, bottom.size)
+    found = search(*(np.pad(c, (0, size - c.size))[None, :] for c in (top, bottom)))
+    at = partial(_loop, linear, feedback)
+    angle = np.geomspace(_LOWEST, np.pi, _POINTS)
+    # Within a thousandth of a sharp approach the grid may be too coarse: the approach itself belongs to it.
+    angle = np.union1d(angle, found.modulus.angle[found.modulus.angle > _LOWEST])
+    response = _response(linear, feedback, angle)
+    return MarginBand(
+        gain=_gain(at, _real_angles(found.real.angle), linear.covariance, level),
+        phase_deg=_phase(at, found.gain.angle, linear.covariance, level),
+        delay=_delay(at, found.gain.angle, linear.covariance, level, linear.sample_time),
+        disk=_disk(at, found.disk.angle, linear.covariance, level),
+        modulus=float(own.modulus[0]),
+        modulus_low=float(_distance(response, _scheffe(linear.covariance, level)).min()),
+        response=response,
+        level=level,
+    )
+
+
+def _loop(linear: LinearModel, feedback: tuple[Array, Array], angle: Array) -> _Loop:
+    shift = np.exp(-1j * angle)
+
+    def value(coefficients: Array) -> tuple[Complex, Complex]:
+        lags = np.arange(coefficients.size)
+        powers = shift[:, None] ** lags
+        return powers @ coefficients, -1j * (powers * lags) @ coefficients
+
+    parts = [value(c) for c in (linear.numerator, feedback[0], linear.denominator, feedback[1])]
+    (b, db), (n, dn), (a, da), (d, dd) = parts
+    loop = b * n / (a * d)
+    in_b = shift[:, None] ** np.arange(linear.numerator.size) * (n / (a * d))[:, None]
+    in_a = -(shift[:, None] ** np.arange(1, linear.denominator.size)) * (loop / a)[:, None]
+    slope = (db * n + b * dn) / (a * d) - loop * (da / a + dd / d)
+    return _Loop(value=loop, slope=slope, gradient=np.concatenate([in_b, in_a], axis=1))
+
+
+def _gradient(angle: Array, linear: LinearModel, feedback: tuple[Array, Array]) -> Complex:
+    return _loop(linear, feedback, angle).gradient
+
+
+def _response(linear: LinearModel, feedback: tuple[Array, Array], angle: Array) -> FrequencyResponse:
+    output = np.nan if linear.operating_output is None else linear.operating_output
+    point = Equilibrium(
+        operating_input=np.array([linear.operating_input]), outputs=np.array([output]), stable=np.array([True]),
+        chosen=0,
+    )  # fmt: skip
+    return FrequencyResponse(
+        symbol="L", order=0, values=_loop(linear, feedback, angle).value, omega=angle / linear.sample_time,
+        point=point, status=FrequencyStatus.OK, unit="", theta_cov=linear.covariance,
+        differentiate=Pointwise(partial(_gradient, linear=linear, feedback=feedback), angle),
+    )  # fmt: skip
+
+
+def _real_angles(angle: Array) -> Array:
+    return np.concatenate([[0.0], angle, [np.pi]])
+
+
+def _deviations(gradient: Array, covariance: Array) -> Array:
+    return np.sqrt(np.einsum("ni,ij,nj->n", gradient, covariance, gradient).clip(min=0.0))
+
+
+def _least(values: Array, deviations: Array, level: float) -> UncertainMargin:
+    if not values.size:
+        return UncertainMargin(value=np.inf, deviation=0.0, low=np.inf)
+    first = int(np.argmin(values))
+    low = (values - interval_radius(level, np.inf) * deviations).min()
+    return UncertainMargin(value=float(values[first]), deviation=float(deviations[first]), low=float(max(low, 0.0)))
+
+
+def _exponential(margin: UncertainMargin) -> UncertainMargin:
+    return UncertainMargin(value=float(np.exp(margin.value)), deviation=margin.deviation, low=float(np.exp(margin.low)))
+
+
+def _gain(at: partial[_Loop], angle: Array, covariance: Array, level: float) -> UncertainMargin:
+    with np.errstate(divide="ignore", invalid="ignore"):
+        loop = at(angle)
+    kept = np.isfinite(loop.value) & (loop.value.real < 0.0) & (np.abs(loop.value) < 1e12)
+    loop, angle = at(angle[kept]), angle[kept]
+    moves = (angle > 0.0) & (angle < np.pi)  # at the ends the loop stays real
+    shift = np.zeros((angle.size, covariance.shape[0]))
+    shift[moves] = -loop.log_gradient.imag[moves] / loop.log_slope.imag[moves, None]
+    gradient = loop.log_gradient.real + loop.log_slope.real[:, None] * shift
+    return _exponential(_least(np.abs(np.log(np.abs(loop.value))), _deviations(gradient, covariance), level))
+
+
+def _phase_gradient(loop: _Loop) -> tuple[Array, Array]:
+    """Of the phase at gain crossings, rad, and of the crossings themselves, rad a sample."""
+    shift = -loop.log_gradient.real / loop.log_slope.real[:, None]
+    return loop.log_gradient.imag + loop.log_slope.imag[:, None] * shift, shift
+
+
+def _phase(at: partial[_Loop], angle: Array, covariance: Array, level: float) -> UncertainMargin:
+    loop = at(angle)
+    gradient = np.degrees(_phase_gradient(loop)[0])
+    return _least(np.degrees(np.abs(np.angle(-loop.value))), _deviations(gradient, covariance), level)
+
+
+def _delay(at: partial[_Loop], angle: Array, covariance: Array, level: float, h: float) -> UncertainMargin:
+    loop = at(angle)
+    turn, shift = _phase_gradient(loop)
+    phase = np.mod(np.angle(-loop.value), 2 * np.pi)
+    gradient = (turn - (phase / angle)[:, None] * shift) / angle[:, None] * h
+    return _least(phase / angle * h, _deviations(gradient, covariance), level)
+
+
+def _disk(at: partial[_Loop], angle: Array, covariance: Array, level: float) -> UncertainMargin:
+    # At an integrator's pole the distance is that of an infinite loop, 1, whatever the coefficients.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        loop = at(angle)
+        gradient = (2 * loop.gradient / ((1 + loop.value) * (1 - loop.value))[:, None]).real
+        value = np.log(2 * np.abs((1 + loop.value) / (1 - loop.value)))
+    sound = np.isfinite(value) & np.isfinite(gradient).all(axis=1)
+    value, gradient = np.where(sound, value, np.log(2.0)), np.where(sound[:, None], gradient, 0.0)
+    deviation = _deviations(gradient, covariance)
+    low = value - interval_radius(level, np.inf) * deviation
+    return UncertainMargin(value=float(np.exp(value[0])), deviation=float(deviation[0]), low=float(np.exp(low[0])))
+
+
+def _scheffe(covariance: Array, level: float) -> float:
+    from scipy.stats import chi2
+
+    sizes = np.sqrt(np.diag(covariance))
+    units = np.where(sizes > 0.0, sizes, 1.0)
+    rank = int(np.linalg.matrix_rank(covariance / np.outer(units, units), hermitian=True)) if sizes.any() else 0
+    return float(np.sqrt(chi2.ppf(level, rank))) if rank else 0.0
+
+
+def _distance(response: FrequencyResponse, radius: float) -> Array:
+    """Distance of -1 from the ellipses: along each axis d of length s the nearest point is at d s²/(s² + l)."""
+    ellipses = Ellipses.of(response.covariance)
+    away = 1.0 + response.values
+    along = np.stack([away.real * ellipses.axes[:, 0, i] + away.imag * ellipses.axes[:, 1, i] for i in (0, 1)], axis=-1)
+    squares = radius**2 * ellipses.variances
+    low, high = np.zeros(away.size), np.sqrt(squares.max(axis=1)) * np.abs(away)
+    for _ in range(100):  # its multiplier l, at which the point lies on the ellipse
+        middle = 0.5 * (low + high)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            outside = np.nansum(squares * along**2 / (squares + middle[:, None]) ** 2, axis=1) > 1.0
+        low, high = np.where(outside, middle, low), np.where(outside, high, middle)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        rest = np.where(squares > 0.0, high[:, None] / (squares + high[:, None]), 1.0)
+        inside = np.all(squares > 0.0, axis=1) & (np.sum(along**2 / squares, axis=1) <= 1.0)
+    return np.where(inside, 0.0, np.hypot(*(along * rest).T))
+
+
+def _evenly_along(values: Complex, count: int) -> NDArray[np.intp]:
+    """Points that are evenly apart along a curve."""
+    way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(values)))])
+    return np.unique(np.searchsorted(way, np.linspace(0.0, way[-1], count)).clip(max=values.size - 1))

@@ -1,0 +1,329 @@
+"""Where loops cross the real axis and the unit circle, and come nearest to -1: searched on a grid, then refined.
+
+With N and D the polynomials of a loop L = N/D, and A = D + N, B = D - N, all that is looked for on the unit circle
+stands in a few trigonometric polynomials: Re(A B*) = |D|² - |N|² is zero where |L| is one, Im(A B*) = 2 Im(N D*) where
+L is real, and |1 + L|² = |A|²/|D|², |1 + L|²/|1 - L|² = |A|²/|B|². However sharp the resonances of a loop are, its
+polynomials are smooth, so that a grid of some points for each of their degrees brackets what there is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.control.stability.polynomials import jet
+
+__all__ = ["Nearest", "Places", "Search", "search"]
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Index = NDArray[np.intp]
+Bool = NDArray[np.bool_]
+Cells = tuple[Index, Index]
+Measure = Callable[[Array, Array, Array], tuple[Array, Array, Array]]
+
+_LOWEST = 1e-6  # rad a sample: no crossing is looked for nearer to 0 and to half the sampling rate
+_PER_DECADE = 16  # points of the logarithmic part of the grid, for slow loops
+_PER_DEGREE = 12  # points of its linear part
+_BLOCK = 1 << 16  # values of a block of loops, which stay in the processor's cache
+_MOST = 1 << 17  # loops that are searched at once
+_STEPS = 80  # of a refinement; bisection alone needs 60
+_ROUNDING = 4 * np.finfo(float).eps
+_FLAT = 1e-15  # of a minimum: no step is worth less
+_TINY = np.finfo(float).tiny
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Places:
+    """Places on the unit circle.
+
+    Parameters
+    ----------
+    loops : ndarray of int, shape (n_places,)
+        Which loop.
+    angle : ndarray, shape (n_places,)
+        Where, rad a sample, between 0 and pi.
+    """
+
+    loops: Index
+    angle: Array
+
+    def __add__(self, other: Places) -> Places:
+        return Places(
+            loops=np.concatenate([self.loops, other.loops]), angle=np.concatenate([self.angle, other.angle])
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Nearest:
+    """Where a distance of each loop is least.
+
+    Parameters
+    ----------
+    distance : ndarray, shape (n,)
+        Dimensionless.
+    angle : ndarray, shape (n,)
+        Where, rad a sample.
+    """
+
+    distance: Array
+    angle: Array
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Search:
+    """What margins are made of.
+
+    Parameters
+    ----------
+    gain : Places
+        Where |L| = 1.
+    real : Places
+        Where Im L = 0, without z = 1 and z = -1.
+    modulus : Nearest
+        |1 + L|.
+    disk : Nearest
+        |1 + L|/|1 - L|.
+    """
+
+    gain: Places
+    real: Places
+    modulus: Nearest
+    disk: Nearest
+
+
+def search(top: Array, bottom: Array) -> Search:
+    """Search the upper half of the unit circle.
+
+    Parameters
+    ----------
+    top, bottom : ndarray, shape (n, m)
+        Numerators and denominators of loops, coefficients of z^0, z^-1, ...
+
+    Returns
+    -------
+    Search
+    """
+    parts = [_search(top[i : i + _MOST], bottom[i : i + _MOST]) for i in range(0, max(len(top), 1), _MOST)]
+    starts = range(0, max(len(top), 1), _MOST)
+
+    def places(name: str) -> Places:
+        found = [(getattr(part, name), start) for part, start in zip(parts, starts, strict=True)]
+        return Places(
+            loops=np.concatenate([p.loops + start for p, start in found]),
+            angle=np.concatenate([p.angle for p, _ in found]),
+        )
+
+    def nearest(name: str) -> Nearest:
+        found = [getattr(part, name) for part in parts]
+        return Nearest(
+            distance=np.concatenate([f.distance for f in found]), angle=np.concatenate([f.angle for f in found])
+        )
+
+    return Search(gain=places("gain"), real=places("real"), modulus=nearest("modulus"), disk=nearest("disk"))
+
+
+def _search(top: Array, bottom: Array) -> Search:
+    grid = _grid(top.shape[1])
+    cells = _scan(grid, bottom + top, bottom - top)
+    above, below = np.ascontiguousarray(top.T), np.ascontiguousarray(bottom.T)
+    plus, minus, ones = below + above, below - above, np.ones((1, len(top)))
+    deep = _descend(plus, ones, _at(grid, cells["deep"]), _width(grid, cells["deep"]))[0]
+
+    def nearest(name: str, under: Array) -> Nearest:
+        """The minima of the grid, and those of |A|, beside which a sharp one may hide from the grid."""
+        starts = _at(grid, cells[name]) + deep
+        width = np.concatenate([_width(grid, cells[name]), _width(grid, cells["deep"])])
+        found, squares = _descend(plus, under, starts, width)
+        order = np.lexsort((squares, found.loops))
+        loops, first = np.unique(found.loops[order], return_index=True)
+        distance, angle = np.full(len(top), np.inf), np.zeros(len(top))
+        distance[loops] = np.sqrt(squares[order][first])
+        angle[loops] = found.angle[order][first]
+        return Nearest(distance=distance, angle=angle)
+
+    def crossings(name: str, measure: Measure) -> Places:
+        return _crossings(above, below, grid, cells[name], cells[f"{name} dips"], measure)
+
+    return Search(
+        gain=crossings("gain", _level), real=crossings("real", _height),
+        modulus=nearest("modulus", below), disk=nearest("disk", minus),
+    )  # fmt: skip
+
+
+def _grid(size: int) -> Array:
+    decades = np.log10(np.pi / _LOWEST)
+    slow = np.geomspace(_LOWEST, np.pi, int(_PER_DECADE * decades))[:-1]
+    even = np.linspace(0.0, np.pi, _PER_DEGREE * max(size, 4) + 1)[:-1]
+    return np.concatenate([np.union1d(slow, even), [np.pi - _LOWEST, np.pi]])
+
+
+def _scan(grid: Array, plus: Array, minus: Array) -> dict[str, Cells]:
+    """Cells of the grid that hold something: the loop, and the point at or before it."""
+    lags = np.arange(plus.shape[1])
+    cosines, sines = np.cos(np.outer(lags, grid)), np.sin(np.outer(lags, grid))
+    sines[:, -1] = 0.0
+    found: dict[str, list[Cells]] = {}
+    rows = max(1, _BLOCK // grid.size)
+    for start in range(0, len(plus), rows):
+        part = slice(start, start + rows)
+        a, a_j, b, b_j = plus[part] @ cosines, plus[part] @ sines, minus[part] @ cosines, minus[part] @ sines
+        level, height = a * b + a_j * b_j, a * b_j - a_j * b
+        a2, b2 = a * a + a_j * a_j, b * b + b_j * b_j
+        d2 = 0.25 * (a2 + b2) + 0.5 * level
+        with np.errstate(over="ignore"):
+            from_one, from_disk = a2 / np.maximum(d2, _TINY), a2 / np.maximum(b2, _TINY)
+        cells = {
+            "gain": _changes(level), "gain dips": _dips(level),
+            "real": _changes(height[:, 1:-1], 1), "real dips": _dips(height),
+            "modulus": _valleys(from_one), "disk": _valleys(from_disk),
+            "deep": _inner_valleys(a2),
+        }  # fmt: skip
+        for name, (loops, points) in cells.items():
+            found.setdefault(name, []).append((loops + start, points))
+    return {name: _joined(pieces) for name, pieces in found.items()}
+
+
+def _joined(pieces: list[Cells]) -> Cells:
+    return np.concatenate([p[0] for p in pieces]), np.concatenate([p[1] for p in pieces])
+
+
+def _changes(values: Array, first: int = 0) -> Cells:
+    positive = values > 0.0
+    loops, points = np.nonzero(positive[:, 1:] != positive[:, :-1])
+    return loops, points + first
+
+
+def _valleys(values: Array) -> Cells:
+    """Local minima, the ends too."""
+    falls = np.ones((len(values), values.shape[1] + 1), dtype=np.bool_)
+    np.less(values[:, 1:], values[:, :-1], out=falls[:, 1:-1])
+    falls[:, -1] = False
+    loops, points = np.nonzero(falls[:, :-1] & ~falls[:, 1:])
+    return loops, points
+
+
+def _inner_valleys(values: Array) -> Cells:
+    loops, points = _valleys(values)
+    inner = (points > 0) & (points < values.shape[1] - 1)
+    return loops[inner], points[inner]
+
+
+def _dips(values: Array) -> Cells:
+    """Where a polynomial turns back without a change of sign, so that it may cross zero twice within a cell."""
+    loops, points = _inner_valleys(np.abs(values))
+    before, at, after = (values[loops, points + shift] for shift in (-1, 0, 1))
+    same = (before * at > 0.0) & (after * at > 0.0)
+    return loops[same], points[same]
+
+
+def _at(grid: Array, cells: Cells) -> Places:
+    return Places(loops=cells[0], angle=grid[cells[1]])
+
+
+def _width(grid: Array, cells: Cells) -> Array:
+    """How far from a point of the grid what belongs to it may lie, rad a sample."""
+    gaps = np.diff(grid)
+    return np.maximum(gaps[np.maximum(cells[1] - 1, 0)], gaps[np.minimum(cells[1], gaps.size - 1)])
+
+
+def _level(above: Array, below: Array, angle: Array) -> tuple[Array, Array, Array]:
+    """|N|² - |D|² with two derivatives."""
+    values = []
+    for columns in (above, below):
+        f, df, ddf = jet(columns, angle, 2)
+        values.append((abs(f) ** 2, 2 * (f.conj() * df).real, 2 * (abs(df) ** 2 + (f.conj() * ddf).real)))
+    (n, dn, ddn), (d, dd, ddd) = values
+    return n - d, dn - dd, ddn - ddd
+
+
+def _height(above: Array, below: Array, angle: Array) -> tuple[Array, Array, Array]:
+    """Im(N D*) with two derivatives."""
+    (n, dn, ddn), (d, dd, ddd) = jet(above, angle, 2), jet(below, angle, 2)
+    first = dn * d.conj() + n * dd.conj()
+    second = ddn * d.conj() + 2 * dn * dd.conj() + n * ddd.conj()
+    return (n * d.conj()).imag, first.imag, second.imag
+
+
+def _crossings(above: Array, below: Array, grid: Array, cells: Cells, dips: Cells, measure: Measure) -> Places:
+    def slope(top: Array, bottom: Array, angle: Array) -> tuple[Array, Array, Array]:
+        _, first, second = measure(top, bottom, angle)
+        return first, second, second
+
+    start, end = grid[dips[1] - 1], grid[dips[1] + 1]
+    turn, kept = _roots(above[:, dips[0]], below[:, dips[0]], start, end, slope)
+    loops = np.concatenate([cells[0], dips[0][kept], dips[0][kept]])
+    low = np.concatenate([grid[cells[1]], start[kept], turn])
+    high = np.concatenate([grid[cells[1] + 1], turn, end[kept]])
+    angle, kept = _roots(above[:, loops], below[:, loops], low, high, measure)
+    # A crossing at a point of the grid, but for rounding, has no change of sign on second thoughts: it is that point.
+    at_end = np.setdiff1d(np.arange(cells[0].size), kept)
+    ends = [np.abs(measure(above[:, loops[at_end]], below[:, loops[at_end]], c[at_end])[0]) for c in (low, high)]
+    ending = np.where(ends[0] < ends[1], low[at_end], high[at_end])
+    return Places(loops=np.concatenate([loops[kept], loops[at_end]]), angle=np.concatenate([angle, ending]))
+
+
+def _roots(top: Array, bottom: Array, low: Array, high: Array, measure: Measure) -> tuple[Array, Index]:
+    """Roots by Newton's method, or by bisection where its step leaves the bracket; in which brackets there are some."""
+    positive = measure(top, bottom, low)[0] > 0.0
+    kept = np.flatnonzero(positive != (measure(top, bottom, high)[0] > 0.0))
+    low, high, positive, top, bottom = low[kept], high[kept], positive[kept], top[:, kept], bottom[:, kept]
+    angle, left = 0.5 * (low + high), np.arange(kept.size)
+    for _ in range(_STEPS):
+        if not left.size:
+            break
+        here = angle[left]
+        value, slope, _ = measure(top, bottom, here)
+        same = (value > 0.0) == positive[left]
+        low[left], high[left] = np.where(same, here, low[left]), np.where(same, high[left], here)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            step = here - value / slope
+        middle = 0.5 * (low[left] + high[left])
+        angle[left] = np.where((step >= low[left]) & (step <= high[left]), step, middle)
+        unsettled = np.abs(angle[left] - here) > _ROUNDING * here
+        left, top, bottom = left[unsettled], top[:, unsettled], bottom[:, unsettled]
+    return angle, kept
+
+
+def _descend(over: Array, under: Array, starts: Places, width: Array) -> tuple[Places, Array]:
+    """Local minima of |over/under|² by Newton's method with shorter steps where it fails to descend."""
+    top, bottom = over[:, starts.loops], under[:, starts.loops]
+    angle, left = starts.angle.copy(), np.arange(starts.loops.size)
+    value, slope, bend = _square(top, bottom, angle)
+    step = _newton_step(slope, bend, width)
+    for _ in range(_STEPS):
+        unsettled = np.abs(bend) * step**2 > _FLAT * value[left]
+        left, top, bottom = left[unsettled], top[:, unsettled], bottom[:, unsettled]
+        step, bend = step[unsettled], bend[unsettled]
+        if not left.size:
+            break
+        there = np.pi - np.abs(np.pi - np.abs(angle[left] + step))  # the circle is symmetric
+        found, slope, fresh = _square(top, bottom, there)
+        lower = found < value[left]
+        angle[left] = np.where(lower, there, angle[left])
+        value[left] = np.where(lower, found, value[left])
+        bend = np.where(lower, fresh, bend)
+        step = np.where(lower, _newton_step(slope, fresh, width[left]), 0.25 * step)
+    return Places(loops=starts.loops, angle=angle), value
+
+
+def _newton_step(slope: Array, bend: Array, width: Array) -> Array:
+    with np.errstate(divide="ignore", invalid="ignore"):
+        step = np.where(bend > 0.0, -slope / bend, -np.sign(slope) * width)
+    return np.clip(step, -width, width)
+
+
+def _square(top: Array, bottom: Array, angle: Array) -> tuple[Array, Array, Array]:
+    """|top/bottom|² with two derivatives; infinite without slope where the denominator is zero."""
+    (a, da, dda), (b, db, ddb) = jet(top, angle, 2), jet(bottom, angle, 2)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        w = a / b
+        dw = (da - w * db) / b
+        ddw = (dda - 2 * dw * db - w * ddb) / b
+        value, slope = abs(w) ** 2, 2 * (w.conj() * dw).real
+        bend = 2 * (abs(dw) ** 2 + (w.conj() * ddw).real)
+    sound = np.isfinite(value) & np.isfinite(slope) & np.isfinite(bend)
+    return np.where(sound, value, np.inf), np.where(sound, slope, 0.0), np.where(sound, bend, 0.0)

@@ -1,0 +1,278 @@
+"""Limit cycles that describing functions predict for a sampled loop."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, overload
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from deatwin.control.errors import ControlError
+from deatwin.plant.drawing import axes_or_new
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["LimitCycle", "LimitCycles", "limit_cycles"]
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Describing = Callable[[Array, Array], Complex]
+
+_STEPS = 60
+_SETTLED = 1e-10  # of log amplitude and log frequency
+_DIFFERENCE = 1e-6  # of the logarithms, for slopes: central, so right to about 1e-10
+_SAME = 1e-6  # cycles whose amplitudes and frequencies differ by less, relatively, are one
+
+
+@dataclass(frozen=True, kw_only=True)
+class LimitCycle:
+    """An oscillation that the loop may sustain.
+
+    Parameters
+    ----------
+    amplitude : float
+        Of the sine at the input of the nonlinearity, in its unit.
+    frequency_Hz : float
+        Hz.
+    stable : bool
+        Whether the loop returns to it (Loeb's criterion); a loop leaves an unstable one, inwards to rest or outwards.
+    """
+
+    amplitude: float
+    frequency_Hz: float
+    stable: bool
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LimitCycles(Sequence[LimitCycle]):
+    """The limit cycles of a loop, by rising amplitude; a sequence.
+
+    Parameters
+    ----------
+    cycles : tuple of LimitCycle
+        Empty where none is predicted.
+    omega : ndarray, shape (n_omega,)
+        Where it was looked, rad/s.
+    loop : ndarray of complex, shape (n_omega,)
+        L there.
+    amplitudes : ndarray, shape (n_amplitudes,)
+        Where it was looked, in the unit of the nonlinearity's input.
+    describing : ndarray of complex, shape (n_amplitudes,)
+        N there, at the frequency of the first cycle, or of the middle of the band.
+    """
+
+    cycles: tuple[LimitCycle, ...]
+    omega: Array
+    loop: Complex
+    amplitudes: Array
+    describing: Complex
+
+    def __post_init__(self) -> None:
+        for array in (self.omega, self.loop, self.amplitudes, self.describing):
+            array.setflags(write=False)
+
+    @overload
+    def __getitem__(self, index: int) -> LimitCycle: ...
+    @overload
+    def __getitem__(self, index: slice) -> tuple[LimitCycle, ...]: ...
+    def __getitem__(self, index: int | slice) -> LimitCycle | tuple[LimitCycle, ...]:
+        return self.cycles[index]
+
+    def __len__(self) -> int:
+        return len(self.cycles)
+
+    def __iter__(self) -> Iterator[LimitCycle]:
+        return iter(self.cycles)
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the Nyquist curve of L and -1/N(A); they meet at the limit cycles.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Where to draw; new axes otherwise.
+
+        Returns
+        -------
+        matplotlib Axes
+        """
+        axes = axes_or_new(ax)
+        moves = self.describing != 0.0
+        inverse = -1.0 / self.describing[moves]
+        meets = np.array([self._loop_at(cycle) for cycle in self.cycles])
+        axes.plot(self.loop.real, self.loop.imag, color="C0", label="loop L, upper half of the circle")
+        if inverse.size:
+            name = f"-1/N(A), A from {self.amplitudes[0]:.3g} to {self.amplitudes[-1]:.3g}"
+            axes.plot(inverse.real, inverse.imag, color="C1", label=name)
+        for cycle, at in zip(self.cycles, meets, strict=True):
+            name = "stable" if cycle.stable else "unstable"
+            axes.plot(
+                at.real, at.imag, "o", color="C3", markerfacecolor="C3" if cycle.stable else "white",
+                label=f"{name}, {cycle.frequency_Hz:.3g} Hz, amplitude {cycle.amplitude:.3g}",
+            )  # fmt: skip
+        axes.plot(-1.0, 0.0, "+", color="k", markersize=10, label="-1")
+        # An integrator leaves the page: what matters is about -1 and the cycles.
+        reach = 1.6 * max(1.0, float(np.abs(meets).max(initial=0.0)))
+        axes.set_xlim(-1.2 * reach, 0.6 * reach)
+        axes.set_ylim(-reach, 0.6 * reach)
+        axes.axhline(0.0, color="0.8", linewidth=0.8, zorder=0)
+        axes.axvline(0.0, color="0.8", linewidth=0.8, zorder=0)
+        axes.set_xlabel("real part")
+        axes.set_ylabel("imaginary part")
+        axes.legend(fontsize="small")
+        return axes
+
+    def _loop_at(self, cycle: LimitCycle) -> complex:
+        omega = 2 * np.pi * cycle.frequency_Hz
+        real, imag = (np.interp(omega, self.omega, part) for part in (self.loop.real, self.loop.imag))
+        return complex(real, imag)
+
+
+def limit_cycles(
+    loop_numerator: ArrayLike,
+    loop_denominator: ArrayLike,
+    sample_time: float,
+    describing_function: Describing,
+    amplitudes: ArrayLike,
+    omegas: ArrayLike,
+) -> LimitCycles:
+    """Solve ``1 + N(A, w) L(e^{jwh}) = 0``, the loop under negative feedback.
+
+    Cells of the grid of amplitudes and frequencies in whose corners both the gain and the phase of -NL pass 1 are
+    refined by Newton's method on its logarithm.
+
+    Parameters
+    ----------
+    loop_numerator, loop_denominator : array_like, shapes (n_b,) and (n_a,)
+        The linear part of the loop, coefficients of z^0, z^-1, ...; with N it has no unit.
+    sample_time : float
+        h in s.
+    describing_function : callable
+        Takes amplitudes and angular frequencies that broadcast, and returns N.
+    amplitudes : array_like, shape (n_amplitudes,)
+        Increasing and positive, in the unit of the nonlinearity's input. Two cycles in a cell may be taken for one.
+    omegas : array_like, shape (n_omega,)
+        Increasing and positive, rad/s, up to half the sampling rate.
+
+    Returns
+    -------
+    LimitCycles
+        As trustworthy as the loop is good at filtering the harmonics: the first is taken for the whole oscillation.
+
+    Raises
+    ------
+    ControlError
+        If amplitudes or frequencies are fewer than two, not increasing or out of range.
+
+    References
+    ----------
+    Gelb & Vander Velde, Multiple-Input Describing Functions and Nonlinear System Design (1968), sections 3.1 (the
+    condition) and 3.2 (stability after Loeb).
+    """
+    sizes, rates = _axis(amplitudes, "amplitudes", np.inf), _axis(omegas, "omegas", np.pi / sample_time)
+    top, bottom = (np.atleast_1d(np.asarray(c, dtype=np.float64)) for c in (loop_numerator, loop_denominator))
+
+    def loop(omega: Array) -> Complex:
+        shift = np.exp(-1j * omega * sample_time)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(np.polyval(top[::-1], shift) / np.polyval(bottom[::-1], shift))
+
+    def logarithm(log_size: Array, log_rate: Array) -> Complex:
+        """ln(-N L), zero at a limit cycle."""
+        omega = np.exp(log_rate)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(np.log(-describing_function(np.exp(log_size), omega) * loop(omega)))
+
+    starts = _cells(logarithm(np.log(sizes)[:, None], np.log(rates)[None, :]))
+    found = _refined(logarithm, np.log(sizes), np.log(rates), starts)
+    cycles = tuple(sorted(found, key=lambda cycle: (cycle.amplitude, cycle.frequency_Hz)))
+    middle = 2 * np.pi * cycles[0].frequency_Hz if cycles else float(np.sqrt(rates[0] * rates[-1]))
+    return LimitCycles(
+        cycles=cycles, omega=rates, loop=loop(rates), amplitudes=sizes,
+        describing=np.array(describing_function(sizes, np.full(sizes.size, middle)), dtype=np.complex128),
+    )  # fmt: skip
+
+
+def _axis(values: ArrayLike, name: str, limit: float) -> Array:
+    axis = np.array(values, dtype=np.float64)
+    sound = axis.ndim == 1 and axis.size >= 2 and np.all(np.diff(axis) > 0.0) and axis[0] > 0.0
+    if not sound or not np.isfinite(axis).all() or axis[-1] > limit * (1 + 1e-12):
+        raise ControlError(f"{name} must be two or more increasing positive numbers, of at most {limit:g}")
+    return axis
+
+
+def _cells(values: Complex) -> NDArray[np.intp]:
+    """Lower corners of cells that may hold a zero, shape (n, 2)."""
+    corners = np.stack([values[:-1, :-1], values[1:, :-1], values[:-1, 1:], values[1:, 1:]])
+    gain, phase = corners.real, corners.imag
+    gains = (np.nanmin(gain, axis=0) <= 0.0) & (np.nanmax(gain, axis=0) >= 0.0)
+    # A jump from -pi to pi is no passage through zero.
+    phases = (phase.min(axis=0) <= 0.0) & (phase.max(axis=0) >= 0.0) & (np.ptp(phase, axis=0) < np.pi)
+    return np.argwhere(gains & phases)
+
+
+def _refined(
+    logarithm: Callable[[Array, Array], Complex], sizes: Array, rates: Array, cells: NDArray[np.intp]
+) -> list[LimitCycle]:
+    if not len(cells):
+        return []
+    at = np.stack([sizes[cells[:, 0]] + sizes[cells[:, 0] + 1], rates[cells[:, 1]] + rates[cells[:, 1] + 1]]) / 2
+    # A cell's zero may lie a little outside of it, and not beyond what was asked for.
+    gaps = [np.stack([np.diff(sizes)[cells[:, 0]], np.diff(rates)[cells[:, 1]]])]
+    low, high = at - gaps[0], at + gaps[0]
+    low = np.maximum(low, np.array([[sizes[0]], [rates[0]]]))
+    high = np.minimum(high, np.array([[sizes[-1]], [rates[-1]]]))
+    step = np.full(at.shape, np.inf)
+    for _ in range(_STEPS):
+        value, slopes, determinant = _tangent(logarithm, at, low, high)
+        with np.errstate(all="ignore"):
+            step = np.stack([
+                -(value.real * slopes[1].imag - value.imag * slopes[1].real) / determinant,
+                -(slopes[0].real * value.imag - slopes[0].imag * value.real) / determinant,
+            ])  # fmt: skip
+        step = np.where(np.isfinite(step), step, 0.5 * (low + high) - at)
+        new = np.clip(at + step, low, high)
+        step, at = new - at, new
+        if np.all(np.abs(step) < _SETTLED):
+            break
+    value, _, determinant = _tangent(logarithm, at, low, high)
+    cycles: list[LimitCycle] = []
+    for (size, rate), rest, turning in zip(at.T, np.abs(value), determinant, strict=True):
+        if not rest < 1e-7:
+            continue
+        cycle = LimitCycle(
+            amplitude=float(np.exp(size)), frequency_Hz=float(np.exp(rate) / (2 * np.pi)), stable=bool(turning > 0.0)
+        )
+        if not any(_same(cycle, other) for other in cycles):
+            cycles.append(cycle)
+    return cycles
+
+
+def _tangent(
+    logarithm: Callable[[Array, Array], Complex], at: Array, low: Array, high: Array
+) -> tuple[Complex, tuple[Complex, Complex], Array]:
+    """Value, slopes by both logarithms, and Loeb's determinant, positive at a stable cycle.
+
+    With X = U + jV = 1 + NL a cycle is stable where dU/dA dV/dw - dU/dw dV/dA > 0; ln(-NL) is -X to first order there.
+    """
+    slopes = []
+    for row in (0, 1):
+        ends = []
+        for sign in (-1.0, 1.0):
+            moved = at.copy()
+            moved[row] = np.clip(moved[row] + sign * _DIFFERENCE, low[row], high[row])
+            ends.append((moved[row], logarithm(moved[0], moved[1])))
+        with np.errstate(all="ignore"):
+            slopes.append((ends[1][1] - ends[0][1]) / (ends[1][0] - ends[0][0]))
+    determinant = slopes[0].real * slopes[1].imag - slopes[1].real * slopes[0].imag
+    return logarithm(at[0], at[1]), (slopes[0], slopes[1]), determinant
+
+
+def _same(first: LimitCycle, second: LimitCycle) -> bool:
+    return bool(
+        np.isclose(first.amplitude, second.amplitude, rtol=_SAME, atol=0.0)
+        and np.isclose(first.frequency_Hz, second.frequency_Hz, rtol=_SAME, atol=0.0)
+    )

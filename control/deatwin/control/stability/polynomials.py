@@ -1,0 +1,139 @@
+"""Polynomials of the backward shift, many at once: products, values on the unit circle, stability."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from deatwin.control.errors import ControlError
+from deatwin.ident.frequency.many import stable_polynomials
+
+__all__ = ["in_series", "jet", "loop_polynomials", "stable_loops"]
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+_NEAR = 1e-5
+"""Poles this near the unit circle are not left to the recursion of Schur and Cohn, whose rounding grows there."""
+
+
+def in_series(first: ArrayLike, second: ArrayLike) -> Array:
+    """Multiply polynomials, a family by a family or by one.
+
+    Parameters
+    ----------
+    first, second : array_like, shapes (..., n) and (..., m)
+        Coefficients of z^0, z^-1, ...; the leading axes broadcast against each other.
+
+    Returns
+    -------
+    ndarray, shape (..., n + m - 1)
+    """
+    left, right = (np.atleast_1d(np.asarray(c, dtype=np.float64)) for c in (first, second))
+    lead = np.broadcast_shapes(left.shape[:-1], right.shape[:-1])
+    product = np.zeros((*lead, left.shape[-1] + right.shape[-1] - 1))
+    for lag in range(right.shape[-1]):
+        product[..., lag : lag + left.shape[-1]] += left * right[..., lag : lag + 1]
+    return product
+
+
+def loop_polynomials(numerators: ArrayLike, denominators: ArrayLike) -> tuple[Array, Array, tuple[int, ...]]:
+    """Lay loops out as rows of equal length.
+
+    Parameters
+    ----------
+    numerators, denominators : array_like, shapes (..., n_b) and (..., n_a)
+        Coefficients of z^0, z^-1, ...; the leading axes broadcast.
+
+    Returns
+    -------
+    numerators, denominators : ndarray, shape (n, m)
+        Padded with zeros.
+    lead : tuple of int
+        The leading axes, whose product is n; (1,) for one loop.
+
+    Raises
+    ------
+    ControlError
+        If a coefficient is not finite, or a denominator is zero.
+    """
+    top, bottom = (np.atleast_2d(np.asarray(c, dtype=np.float64)) for c in (numerators, denominators))
+    lead = np.broadcast_shapes(top.shape[:-1], bottom.shape[:-1])
+    size = max(top.shape[-1], bottom.shape[-1])
+    rows = []
+    for name, given in (("numerator", top), ("denominator", bottom)):
+        full = np.zeros((*lead, size))
+        full[..., : given.shape[-1]] = given
+        rows.append(full.reshape(-1, size))
+        if not np.isfinite(rows[-1]).all():
+            place = int(np.flatnonzero(~np.isfinite(rows[-1]).all(axis=1))[0])
+            raise ControlError(f"the {name} of loop {place} is not finite: leave out models that do not settle")
+    empty = ~rows[1].any(axis=1)
+    if empty.any():
+        raise ControlError(f"the denominator of loop {int(np.flatnonzero(empty)[0])} is zero: it must begin with 1")
+    return rows[0], rows[1], lead
+
+
+def jet(columns: Array, angle: Array, order: int) -> tuple[Complex, ...]:
+    """Polynomials on the unit circle, each at an angle of its own, with derivatives by the angle.
+
+    Parameters
+    ----------
+    columns : ndarray, shape (m, n)
+        Coefficients of z^0, z^-1, ..., one polynomial a column.
+    angle : ndarray, shape (n,)
+        rad a sample.
+    order : int
+        Of the highest derivative.
+
+    Returns
+    -------
+    tuple of ndarray of complex, each of shape (n,)
+        Value, first derivative, and so on.
+    """
+    turn = np.exp(-1j * angle)
+    found = []
+    for power in range(order + 1):
+        total = np.zeros(angle.size, dtype=np.complex128)
+        for lag in range(len(columns) - 1, -1, -1):  # Horner
+            total *= turn
+            total += columns[lag] * float(lag**power)
+        found.append(total * (-1j) ** power)
+    return tuple(found)
+
+
+def stable_loops(numerators: Array, denominators: Array) -> NDArray[np.bool_]:
+    """Whether all poles of closed loops lie inside the unit circle.
+
+    The recursion of Schur and Cohn decides, for the polynomials shrunk and grown a little too; where the three do
+    not agree, a pole is near the unit circle, and eigenvalues decide.
+
+    Parameters
+    ----------
+    numerators, denominators : ndarray, shape (n, m)
+        Of the open loops, coefficients of z^0, z^-1, ...
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+        False too for an algebraic loop of gain -1, which has no solution.
+    """
+    closed = numerators + denominators
+    posed = np.abs(closed[:, 0]) > 64 * np.finfo(float).eps * (np.abs(numerators[:, 0]) + np.abs(denominators[:, 0]))
+    closed = closed / np.where(posed, closed[:, 0], 1.0)[:, None]
+    closed[:, 0] = 1.0
+    lags = np.arange(closed.shape[1])
+    verdicts = [stable_polynomials(closed * radius**lags) for radius in (1.0 - _NEAR, 1.0, 1.0 + _NEAR)]
+    stable = verdicts[1] & posed
+    doubtful = np.flatnonzero((verdicts[0] | verdicts[1] | verdicts[2]) & ~np.all(verdicts, axis=0) & posed)
+    if doubtful.size:
+        stable[doubtful] = _eigenvalues_inside(closed[doubtful])
+    return stable
+
+
+def _eigenvalues_inside(closed: Array) -> NDArray[np.bool_]:
+    size = closed.shape[1]
+    companion = np.zeros((len(closed), size - 1, size - 1))
+    companion[:, 1:, :-1] = np.eye(size - 2)
+    companion[:, 0, :] = -closed[:, 1:]
+    return np.asarray(np.all(np.abs(np.linalg.eigvals(companion)) < 1.0, axis=1))

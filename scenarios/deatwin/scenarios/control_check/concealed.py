@@ -1,0 +1,136 @@
+"""What a concealed effect does to a design, and what its diagnosis is worth: base model against amended model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from deatwin.control.checking.check import check
+from deatwin.control.checking.result import Check
+from deatwin.control.checking.specification import Specification
+from deatwin.control.checking.trial import Trial
+from deatwin.control.checking.verdict import Finding, Runs, judge_runs, worst
+from deatwin.control.controllers.base import Controller
+from deatwin.control.design.lambda_tuning import lambda_tuning
+from deatwin.control.linear.narx import linearise
+from deatwin.control.linear.plant import linearise_plant
+from deatwin.ident.mismatch import Diagnosis, diagnose
+from deatwin.plant.calibrated import CalibratedPlant
+from deatwin.plant.effects import Effect
+from deatwin.plant.effects.creep import Creep
+from deatwin.plant.effects.electrode_rc import ElectrodeRC
+from deatwin.plant.excitation import band_limited_noise
+from deatwin.plant.recording import Experiment
+from deatwin.scenarios.control_check.rigs import identified, recorded
+from deatwin.scenarios.control_check.tracking import nominal_plant
+
+__all__ = ["EFFECTS", "Concealed", "Designed", "conceal"]
+
+EFFECTS: Mapping[str, Callable[[], Effect]] = {
+    "electrode_rc": lambda: ElectrodeRC(time=0.4),
+    "creep": Creep,
+}
+"""What is concealed. A grease electrode of 0.4 s makes a design slow; one of 0.05 s does not (it would be no story)."""
+OPERATING = 2.6
+LIMITS = (1.2, 3.7)
+CLOSED_LOOP_TIME = 0.3
+SECONDS, BAND = 60.0, 5.0
+"""Length of the recording in s, and the upper end of its noise in Hz."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Designed:
+    """A design from one of the physics models.
+
+    Parameters
+    ----------
+    source : str
+        ``base`` or ``amended``.
+    controller : Controller
+        By the same rule from both.
+    check : Check
+        On the recording's NARX model and the amended plant.
+    runs : Runs
+        On the true plant, which no check sees.
+    truth : Finding
+        What was worst there.
+    """
+
+    source: str
+    controller: Controller
+    check: Check
+    runs: Runs
+    truth: Finding
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Concealed:
+    """An effect, its diagnosis, and both designs.
+
+    Parameters
+    ----------
+    effect : str
+        Canonical name.
+    diagnosis : Diagnosis
+        Of the recording.
+    designs : tuple of Designed
+        From the base model, then from the amended one.
+    """
+
+    effect: str
+    diagnosis: Diagnosis
+    designs: tuple[Designed, ...]
+
+
+def conceal(effect: str, rng: np.random.Generator, *, jobs: int, seed: int) -> Concealed:
+    """Record a rig with an effect that its model does not have, diagnose, design twice, check, and try.
+
+    Parameters
+    ----------
+    effect : str
+        One of `EFFECTS`.
+    rng : numpy.random.Generator
+        Source of excitation, draws and noise.
+    jobs, seed : int
+        Of the diagnosis.
+
+    Returns
+    -------
+    Concealed
+
+    Raises
+    ------
+    KeyError
+        If the effect is not one of them.
+    """
+    nominal = nominal_plant()
+    true = nominal.with_effects(EFFECTS[effect]())
+    commands = band_limited_noise(rng, SECONDS, nominal.rig.sample_time, band=BAND)
+    recording = recorded(true, commands, rng)
+    diagnosis = diagnose(nominal, [Experiment(recordings=(recording,))], jobs=jobs, seed=seed)
+    model, amended = identified(recording), _model(diagnosis)
+    designs = []
+    for source, known in (("base", _base(diagnosis)), ("amended", amended)):
+        linear = linearise_plant(known.plant, OPERATING).in_loop(nominal.rig.reading)
+        controller = lambda_tuning(linear, command_limits=LIMITS, closed_loop_time=CLOSED_LOOP_TIME)
+        found = check(model, amended, rng=rng, controller=controller, recording=recording)
+        trial = Trial(controller=controller, linear=linearise(model, OPERATING).in_loop(nominal.rig.reading), rng=rng)
+        runs = trial.runs("plant", true)
+        truth = worst(judge_runs(runs, found.sine_predicted or trial.sine_error(), Specification()))
+        designs.append(Designed(source=source, controller=controller, check=found, runs=runs, truth=truth))
+    return Concealed(effect=effect, diagnosis=diagnosis, designs=tuple(designs))
+
+
+def _base(diagnosis: Diagnosis) -> CalibratedPlant:
+    """The calibrated base plant, with the effect left out."""
+    if diagnosis.evidence is None:
+        raise RuntimeError("a diagnosis that has just been made has evidence")
+    return diagnosis.evidence.base_model
+
+
+def _model(diagnosis: Diagnosis) -> CalibratedPlant:
+    if diagnosis.model is None:
+        raise RuntimeError("a diagnosis that has just been made has a model")
+    return diagnosis.model

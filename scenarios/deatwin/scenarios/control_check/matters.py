@@ -1,0 +1,327 @@
+"""Does the model matter? One design rule on five models of one actuator: what each promises, and what it gets."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.control.checking.rows import MarginRow, rows_of_family
+from deatwin.control.checking.trial import Trial
+from deatwin.control.controllers.base import Controller
+from deatwin.control.design.lambda_tuning import lambda_tuning
+from deatwin.control.linear.family import LinearFamily, draw, linearise_many
+from deatwin.control.linear.model import LinearModel
+from deatwin.control.linear.plant import draw_plants, linearise_plants
+from deatwin.control.loop.closed_loop import ClosedLoop, closed_loop
+from deatwin.control.loop.predicted import predict_loop
+from deatwin.control.loop.residual import free_run_residual
+from deatwin.control.loop.sine_response import sine_response
+from deatwin.ident.narx import Fixed, Frols, NarxModel, Semp, SvbNarx
+from deatwin.plant.calibrated import CalibratedPlant
+from deatwin.plant.errors import DeatwinError
+from deatwin.plant.excitation import band_limited_noise
+from deatwin.plant.fleet import specification
+from deatwin.plant.model import Plant
+from deatwin.plant.recording import Recording
+from deatwin.plant.rigs.base import ReadingTime
+from deatwin.scenarios.control_check.calibration import calibrated
+from deatwin.scenarios.control_check.rigs import linear_feedback, recorded
+
+__all__ = ["Achieved", "Interval", "Matter", "Matters", "compare_models"]
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+OPERATING = 2.6
+LIMITS = (1.2, 3.7)
+CLOSED_LOOP_TIME = 0.2
+SAMPLES = 200
+PLANTS = 40
+AMPLITUDES = (0.1, 0.3)
+"""Of the sines that measure the plant, as shares of the room to the limits: as large as the steps are."""
+LINES = 24
+"""Frequencies at which it is measured."""
+CANDIDATES: Mapping[str, Any] = {
+    "output_lags": 2, "input_lags": (0, 1, 2), "degree": 3, "rule": linear_feedback
+}  # fmt: skip
+"""Rows are read at the end of the hold: input lags from 0 on."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Interval:
+    """A predicted number with its 95 % interval.
+
+    Parameters
+    ----------
+    value, low, high : float
+        In the number's unit.
+    """
+
+    value: float
+    low: float
+    high: float
+
+    def holds(self, value: float) -> bool:
+        """Whether a number lies inside.
+
+        Parameters
+        ----------
+        value : float
+            In the same unit.
+
+        Returns
+        -------
+        bool
+        """
+        return self.low <= value <= self.high
+
+
+@dataclass(frozen=True, kw_only=True)
+class Achieved:
+    """What the plant did.
+
+    Parameters
+    ----------
+    bandwidth_Hz : float
+        Where the closed loop has lost 3 dB, Hz.
+    overshoot : float
+        Of the steps, as a share.
+    gain : float
+        Gain margin, as a factor.
+    rms : float
+        Rms error on the steps, in the output's unit.
+    """
+
+    bandwidth_Hz: float
+    overshoot: float
+    gain: float
+    rms: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Matter:
+    """One model: its design, its promise, and the truth.
+
+    Parameters
+    ----------
+    name : str
+        Of the model.
+    residual : float or None
+        Rms that its free run leaves of the recording, in the output's unit.
+    controller : Controller or None
+        None where the model allows no design.
+    reason : str
+        Why not.
+    bandwidth_Hz, overshoot, gain, rms : Interval or None
+        Predicted.
+    achieved : Achieved or None
+        On the true plant.
+    steps : ClosedLoop or None
+        On the true plant.
+    """
+
+    name: str
+    residual: float | None
+    controller: Controller | None = None
+    reason: str = ""
+    bandwidth_Hz: Interval | None = None
+    overshoot: Interval | None = None
+    gain: Interval | None = None
+    rms: Interval | None = None
+    achieved: Achieved | None = None
+    steps: ClosedLoop | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Matters:
+    """All models of one actuator.
+
+    Parameters
+    ----------
+    models : tuple of Matter
+        In the order of the table.
+    output_rms : float
+        Of the recording, in the output's unit.
+    """
+
+    models: tuple[Matter, ...]
+    output_rms: float
+
+
+def compare_models(rng: np.random.Generator) -> Matters:
+    """Record an actuator, model it in five ways, design alike, and close the loops.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Source of excitation and noise.
+
+    Returns
+    -------
+    Matters
+    """
+    plant = specification()
+    recording = recorded(plant, band_limited_noise(rng, 120.0, plant.rig.sample_time, band=2.0), rng)
+    truth = _Truth.of(plant)
+    noise = int(rng.integers(2**32))
+    found = [_of_narx(name, make, recording, truth, np.random.default_rng(noise)) for name, make in MODELS.items()]
+    found.append(_of_plant("physics plant", calibrated(recording), recording, truth, np.random.default_rng(noise)))
+    return Matters(models=tuple(found), output_rms=float(recording.outputs[0].std()))
+
+
+def _arx(recording: Recording) -> NarxModel:
+    terms = ("1", "y(k-1)", "y(k-2)", "u(k)", "u(k-1)", "u(k-2)")
+    return Fixed(terms=terms).fit(recording).model_
+
+
+MODELS: Mapping[str, Callable[[Recording], NarxModel]] = {
+    "linear ARX": _arx,
+    "NARX by FRO": lambda r: Frols(**CANDIDATES, max_terms=15).fit(r).model_,
+    "NARX by SEMP": lambda r: Semp(**CANDIDATES, max_terms=12).fit(r).model_,
+    "NARX by SVB": lambda r: SvbNarx(**CANDIDATES).fit(r).model_,
+}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Truth:
+    """The plant, and its response to sines of the steps' size."""
+
+    plant: Plant
+    omega: Array
+    response: Complex
+
+    @classmethod
+    def of(cls, plant: Plant) -> _Truth:
+        h = plant.rig.sample_time
+        omega = np.geomspace(2 * np.pi * 0.05, 0.95 * np.pi / h, LINES)
+        room = min(OPERATING - LIMITS[0], LIMITS[1] - OPERATING)
+        measured = sine_response(plant, OPERATING, room * np.array(AMPLITUDES), omega)
+        if measured is None:
+            raise RuntimeError("the actuator did not live through the sines that measure it")
+        return cls(plant=plant, omega=omega, response=measured.values[-1])
+
+    def achieved(self, controller: Controller, steps: ClosedLoop) -> Achieved:
+        law = controller.local(controller.operating_input)
+        loop = law.feedback_response(self.omega, controller.sample_time) * self.response
+        return Achieved(
+            bandwidth_Hz=float(_bandwidth(self.omega, loop[None])[0]), overshoot=steps.overshoot,
+            gain=_gain_margin(self.omega, loop), rms=steps.rms_error,
+        )  # fmt: skip
+
+
+def _of_narx(
+    name: str, make: Callable[[Recording], NarxModel], recording: Recording, truth: _Truth, rng: np.random.Generator
+) -> Matter:
+    residual = None
+    try:
+        model = make(recording)
+        run = model.simulate(recording)
+        residual = run.rms_error if run.status.ok else None
+        family = linearise_many(model, [OPERATING], np.vstack([model.theta, draw(model, rng, SAMPLES)]))
+        family = family.in_loop(truth.plant.rig.reading)
+        controller = _design(family.at(0, 0))
+        left = free_run_residual(model, recording)
+        reference = Trial(controller=controller, linear=family.at(0, 0), rng=rng).step_reference
+        predicted = predict_loop(
+            model, controller, reference, reading=ReadingTime.END_OF_HOLD, residual=left,
+            noise=truth.plant.rig.noise, rng=rng,
+        )  # fmt: skip
+        overshoot, rms = (
+            Interval(value=v[0], low=v[1], high=v[2])
+            for v in (predicted.interval(lambda r: r.overshoot), predicted.interval(lambda r: r.rms_error))
+        )
+    except DeatwinError as error:
+        return Matter(name=name, residual=residual, reason=str(error))
+    return _matter(name, residual, family, controller, overshoot, rms, truth, reference, rng)
+
+
+def _of_plant(
+    name: str, known: CalibratedPlant, recording: Recording, truth: _Truth, rng: np.random.Generator
+) -> Matter:
+    plants = (known.plant, *draw_plants(known, rng, PLANTS))
+    family = linearise_plants(plants, [OPERATING]).in_loop(truth.plant.rig.reading)
+    controller = _design(family.at(0, 0))
+    reference = Trial(controller=controller, linear=family.at(0, 0), rng=rng).step_reference
+    runs = [closed_loop(plant, controller, reference, rng=rng) for plant in plants]
+    overshoot, rms = (_over([f(run) for run in runs]) for f in (lambda r: r.overshoot, lambda r: r.rms_error))
+    return _matter(name, known.model_error, family, controller, overshoot, rms, truth, reference, rng)
+
+
+def _matter(
+    name: str, residual: float | None, family: LinearFamily, controller: Controller, overshoot: Interval,
+    rms: Interval, truth: _Truth, reference: Array, rng: np.random.Generator,
+) -> Matter:  # fmt: skip
+    steps = closed_loop(truth.plant, controller, reference, rng=rng)
+    (row,) = rows_of_family("model", family, controller)
+    return Matter(
+        name=name, residual=residual, controller=controller, overshoot=overshoot, rms=rms, steps=steps,
+        bandwidth_Hz=_predicted_bandwidth(family, controller), gain=_predicted_gain(row, family, controller),
+        achieved=truth.achieved(controller, steps),
+    )  # fmt: skip
+
+
+def _design(linear: LinearModel) -> Controller:
+    return lambda_tuning(linear, command_limits=LIMITS, closed_loop_time=CLOSED_LOOP_TIME)
+
+
+def _predicted_bandwidth(family: LinearFamily, controller: Controller) -> Interval:
+    omega = np.geomspace(2 * np.pi * 0.02, 0.95 * np.pi / controller.sample_time, 400)
+    law = controller.local(OPERATING).feedback_response(omega, controller.sample_time)
+    loops = np.array([law * family.at(0, s).response(omega) for s in _existing(family)])
+    return _over(_bandwidth(omega, loops))
+
+
+def _predicted_gain(row: MarginRow, family: LinearFamily, controller: Controller) -> Interval:
+    single = [rows_of_family("model", _only(family, s), controller)[0].gain for s in _existing(family)]
+    return Interval(value=row.gain, low=float(np.quantile(single, 0.025, method="lower")),
+                    high=float(np.quantile(single, 0.975, method="higher")))  # fmt: skip
+
+
+def _existing(family: LinearFamily) -> list[int]:
+    """Samples with an equilibrium; the first is the model itself."""
+    return [int(s) for s in np.flatnonzero(family.exists[0])]
+
+
+def _only(family: LinearFamily, sample: int) -> LinearFamily:
+    return LinearFamily.of([[family.at(0, sample)]])
+
+
+def _over(values: Array | list[float]) -> Interval:
+    """The first is the model's own, the others its draws."""
+    spread = np.asarray(values, dtype=np.float64)
+    low, high = np.quantile(spread, [0.025, 0.975])
+    return Interval(value=float(spread[0]), low=float(min(low, spread[0])), high=float(max(high, spread[0])))
+
+
+def _bandwidth(omega: Array, loops: Complex) -> Array:
+    """Where |L/(1 + L)| first falls below -3 dB, Hz; the last frequency where it does not."""
+    closed = np.abs(loops / (1.0 + loops))
+    below = closed < np.sqrt(0.5)
+    first = np.where(below.any(axis=1), below.argmax(axis=1), omega.size - 1)
+    found = np.empty(len(loops))
+    for n, k in enumerate(first):
+        if k == 0:
+            found[n] = omega[0]
+            continue
+        pair = np.log(closed[n, k - 1 : k + 1])
+        share = np.clip((np.log(np.sqrt(0.5)) - pair[0]) / (pair[1] - pair[0]), 0.0, 1.0)
+        found[n] = np.exp(np.log(omega[k - 1]) + share * np.log(omega[k] / omega[k - 1]))
+    return np.asarray(found / (2 * np.pi))
+
+
+def _gain_margin(omega: Array, loop: Complex) -> float:
+    """Of a measured loop: where its phase crosses -180 degrees, between the lines."""
+    phase = np.unwrap(np.angle(loop))
+    size = np.log(np.abs(loop))
+    margins = []
+    for k in range(omega.size - 1):
+        for target in np.pi * np.arange(-7, 8, 2):
+            low, high = sorted((phase[k], phase[k + 1]))
+            if low <= target < high:
+                share = (target - phase[k]) / (phase[k + 1] - phase[k])
+                margins.append(float(np.exp(-(size[k] + share * (size[k + 1] - size[k])))))
+    return min((m for m in margins if m > 1.0), default=float(np.exp(-size[-1])))

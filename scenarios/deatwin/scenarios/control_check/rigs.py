@@ -1,0 +1,177 @@
+"""Random rigs that no check has seen: fabricated beside their specification, some with physics it does not have."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.control.linear.family import linearise_many
+from deatwin.ident.narx import Frols, NarxIdentifier, NarxModel, Semp, Term, refine
+from deatwin.plant.effects import Effect
+from deatwin.plant.effects.creep import Creep
+from deatwin.plant.effects.delay import Delay
+from deatwin.plant.effects.electrode_rc import ElectrodeRC
+from deatwin.plant.effects.permittivity_drift import PermittivityDrift
+from deatwin.plant.effects.quadratic_damping import QuadraticDamping
+from deatwin.plant.effects.sensor_lag import SensorLag
+from deatwin.plant.errors import ModelError
+from deatwin.plant.excitation import band_limited_noise
+from deatwin.plant.fleet import TOLERANCES, specification
+from deatwin.plant.model import Plant
+from deatwin.plant.recording import Experiment, Recording
+
+__all__ = ["LIMITS", "METHODS", "Bench", "identified", "linear_feedback", "random_bench", "recorded"]
+
+WIDER = 2.0
+"""Times the tolerances of the fleet, which is of one batch: these rigs are not."""
+LIMITS = (1.3, 3.6)
+"""Of the command, V: inside the noise of the recordings, whose ends of 1.1 and 3.75 V are seldom visited."""
+
+
+def linear_feedback(term: Term) -> bool:
+    """Whether a term has a past output alone, or none: with products of both the free run soon diverges.
+
+    Parameters
+    ----------
+    term : Term
+        A candidate.
+
+    Returns
+    -------
+    bool
+    """
+    return term.degree == 1 or all(variable.kind == "u" for variable, _ in term.factors)
+
+
+METHODS: tuple[Callable[[], NarxIdentifier], ...] = (
+    lambda: Semp(output_lags=2, input_lags=(0, 1, 2), degree=3, max_terms=12),
+    lambda: Semp(output_lags=2, input_lags=(0, 1, 2), degree=4, max_terms=12, rule=linear_feedback),
+    lambda: Frols(output_lags=3, input_lags=(0, 1, 2, 3), degree=3, max_terms=20),
+)
+"""Rows are read at the end of the hold, so that a row's command acts on the row's reading: input lags from 0 on."""
+_STABLE_AT = 24  # commands
+CONCEALED = 0.6
+"""Share of the rigs with physics that their specification does not have."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Bench:
+    """A rig with its recording.
+
+    Parameters
+    ----------
+    plant : Plant
+        The truth, which no check sees.
+    concealed : tuple of str
+        Effects that its specification does not have.
+    recording : Recording
+        Of band-limited noise, SI.
+    band_Hz : float
+        Upper end of the noise, Hz.
+    """
+
+    plant: Plant
+    concealed: tuple[str, ...]
+    recording: Recording
+    band_Hz: float
+
+
+def random_bench(rng: np.random.Generator) -> Bench:
+    """Fabricate a rig, and record it.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Source of everything.
+
+    Returns
+    -------
+    Bench
+    """
+    concealed = _concealed(rng) if rng.uniform() < CONCEALED else ()
+    plant = _fabricated(rng).with_effects(*concealed)
+    band = float(rng.uniform(0.8, 4.0))
+    recording = recorded(plant, _excitation(plant, band, rng), rng)
+    return Bench(plant=plant, concealed=tuple(e.name for e in concealed), recording=recording, band_Hz=band)
+
+
+def recorded(plant: Plant, commands: NDArray[np.float64], rng: np.random.Generator) -> Recording:
+    """Record one sequence of commands from rest.
+
+    Parameters
+    ----------
+    plant : Plant
+        The rig.
+    commands : ndarray, shape (n,)
+        In their unit.
+    rng : numpy.random.Generator
+        Source of the sensor's noise.
+
+    Returns
+    -------
+    Recording
+        SI.
+    """
+    bare = Recording.from_arrays(
+        commands, np.zeros_like(commands), plant.rig.sample_time, input_names=[plant.rig.input_name],
+        output_names=[plant.rig.output_name], input_units=[plant.rig.input_unit], output_units=[plant.rig.output_unit],
+    )  # fmt: skip
+    return plant.record(Experiment(recordings=(bare,)), rng).recordings[0]
+
+
+def _excitation(plant: Plant, band_Hz: float, rng: np.random.Generator) -> NDArray[np.float64]:
+    seconds = float(rng.uniform(60.0, 120.0))
+    return band_limited_noise(rng, seconds, plant.rig.sample_time, band=band_Hz)
+
+
+def _fabricated(rng: np.random.Generator) -> Plant:
+    wished = specification()
+    factors = {name: 1.0 + WIDER * t.share * rng.uniform(-1.0, 1.0) for name, t in TOLERANCES.items()}
+    geometry = {n: f * getattr(wished.rig, n) for n, f in factors.items() if hasattr(wished.rig, n)}
+    values = {n: f * wished.parameters[n].value for n, f in factors.items() if n not in geometry}
+    return wished.with_rig(replace(wished.rig, **geometry)).with_values(values)
+
+
+def _concealed(rng: np.random.Generator) -> tuple[Effect, ...]:
+    """One of the effects that change a loop's dynamics, at a size that a bench may have."""
+    makers = (
+        lambda: Creep(modulus=float(rng.uniform(5e3, 25e3)), time=float(10 ** rng.uniform(0.5, 2.0))),
+        lambda: ElectrodeRC(time=float(10 ** rng.uniform(-1.6, -0.5))),
+        lambda: Delay(time=float(rng.uniform(0.02, 0.1))),
+        lambda: SensorLag(time=float(rng.uniform(0.02, 0.15))),
+        lambda: QuadraticDamping(coefficient=float(10 ** rng.uniform(-0.5, 1.0))),
+        lambda: PermittivityDrift(relative_change=float(rng.uniform(-0.08, 0.08)), time=float(rng.uniform(30, 200))),
+    )
+    return (makers[int(rng.integers(len(makers)))](),)
+
+
+def identified(recording: Recording) -> NarxModel:
+    """A polynomial model for control: of least free-run error among those that are stable at all commands.
+
+    Parameters
+    ----------
+    recording : Recording
+        To be fitted.
+
+    Returns
+    -------
+    NarxModel
+
+    Raises
+    ------
+    ModelError
+        If no method finds one.
+    """
+    found = []
+    for method in METHODS:
+        with suppress(ModelError):  # the free run of a first guess may diverge
+            model = refine(method().fit(recording).model_, recording)
+            if linearise_many(model, np.linspace(*LIMITS, _STABLE_AT)).stable.all():
+                found.append((model.simulate(recording).rms_error, model))
+    if not found:
+        raise ModelError("no method found a model of this recording that is stable at all commands")
+    return min(found, key=lambda entry: entry[0])[1]

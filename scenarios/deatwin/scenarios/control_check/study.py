@@ -1,0 +1,111 @@
+"""All that the story computes: tracking, models, concealed effects, and designs on rigs that no check has seen."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from deatwin.ident.parallel import run_jobs
+from deatwin.plant.fleet import specification
+from deatwin.scenarios.control_check.concealed import EFFECTS, Concealed, conceal
+from deatwin.scenarios.control_check.matters import Matters, compare_models
+from deatwin.scenarios.control_check.record import Trials
+from deatwin.scenarios.control_check.tracking import FleetRun, Tracking, fleet_runs, nominal_plant, track
+from deatwin.scenarios.control_check.trials import Outcome, try_one
+
+__all__ = ["SIZES", "Study", "carry_out"]
+
+SIZES = {"short": 8, "standard": 100}
+"""Number of trials; the rest of the story is the same."""
+Tell = Callable[[float, str], None]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Study:
+    """What was found.
+
+    Parameters
+    ----------
+    tracking : tuple of Tracking
+        On the nominal rig, and on the specification of the fleet, which has hysteresis.
+    fleet : tuple of FleetRun
+        The scheduled design on the six actuators.
+    matters : Matters
+        Five models of one actuator.
+    concealed : tuple of Concealed
+        One effect each.
+    outcomes : tuple of Outcome
+        The trials.
+    """
+
+    tracking: tuple[Tracking, ...]
+    fleet: tuple[FleetRun, ...]
+    matters: Matters
+    concealed: tuple[Concealed, ...]
+    outcomes: tuple[Outcome, ...]
+
+
+def carry_out(folder: Path, size: str, seed: int, jobs: int, tell: Tell) -> Study:
+    """Carry out the story; trials that are in the folder already are not run again.
+
+    Parameters
+    ----------
+    folder : path
+        For the trials.
+    size : str
+        One of `SIZES`.
+    seed : int
+        Of everything random.
+    jobs : int
+        Worker processes.
+    tell : callable
+        Takes the share that is done and what is being done.
+
+    Returns
+    -------
+    Study
+
+    Raises
+    ------
+    DataError
+        If the folder holds trials of another seed or of other code.
+    """
+    count = SIZES[size]
+    rest = 15.0 / (15.0 + count)  # the rest of the story takes about as long as fifteen trials
+    streams = np.random.SeedSequence(seed).spawn(3 + len(EFFECTS))
+    rngs = [np.random.default_rng(stream) for stream in streams]
+    tell(0.0, "tracking on the nominal rig")
+    tracking = tuple(
+        track(name, plant, rng)
+        for name, plant, rng in (("nominal rig", nominal_plant(), rngs[0]), ("specification", specification(), rngs[0]))
+    )
+    tell(0.15 * rest, "the scheduled design on six actuators")
+    six = fleet_runs(seed, rngs[1])
+    tell(0.3 * rest, "five models of one actuator")
+    matters = compare_models(rngs[2])
+    found = []
+    for number, effect in enumerate(EFFECTS):
+        tell((0.4 + 0.6 * number / len(EFFECTS)) * rest, f"concealing {effect.replace('_', ' ')}")
+        found.append(conceal(effect, rngs[3 + number], jobs=jobs, seed=seed))
+    outcomes = _trials(folder, count, seed, jobs, lambda share, text: tell(rest + (1.0 - rest) * share, text))
+    return Study(tracking=tracking, fleet=six, matters=matters, concealed=tuple(found), outcomes=outcomes)
+
+
+def _trials(folder: Path, count: int, seed: int, jobs: int, tell: Tell) -> tuple[Outcome, ...]:
+    trials = Trials(folder, seed)
+    todo = trials.missing(count)
+    trials.get([n for n in range(count) if n not in set(todo)])  # refuses those of other code before any is run
+    before = count - len(todo)
+    tell(before / count, f"trial {before} of {count}")
+    run_jobs(
+        _put, [(trials, number, seed) for number in todo], workers=jobs,
+        finished=lambda n: tell((before + n) / count, f"trial {before + n} of {count}"),
+    )  # fmt: skip
+    return trials.get(range(count))
+
+
+def _put(trials: Trials, number: int, seed: int) -> None:
+    trials.put(try_one(number, seed))

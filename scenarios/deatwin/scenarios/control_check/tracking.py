@@ -1,0 +1,240 @@
+"""Does the inverse pay? PI alone, PI behind the inverse of the static curve, and designs on the true plant."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.control.controllers.base import Controller
+from deatwin.control.controllers.inverse import InverseController
+from deatwin.control.controllers.linear import LinearController
+from deatwin.control.design.feedforward import inverse_filter, with_dynamics
+from deatwin.control.design.inverse import static_curve, with_inverse
+from deatwin.control.design.lambda_tuning import lambda_tuning
+from deatwin.control.design.scheduling import scheduled
+from deatwin.control.linear.model import LinearModel
+from deatwin.control.linear.narx import linearise
+from deatwin.control.linear.plant import linearise_plant
+from deatwin.control.loop.closed_loop import ClosedLoop, closed_loop
+from deatwin.control.loop.references import step_reference, tone_reference
+from deatwin.control.stability.margins import Margins, margins
+from deatwin.control.stability.polynomials import in_series
+from deatwin.plant.excitation import band_limited_noise
+from deatwin.plant.fleet import Actuator, fleet, specification
+from deatwin.plant.model import Plant
+from deatwin.plant.rigs.diaphragm import Diaphragm
+from deatwin.scenarios.control_check.rigs import LIMITS, identified, recorded
+
+__all__ = ["FleetRun", "Tracked", "Tracking", "fleet_runs", "nominal_plant", "track"]
+
+Array = NDArray[np.float64]
+
+OPERATING = 2.8
+BAND = (0.1, 0.8)
+"""Of the reference, Hz."""
+TONES = 8
+SECONDS = 60.0
+SETTLED = 5.0
+"""From when on errors count, s."""
+CLOSED_LOOP_TIME = 0.3
+SCHEDULE = np.linspace(1.5, 3.4, 6)
+"""Operating inputs of the scheduled design, V."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Tracked:
+    """A controller on the reference.
+
+    Parameters
+    ----------
+    controller : Controller
+        As designed.
+    run : ClosedLoop
+        On the plant.
+    margins : Margins
+        Of its loop with the identified model, one loop.
+    """
+
+    controller: Controller
+    run: ClosedLoop
+    margins: Margins
+
+    @property
+    def rms(self) -> float:
+        """Rms error after the start, in the output's unit."""
+        late = self.run.timepts >= SETTLED
+        return float(np.sqrt(np.mean(self.run.error[late] ** 2))) if late.any() else np.inf
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Tracking:
+    """All controllers on one plant.
+
+    Parameters
+    ----------
+    name : str
+        Of the plant.
+    tracked : mapping of str to Tracked
+        By the name of the controller.
+    residual : float
+        Rms that the model's free run leaves of its recording, in the output's unit.
+    """
+
+    name: str
+    tracked: Mapping[str, Tracked]
+    residual: float
+
+    def ratio(self, one: str, other: str) -> float:
+        """Rms error of one controller over that of another.
+
+        Parameters
+        ----------
+        one, other : str
+            Names.
+
+        Returns
+        -------
+        float
+        """
+        return self.tracked[one].rms / self.tracked[other].rms
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FleetRun:
+    """The scheduled design on one actuator.
+
+    Parameters
+    ----------
+    actuator : Actuator
+        One of the six.
+    steps : ClosedLoop
+        Over the range of the schedule.
+    tones : ClosedLoop
+        On the tracking reference.
+    """
+
+    actuator: Actuator
+    steps: ClosedLoop
+    tones: ClosedLoop
+
+    @property
+    def stable(self) -> bool:
+        """Whether both runs reached their end and nothing rings late after a step."""
+        return self.steps.status.ok and self.tones.status.ok and self.steps.ripple < 0.1
+
+
+def nominal_plant() -> Plant:
+    """The rig as its file has it: the diaphragm, the published material, nothing else.
+
+    Returns
+    -------
+    Plant
+    """
+    return Plant(rig=Diaphragm())
+
+
+def track(name: str, plant: Plant, rng: np.random.Generator) -> Tracking:
+    """Identify a plant, design, and track tones.
+
+    Parameters
+    ----------
+    name : str
+        Of the plant.
+    plant : Plant
+        The truth.
+    rng : numpy.random.Generator
+        Source of excitation, phases and noise.
+
+    Returns
+    -------
+    Tracking
+        With the controllers ``PI``, ``inverse``, ``inverse with dynamics``, and their oracles, which are designed
+        on the plant's own static curve and linear model.
+    """
+    h = plant.rig.sample_time
+    recording = recorded(plant, band_limited_noise(rng, 120.0, h), rng)
+    model = identified(recording)
+    mine = linearise(model, OPERATING).in_loop(plant.rig.reading)
+    true = linearise_plant(plant, OPERATING).in_loop(plant.rig.reading)
+    curves = {"": static_curve(model, LIMITS), "oracle: ": static_curve(plant, LIMITS)}
+    designs: dict[str, Controller] = {"PI": _pi(mine)}
+    for who, linear in (("", mine), ("oracle: ", true)):
+        behind = with_inverse(linear, curves[who], _design, command_limits=LIMITS)
+        designs[f"{who}inverse"] = behind
+        designs[f"{who}inverse with dynamics"] = _with_dynamics(behind, linear)
+    reference = _tones(curves["oracle: "].output(OPERATING), curves["oracle: "].output(LIMITS), h, rng)
+    noise = int(rng.integers(2**32))
+    run = model.simulate(recording)
+    return Tracking(
+        name=name, residual=float(np.std((run.measured - run.outputs)[0][round(SETTLED / h) :])),
+        tracked={
+            key: Tracked(
+                controller=controller, margins=_margins(controller, mine),
+                run=closed_loop(plant, controller, reference, rng=np.random.default_rng(noise)),
+            )
+            for key, controller in designs.items()
+        },
+    )  # fmt: skip
+
+
+def fleet_runs(seed: int, rng: np.random.Generator) -> tuple[FleetRun, ...]:
+    """Schedule a design on the model of the specification, and close the loop on the six actuators.
+
+    Parameters
+    ----------
+    seed : int
+        Of the fleet.
+    rng : numpy.random.Generator
+        Source of excitation, phases and noise.
+
+    Returns
+    -------
+    tuple of FleetRun
+        Of length 6.
+    """
+    wished = specification()
+    h, reading = wished.rig.sample_time, wished.rig.reading
+    model = identified(recorded(wished, band_limited_noise(rng, 120.0, h), rng))
+    points = [linearise(model, float(u)).in_loop(reading) for u in SCHEDULE]
+    controller = scheduled(points, _design, command_limits=LIMITS)
+    curve = static_curve(model, LIMITS)
+    low, centre, high = (float(curve.output(u)) for u in (SCHEDULE[0], OPERATING, SCHEDULE[-1]))
+    amplitude = 0.9 * min(centre - low, high - centre)
+    plateau = round(20.0 * CLOSED_LOOP_TIME / h)
+    steps = step_reference(centre, amplitude, plateau, rise=round(CLOSED_LOOP_TIME / h))
+    tones = _tones(centre, np.array([low, high]), h, rng)
+    return tuple(
+        FleetRun(
+            actuator=actuator,
+            steps=closed_loop(actuator.plant, controller, steps, rng=rng),
+            tones=closed_loop(actuator.plant, controller, tones, rng=rng),
+        )
+        for actuator in fleet(seed)
+    )
+
+
+def _design(linear: LinearModel, *, command_limits: tuple[float, float]) -> LinearController:
+    return lambda_tuning(linear, command_limits=command_limits, closed_loop_time=CLOSED_LOOP_TIME)
+
+
+_pi = partial(_design, command_limits=LIMITS)
+
+
+def _with_dynamics(controller: InverseController, linear: LinearModel) -> InverseController:
+    return with_dynamics(controller, inverse_filter(linear, BAND[1] / 0.8))
+
+
+def _margins(controller: Controller, linear: LinearModel) -> Margins:
+    top, bottom = controller.local(controller.operating_input).feedback
+    return margins(in_series(linear.numerator, top), in_series(linear.denominator, bottom), linear.sample_time)
+
+
+def _tones(centre: Array | float, ends: Array, sample_time: float, rng: np.random.Generator) -> Array:
+    """Tones that use 60 % of the way from the centre to the nearer end."""
+    amplitude = 0.6 * float(np.abs(np.asarray(ends) - centre).min())
+    frequencies = np.linspace(*BAND, TONES)
+    return tone_reference(float(centre), amplitude, frequencies, sample_time, round(SECONDS / sample_time), rng)

@@ -1,0 +1,203 @@
+"""The designs that ``deatwin check --design`` offers, each made of the design functions of `deatwin.control`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import partial
+from math import pi
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from deatwin.control.controllers.base import Controller
+    from deatwin.control.design.pid import Limits
+    from deatwin.control.linear.model import LinearModel
+    from deatwin.ident.narx import NarxModel
+    from deatwin.plant.rigs.base import ReadingTime
+
+__all__ = ["DesignName", "Wanted", "design_named"]
+
+SCHEDULE_POINTS = 5
+SCHEDULE_SHARE = 0.6
+"""Of the room from the operating input to the nearer end of what is known: there the laws of a schedule lie."""
+
+
+class DesignName(StrEnum):
+    """How the controller is designed."""
+
+    PI = "pi"
+    PID = "pid"
+    INVERSE = "inverse"
+    LQG = "lqg"
+    HINF = "hinf"
+    SHAPED = "shaped"
+    SCHEDULED = "scheduled"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Wanted:
+    """What a design is asked for, beyond the linear model and the limits that `deatwin.control.check` gives it.
+
+    Parameters
+    ----------
+    model : NarxModel
+        Identified.
+    reading : ReadingTime
+        When in its row a reading is taken.
+    closed_loop_time : float or None
+        s; by default as lambda tuning chooses it.
+    band_Hz : float or None
+        Band that the recording excited, Hz.
+    operating_range : (float, float) or None
+        Inputs over which the controller works, in the input's unit; by default what the training data hold.
+    """
+
+    model: NarxModel
+    reading: ReadingTime
+    closed_loop_time: float | None
+    band_Hz: float | None
+    operating_range: tuple[float, float] | None
+
+    def time(self, linear: LinearModel) -> float:
+        """Time constant of the closed loop, s.
+
+        Parameters
+        ----------
+        linear : LinearModel
+            As the controller sees it.
+
+        Returns
+        -------
+        float
+
+        Raises
+        ------
+        ControlError
+            If the one that was asked for is shorter than a sample.
+        """
+        from deatwin.control.design.lambda_tuning import default_closed_loop_time, require_time
+
+        asked = require_time(self.closed_loop_time, linear.sample_time)
+        return default_closed_loop_time(linear, self.band_Hz) if asked is None else asked
+
+    def bandwidth_Hz(self, linear: LinearModel) -> float:
+        """Frequency that belongs to `time`, Hz.
+
+        Parameters
+        ----------
+        linear : LinearModel
+            As the controller sees it.
+
+        Returns
+        -------
+        float
+        """
+        return 1.0 / (2 * pi * self.time(linear))
+
+    def known_range(self, limits: Limits) -> Limits:
+        """Inputs that are asked for, or else those of the training data inside the limits.
+
+        Parameters
+        ----------
+        limits : (float, float)
+            Of the command, in its unit.
+
+        Returns
+        -------
+        (float, float)
+            In the input's unit.
+        """
+        if self.operating_range is not None:
+            return self.operating_range
+        trained = self.model.operating
+        if trained is None:
+            return limits
+        return max(limits[0], float(trained.input_min[0])), min(limits[1], float(trained.input_max[0]))
+
+
+def design_named(name: DesignName, wanted: Wanted) -> Callable[..., Controller]:
+    """A design as `deatwin.control.check` takes it.
+
+    Parameters
+    ----------
+    name : DesignName
+        Which.
+    wanted : Wanted
+        With what.
+
+    Returns
+    -------
+    callable
+        Takes the linear model as the controller sees it, and ``command_limits``.
+    """
+    return partial(_DESIGNS[name], wanted)
+
+
+def _pi(wanted: Wanted, linear: LinearModel, *, command_limits: Limits) -> Controller:
+    from deatwin.control.design.lambda_tuning import lambda_tuning
+
+    return lambda_tuning(linear, command_limits=command_limits, closed_loop_time=wanted.time(linear))
+
+
+def _pid(wanted: Wanted, linear: LinearModel, *, command_limits: Limits) -> Controller:
+    from deatwin.control.design.lambda_tuning import lambda_tuning_pid
+
+    return lambda_tuning_pid(
+        linear, command_limits=command_limits, closed_loop_time=wanted.closed_loop_time, band_Hz=wanted.band_Hz
+    )
+
+
+def _inverse(wanted: Wanted, linear: LinearModel, *, command_limits: Limits) -> Controller:
+    from deatwin.control.design.inverse import static_curve, with_inverse
+    from deatwin.control.design.lambda_tuning import lambda_tuning
+
+    curve = static_curve(wanted.model, wanted.known_range(command_limits))
+    tuned = partial(lambda_tuning, closed_loop_time=wanted.time(linear))
+    return with_inverse(linear, curve, tuned, command_limits=command_limits)
+
+
+def _lqg(wanted: Wanted, linear: LinearModel, *, command_limits: Limits) -> Controller:
+    from deatwin.control.design.lqg import lqg
+
+    return lqg(linear, command_limits=command_limits, closed_loop_time=wanted.time(linear))
+
+
+def _hinf(wanted: Wanted, linear: LinearModel, *, command_limits: Limits) -> Controller:
+    from deatwin.control.design.hinf import hinf
+
+    return hinf(linear, command_limits=command_limits, bandwidth_Hz=wanted.bandwidth_Hz(linear))
+
+
+def _shaped(wanted: Wanted, linear: LinearModel, *, command_limits: Limits) -> Controller:
+    from deatwin.control.design.loop_shaping import loop_shaping
+
+    return loop_shaping(linear, command_limits=command_limits, crossover_Hz=wanted.bandwidth_Hz(linear))
+
+
+def _scheduled(wanted: Wanted, linear: LinearModel, *, command_limits: Limits) -> Controller:
+    import numpy as np
+
+    from deatwin.control.design.lambda_tuning import lambda_tuning
+    from deatwin.control.design.scheduling import scheduled
+    from deatwin.control.linear.narx import linearise
+
+    centre, (low, high) = linear.operating_input, wanted.known_range(command_limits)
+    if wanted.operating_range is None:
+        room = SCHEDULE_SHARE * min(centre - low, high - centre)
+        low, high = centre - room, centre + room
+    points = np.union1d(np.linspace(low, high, SCHEDULE_POINTS), [centre])
+    models = [linearise(wanted.model, float(point)).in_loop(wanted.reading) for point in points]
+    tuned = partial(lambda_tuning, closed_loop_time=wanted.time(linear))
+    return scheduled(models, tuned, command_limits=command_limits, operating_input=centre)
+
+
+_DESIGNS: Mapping[DesignName, Callable[..., Controller]] = {
+    DesignName.PI: _pi,
+    DesignName.PID: _pid,
+    DesignName.INVERSE: _inverse,
+    DesignName.LQG: _lqg,
+    DesignName.HINF: _hinf,
+    DesignName.SHAPED: _shaped,
+    DesignName.SCHEDULED: _scheduled,
+}

@@ -1,0 +1,135 @@
+"""The table of margins against python-control, loop by loop; what is unstable or not there; quantiles."""
+
+from dataclasses import replace
+
+import control
+import numpy as np
+import pytest
+
+from deatwin.control import LinearController, MarginRow
+from deatwin.control.checking.rows import rows_of_family
+from deatwin.control.controllers.law import Law
+from deatwin.control.design.pid import PidGains
+from deatwin.control.linear.family import LinearFamily
+
+H = 0.02
+GAINS = PidGains(proportional=0.4, integral=2.0)
+
+
+def controller(law: Law = GAINS.law(H)) -> LinearController:
+    windup = GAINS.windup(H) if law.c.size else np.zeros(0)
+    return LinearController(
+        name="PI", sample_time=H, operating_input=0.0, operating_output=0.0, command_min=-1.0, command_max=1.0,
+        closed_loop_time=0.5, law=law, windup=windup,
+    )  # fmt: skip
+
+
+def family(numerators, denominators, exists=None) -> LinearFamily:
+    numerators, denominators = (np.asarray(c, dtype=float) for c in (numerators, denominators))
+    there = np.ones(numerators.shape[:2], dtype=bool) if exists is None else np.asarray(exists)
+    return LinearFamily(
+        operating_inputs=0.1 * np.arange(len(numerators)), operating_outputs=np.where(there, 0.0, np.nan),
+        numerators=numerators, denominators=denominators, exists=there, stable=there, has_gain=there, sample_time=H,
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def drawn() -> LinearFamily:
+    """Two points, 40 draws; second order, with the one sample of delay of a loop."""
+    rng = np.random.default_rng(12)
+    poles = rng.uniform(0.5, 0.93, (2, 40, 2))
+    gains = rng.uniform(0.8, 1.6, (2, 40))
+    a1, a2 = -poles.sum(axis=2), poles.prod(axis=2)
+    b = gains * (1 + a1 + a2)
+    return family(
+        np.stack([np.zeros_like(b), 0.6 * b, 0.4 * b], axis=2), np.stack([np.ones_like(b), a1, a2], axis=2)
+    )
+
+
+def loop_of(family, point, draw):
+    top, bottom = controller().local(0.0).feedback
+    return control.tf(
+        np.append(family.numerators[point, draw], []), family.denominators[point, draw], H
+    ) * control.tf(np.pad(top, (0, bottom.size - top.size)), bottom, H)
+
+
+def test_margins_are_those_of_python_control(drawn):
+    rows = rows_of_family("model", drawn, controller())
+    assert [row.operating_input for row in rows] == [0.0, 0.1]
+    for point, row in enumerate(rows):
+        found = []
+        for number in range(40):
+            loop = loop_of(drawn, point, number)
+            gain, phase, _, _, at_gain, _ = control.stability_margins(loop, method="poly")
+            assert np.all(np.abs(control.feedback(loop).poles()) < 1.0)
+            omega = np.geomspace(1e-2, np.pi / H, 20_000)
+            response = loop.frequency_response(omega).complex
+            sensitivity = np.abs((1 - response) / (1 + response))
+            found.append((gain, phase, np.radians(phase) / at_gain, 2 / sensitivity.max(), at_gain / (2 * np.pi)))
+        gain, phase, delay, disk, crossover = np.array(found).T
+        assert row.samples == 40
+        assert row.stable_share == 1.0
+        assert row.gain == pytest.approx(gain[0], rel=1e-9)
+        assert row.phase_deg == pytest.approx(phase[0], rel=1e-9)
+        assert row.delay == pytest.approx(delay[0], rel=1e-9)
+        assert row.crossover_Hz == pytest.approx(crossover[0], rel=1e-9)
+        assert row.disk == pytest.approx(disk[0], rel=1e-5)  # on a grid
+        # Of 40 draws the 2.5 % quantile is between the least and the next; the lower one is taken.
+        assert row.gain_low == pytest.approx(gain.min(), rel=1e-9)
+        assert row.phase_low_deg == pytest.approx(phase.min(), rel=1e-9)
+        assert row.delay_low == pytest.approx(delay.min(), rel=1e-9)
+        assert row.disk_low == pytest.approx(disk.min(), rel=1e-5)
+
+
+def test_what_is_unstable_or_not_there_counts_as_unstable(drawn):
+    numerators, exists = np.array(drawn.numerators), np.ones((2, 40), dtype=bool)
+    numerators[0, 5:9] *= 4e3  # beyond any gain margin of these
+    numerators[1, 7], exists[1, 7] = 0.0, False
+    denominators = np.array(drawn.denominators)
+    denominators[1, 7] = [1.0, 0.0, 0.0]
+    first, second = rows_of_family("model", family(numerators, denominators, exists), controller())
+    assert first.stable_share == pytest.approx(0.9)
+    assert second.stable_share == pytest.approx(39 / 40)
+    assert first.gain_low == first.phase_low_deg == first.delay_low == first.disk_low == 0.0
+    assert second.gain_low == 0.0  # one of 40 is 2.5 %
+    assert first.gain > 1.0
+
+
+def test_a_source_that_is_itself_unstable_has_no_share(drawn):
+    numerators = np.array(drawn.numerators)
+    numerators[0, 0] *= 4e3
+    row = rows_of_family("model", family(numerators, drawn.denominators), controller())[0]
+    assert row.stable_share == row.gain == row.phase_deg == row.delay == row.disk == row.gain_low == 0.0
+
+
+def test_infinite_margins_have_quantiles():
+    """A loop gain below one at all frequencies bounds neither phase nor delay."""
+    plain = controller(Law.of_error(np.zeros((0, 0)), np.zeros(0), np.zeros(0), 1.0))
+    weak = np.tile([0.0, 0.5, 0.0], (1, 100, 1))
+    still = np.tile([1.0, 0.0, 0.0], (1, 100, 1))
+    row = rows_of_family("plant", family(weak, still), plain)[0]
+    assert row.phase_deg == row.phase_low_deg == row.delay == row.delay_low == np.inf
+    assert row.gain == row.gain_low == pytest.approx(2.0)  # -0.5 at half the sampling rate
+    assert row.crossover_Hz == 0.0
+    some = weak.copy()
+    some[0, 10:12, 1] = 0.9  # two of a hundred are below the 2.5 % quantile of the gain margin
+    assert rows_of_family("plant", family(some, still), plain)[0].gain_low == pytest.approx(2.0)
+    some[0, 12, 1] = 0.9
+    assert rows_of_family("plant", family(some, still), plain)[0].gain_low == pytest.approx(1 / 0.9)
+    nothing = rows_of_family("plant", family(0.0 * weak, still), plain)[0]
+    assert nothing.gain == nothing.gain_low == np.inf
+    assert nothing.stable_share == 1.0
+
+
+def test_the_low_quantile_is_never_above_the_source_itself(drawn):
+    numerators = np.array(drawn.numerators)
+    numerators[:, 0] *= 3.0
+    for row in rows_of_family("model", family(numerators, drawn.denominators), controller()):
+        assert row.gain_low <= row.gain
+
+
+def test_times_go_into_the_rows(drawn):
+    rows = rows_of_family("model", drawn, controller(), [5.0, 7.5])
+    assert [row.time for row in rows] == [5.0, 7.5]
+    assert replace(rows[0], time=None) == rows_of_family("model", drawn, controller())[0]
+    assert isinstance(rows[0], MarginRow)

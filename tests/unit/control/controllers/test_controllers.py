@@ -1,0 +1,112 @@
+"""What holds for controllers of every kind."""
+
+import json
+
+import control
+import numpy as np
+import pytest
+
+from deatwin.control import ControlError
+from deatwin.control.controllers.document import controller_from_dict, controller_to_dict
+
+KINDS = ("pi", "general", "inverse", "falling", "scheduled")
+H = 0.02
+
+
+def driven(controller, reference, reading):
+    """Commands of a controller that is fed with given series, one sample after the other."""
+    state, commands = controller.start(), []
+    for asked, seen in zip(reference, reading, strict=True):
+        command, state = controller.command(asked, seen, state)
+        commands.append(command)
+    return np.array(commands)
+
+
+def series(controller, shape, amplitude=0.02):
+    rng = np.random.default_rng(1)
+    return controller.operating_output + amplitude * rng.normal(size=(2, *shape))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_at_rest_it_holds_the_operating_input(made, kind):
+    controller = made[kind]
+    rest = np.full(20, controller.operating_output)
+    np.testing.assert_allclose(driven(controller, rest, rest), controller.operating_input, rtol=1e-14)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("batch", [(3,), (2, 3)])
+def test_many_loops_at_once_equal_one_by_one(made, kind, batch):
+    controller = made[kind]
+    reference, reading = series(controller, (60, *batch), amplitude=0.3)
+    start = controller.start()
+    state = np.broadcast_to(start.reshape(-1, *np.ones(len(batch), dtype=int)), (start.size, *batch))
+    together = []
+    for asked, seen in zip(reference, reading, strict=True):
+        command, state = controller.command(asked, seen, state)
+        together.append(command)
+    for place in np.ndindex(batch):
+        alone = driven(controller, reference[(..., *place)], reading[(..., *place)])
+        np.testing.assert_allclose(np.array(together)[(..., *place)], alone, rtol=1e-12)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_small_deviations_obey_the_local_law(made, kind):
+    controller = made[kind]
+    size = 1e-7  # so that what is of second order is 1e-7 of the answer
+    reference, reading = series(controller, (50,), amplitude=size)
+    law = controller.local(controller.operating_input).to_control(H)
+    inputs = np.stack([reference, reading]) - controller.operating_output
+    expected = np.ravel(control.forced_response(law, inputs=inputs).outputs)
+    found = driven(controller, reference, reading) - controller.operating_input
+    np.testing.assert_allclose(found, expected, atol=1e-5 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_as_a_system_of_python_control_it_gives_the_same_commands(made, kind):
+    controller = made[kind]
+    reference, reading = series(controller, (80,), amplitude=2.0)  # into the limits
+    expected = driven(controller, reference, reading)
+    assert np.isin(expected, [controller.command_min, controller.command_max]).any()
+    timepts = H * np.arange(80)
+    found = control.input_output_response(
+        controller.to_control(), timepts, np.stack([reference, reading]), controller.start()
+    ).outputs
+    np.testing.assert_allclose(np.ravel(found), expected, rtol=1e-10)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_scaling_scales_the_feedback_and_nothing_else(made, kind):
+    controller = made[kind]
+    point = controller.operating_input
+    before, after = controller.local(point), controller.scaled(1.7).local(point)
+    np.testing.assert_allclose(after.feedback[0], 1.7 * before.feedback[0], rtol=1e-9)
+    np.testing.assert_allclose(after.feedback[1], before.feedback[1], rtol=1e-12)
+    rest = np.full(3, controller.operating_output)
+    np.testing.assert_allclose(driven(controller.scaled(1.7), rest, rest), point, rtol=1e-14)
+
+
+@pytest.mark.parametrize("kind", ["inverse", "falling"])
+def test_scaling_leaves_what_is_fed_forward(made, kind):
+    controller = made[kind]
+    step = 0.1
+    for factor in (1.0, 0.5, 3.0):
+        # Reference and reading agree: only what is fed forward moves the command.
+        at = controller.operating_output + step
+        command, _ = controller.scaled(factor).command(at, at, controller.start())
+        assert float(controller.curve.output(command)) == pytest.approx(at, rel=1e-12)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_document_makes_the_same_controller(made, kind):
+    controller = made[kind]
+    again = controller_from_dict(json.loads(json.dumps(controller_to_dict(controller))))
+    assert type(again) is type(controller)
+    assert controller_to_dict(again) == controller_to_dict(controller)
+    reference, reading = series(controller, (40,), amplitude=0.5)
+    np.testing.assert_array_equal(driven(again, reference, reading), driven(controller, reference, reading))
+
+
+def test_a_document_of_an_unknown_kind_is_refused(made):
+    with pytest.raises(ControlError, match="'fuzzy' is not known; there are linear, inverse, scheduled"):
+        controller_from_dict({**controller_to_dict(made.pi), "kind": "fuzzy"})

@@ -1,0 +1,89 @@
+"""Linear systems of python-control as linear models."""
+
+import control
+import numpy as np
+import pytest
+
+from deatwin.control.errors import ControlError
+from deatwin.control.interop.from_control import from_control
+from deatwin.control.linear.model import LinearStatus
+from deatwin.control.linear.narx import linearise
+
+H = 0.02
+OMEGA = np.array([0.0, 0.5, 5.0, 50.0, 150.0])
+
+
+@pytest.mark.parametrize("way", ["system", "state_space"])
+def test_there_and_back_is_the_same_model(model, way):
+    linear = linearise(model, 2.4)
+    there = getattr(linear, way)()
+    back = from_control(
+        there, operating_input=2.4, operating_output=linear.rest_output, input_unit="V", output_unit="m"
+    )
+    scale = np.abs(linear.numerator).max()
+    # A state space holds its coefficients to rounding.
+    np.testing.assert_allclose(back.numerator, linear.numerator, atol=1e-12 * scale)
+    np.testing.assert_allclose(back.denominator, linear.denominator, atol=1e-12)
+    assert (back.operating_input, back.operating_output) == (2.4, linear.rest_output)
+    assert (back.input_name, back.output_name, back.sample_time) == ("command", "displacement", H)
+    assert (back.input_unit, back.output_unit) == ("V", "m")
+    assert back.status is LinearStatus.OK
+    assert not back.covariance.any()
+
+
+@pytest.mark.parametrize(
+    "system",
+    [
+        control.tf([2.0], [4.0, -2.0], H),
+        control.tf([0.0, 0.0, 1.0, 0.3], [1.0, -1.2, 0.5], H),
+        control.tf([1.0, 0.3, 0.0], [1.0, -1.2, 0.5], H),
+        control.zpk([0.3, -0.2], [0.5, 0.9, 0.1], 2.0, dt=H),
+        control.ss([[0.5, 0.2], [-0.1, 0.8]], [[1.0], [0.5]], [[1.0, -2.0]], [[0.7]], H),
+        control.tf([3.0], [1.0], H),
+        control.ss([], [], [], [[2.0]], H),
+    ],
+)
+def test_it_has_the_system_s_frequency_response(system):
+    linear = from_control(system)
+    np.testing.assert_allclose(linear.response(OMEGA), system(np.exp(1j * OMEGA * H)), rtol=1e-12)
+    assert linear.denominator[0] == 1.0
+    np.testing.assert_allclose(linear.static_gain, system.dcgain(), rtol=1e-12)
+
+
+def test_it_steps_as_the_system_does():
+    system = control.tf([0.2, 0.1], [1.0, -1.2, 0.5], H)
+    expected = control.step_response(system, H * np.arange(60)).outputs
+    np.testing.assert_allclose(from_control(system).step_response(60), expected, atol=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("system", "status"),
+    [
+        (control.tf([1.0], [1.0, -1.0], H), LinearStatus.UNSTABLE),
+        (control.tf([1.0], [1.0, -1.5], H), LinearStatus.UNSTABLE),
+        (control.tf([1.0, -1.0], [1.0, -0.5], H), LinearStatus.NO_GAIN),
+        (control.ss([[0.5, 0.0], [0.0, 2.0]], [[1.0], [0.0]], [[1.0, 1.0]], [[0.0]], H), LinearStatus.UNSTABLE),
+    ],
+)
+def test_its_status_says_what_a_controller_could_not_be_designed_on(system, status):
+    assert from_control(system).status is status
+
+
+@pytest.mark.parametrize(
+    ("system", "said"),
+    [
+        (control.tf([1.0], [1.0, 1.0]), "continuous"),
+        (control.ss(-1.0, 1.0, 1.0, 0.0), "continuous"),
+        (control.tf([1.0], [1.0, 0.5], True), "dt = True"),
+        (control.tf([1.0], [1.0], None), "continuous"),
+        (control.ss(0.5 * np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2)), H), "2 inputs and 2 outputs"),
+        (control.tf([1.0, 0.0, 0.0], [1.0, 0.5], H), "improper"),
+        (control.frd([1.0], [1.0], H), "no transfer function or state space"),
+        (control.nlsys(lambda t, x, u, p: x, inputs=1, outputs=1, states=1, dt=H), "linearize"),
+        (control.tf([np.nan], [1.0, 0.5], H), "finite"),
+        (np.ones(3), "no transfer function"),
+    ],
+)
+def test_another_system_is_one_clear_error(system, said):
+    with pytest.raises(ControlError, match=said):
+        from_control(system)

@@ -1,0 +1,111 @@
+"""The measured describing function against the linearised plant and against closed forms."""
+
+import numpy as np
+import pytest
+
+from deatwin.control import ControlError
+from deatwin.control.linear.plant import linearise_plant
+from deatwin.control.loop.sine_response import SineResponse, sine_response
+from deatwin.plant import Diaphragm, Plant, ReadingTime
+
+H = 0.02
+WHOLE = 2 * np.pi / (H * np.array([100.0, 50.0, 20.0]))  # whole samples in a period
+
+
+@pytest.mark.parametrize("command", [1.5, 3.0])
+def test_small_sines_show_the_linearised_plant(plant, command):
+    omega = 2 * np.pi * np.array([0.5, 3.0, 12.0, 22.0])
+    found = sine_response(plant, command, [1e-3, 2e-3], omega)
+    expected = linearise_plant(plant, command).in_loop(plant.rig.reading).response(omega)
+    # 1 % of what is there; the ball's mode rings on for some samples at the highest frequencies.
+    np.testing.assert_allclose(found.values, np.broadcast_to(expected, (2, 4)), rtol=0.01)
+
+
+def test_a_lag_is_settled_before_it_is_measured(curve):
+    """25 samples of a lag are five periods and more at high frequencies."""
+    lag = curve(lag=0.5)
+    omega = np.pi / H * np.array([0.02, 0.1, 0.5, 0.9])
+    found = sine_response(lag, 0.0, [0.1, 1.0], omega)
+    expected = linearise_plant(lag, 0.0).in_loop(lag.rig.reading).response(omega)
+    np.testing.assert_allclose(found.values, np.broadcast_to(expected, (2, 4)), rtol=0.01)
+
+
+def test_a_cubic_curve_has_the_gain_of_its_first_harmonic(curve):
+    """Of 2 u + c u³ it is 2 + 3 c A²/4; the reading comes after a sample."""
+    sizes = np.array([0.1, 0.5, 1.0, 2.0])
+    found = sine_response(curve(cubic=0.4), 0.0, sizes, WHOLE)
+    expected = (2 + 0.75 * 0.4 * sizes**2)[:, None] * np.exp(-1j * WHOLE * H)[None, :]
+    # The drift that is fitted beside the sine takes some of the third harmonic: 0.3 % where that is a tenth of it.
+    np.testing.assert_allclose(found.values, expected, rtol=4e-3)
+    np.testing.assert_allclose(found.values[0], expected[0], rtol=2e-5)
+
+
+def test_it_is_about_the_operating_point(curve):
+    """(u_0 + v) has the slope 2 + 3 c u_0² in v, and 3 c A²/4 more at the amplitude A."""
+    found = sine_response(curve(cubic=0.4), 1.5, [1e-2, 0.5], WHOLE)
+    slope = 2 + 1.2 * 1.5**2 + 0.3 * np.array([1e-2, 0.5]) ** 2
+    np.testing.assert_allclose(np.abs(found.values), np.broadcast_to(slope[:, None], (2, 3)), rtol=4e-3)
+
+
+def test_rows_read_at_the_start_are_the_same_loop(curve):
+    end, start = (sine_response(curve(lag=0.1, reading=r), 0.0, [0.1, 1.0], WHOLE) for r in ReadingTime)
+    np.testing.assert_array_equal(end.values, start.values)
+
+
+def test_between_the_points_it_is_linear_in_logarithms_and_holds_at_the_ends():
+    """A power law is linear in logarithms, and so is a delay's phase in the logarithm between two near points."""
+    sizes, omega = np.array([0.1, 0.3, 1.0]), np.array([1.0, 2.0, 4.0])
+    law = sizes[:, None] ** -0.5 * omega[None, :] ** -1.5 * np.exp(-0.5j * np.pi * np.log2(2 * omega))
+    response = SineResponse(amplitudes=sizes, omega=omega, values=law)
+    assert response(0.17, 2.9) == pytest.approx(
+        0.17**-0.5 * 2.9**-1.5 * np.exp(-0.5j * np.pi * np.log2(2 * 2.9)), rel=1e-12
+    )
+    assert response(1e-9, 0.1) == pytest.approx(law[0, 0], rel=1e-12)
+    assert response(7.0, 99.0) == pytest.approx(law[-1, -1], rel=1e-12)
+    np.testing.assert_allclose(response(sizes[:, None], omega[None, :]), law, rtol=1e-12)
+
+
+def test_the_phase_does_not_wrap_between_two_points():
+    omega = np.array([1.0, 2.0])
+    values = np.tile(np.exp(-1j * np.array([3.0, 3.4])), (2, 1))
+    response = SineResponse(amplitudes=np.array([1.0, 2.0]), omega=omega, values=values)
+    assert response(1.5, np.sqrt(2.0)) == pytest.approx(np.exp(-3.2j), rel=1e-12)
+
+
+def test_the_ends_are_reached_from_any_axis():
+    """A logarithm of many numbers may differ from that of one in its last digit."""
+    rng = np.random.default_rng(0)
+    for _ in range(200):
+        sizes, omega = np.sort(rng.uniform(0.01, 5.0, 3)), np.sort(rng.uniform(0.01, 150.0, 3))
+        response = SineResponse(amplitudes=sizes, omega=omega, values=np.ones((3, 3), dtype=complex))
+        for size in (sizes[0], sizes[-1], float(sizes[-1])):
+            assert np.isfinite(response(size, omega[-1])).all()
+
+
+def test_a_plant_that_does_not_move_has_no_logarithm_and_yet_an_answer():
+    values = np.array([[0.0, 0.0], [1.0, 1.0]], dtype=complex)
+    response = SineResponse(amplitudes=np.array([1.0, 2.0]), omega=np.array([1.0, 2.0]), values=values)
+    for size in (0.5, 1.0, 1.5, 2.0):
+        assert np.isfinite(response(size, 1.5)).all()
+    assert abs(response(1.0, 1.0)) < 1e-200
+    assert response(2.0, 1.5) == pytest.approx(1.0)
+
+
+def test_amplitudes_at_which_the_film_pulls_in_are_left_out():
+    soft, omega = Plant(rig=Diaphragm()), 2 * np.pi * np.array([1.0, 3.0])
+    found = sine_response(soft, 3.0, [0.1, 0.5, 9.0, 12.0], omega)
+    assert found.amplitudes.tolist() == [0.1, 0.5]
+    assert found.values.shape == (2, 2)
+    assert np.isfinite(found.values).all()
+    assert sine_response(soft, 3.0, [0.1, 9.0], omega) is None
+    assert sine_response(soft.with_values({"mass": 1.0}), 3.0, [0.1, 0.2], omega) is None  # there is no rest
+
+
+@pytest.mark.parametrize(
+    ("sizes", "omega"),
+    [([0.1], [1.0, 2.0]), ([0.2, 0.1], [1.0, 2.0]), ([0.0, 0.1], [1.0, 2.0]), ([0.1, np.nan], [1.0, 2.0]),
+     ([0.1, 0.2], [1.0, np.pi / H]), ([0.1, 0.2], [1.0, 1.0]), ([[0.1, 0.2]], [1.0, 2.0])],
+)  # fmt: skip
+def test_axes_that_make_no_sense_are_refused(curve, sizes, omega):
+    with pytest.raises(ControlError, match="increasing positive numbers"):
+        sine_response(curve(), 0.0, sizes, omega)
