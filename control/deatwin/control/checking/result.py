@@ -15,6 +15,7 @@ from deatwin.control.checking.verdict import Finding, worst
 from deatwin.control.controllers.base import Controller
 from deatwin.control.loop.closed_loop import ClosedLoop
 from deatwin.control.loop.predicted import PredictedLoop
+from deatwin.plant.amplitudes import written_amplitude
 from deatwin.plant.documents import read_document, write_document
 from deatwin.plant.drawing import axes_or_new
 
@@ -142,11 +143,12 @@ class Check:
             self.predicted.plot(axes)
         if self.steps is not None:
             steps = self.steps
-            axes.plot(steps.timepts, steps.output, color="C3", linewidth=1.2, label="on the physics plant")
+            unit, size = written_amplitude(steps.output_unit)
+            axes.plot(steps.timepts, steps.output / size, color="C3", linewidth=1.2, label="on the physics plant")
             if self.predicted is None:
-                axes.plot(steps.timepts, steps.reference, "--", color="0.4", linewidth=0.9, label="reference")
+                axes.plot(steps.timepts, steps.reference / size, "--", color="0.4", linewidth=0.9, label="reference")
             axes.set_xlabel("time (s)")
-            axes.set_ylabel(f"output ({steps.output_unit})" if steps.output_unit else "output")
+            axes.set_ylabel(f"output ({unit})" if unit else "output")
             axes.legend()
         axes.set_title(f"{self.verdict.value}: {self.worst_case.text}", fontsize="small", wrap=True)
         return axes

@@ -195,6 +195,8 @@ class InverseController(Controller):
 
     Parameters
     ----------
+    name, sample_time, operating_input, operating_output, command_min, command_max, closed_loop_time
+        As in `Controller`.
     feedback : LinearController
         From reference and reading to the wanted output; its command has the output's unit, and the reference goes
         into it with a gain of one (`Law.feedforward`).
@@ -262,9 +264,7 @@ class InverseController(Controller):
         -------
         InverseController
         """
-        own = self.feedback
-        law = own.law.feedforward(-1.0).scaled(factor).feedforward(1.0)  # what goes forward is not fed back
-        return replace(self, feedback=replace(own, law=law, windup=own.windup / factor))
+        return replace(self, feedback=replace(self.feedback, law=self.feedback.law.with_feedback(factor)))
 
     def details(self) -> dict[str, Any]:
         """Plain data of feedback and curve."""

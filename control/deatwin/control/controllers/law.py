@@ -104,6 +104,25 @@ class Law:
         """
         return Law(a=self.a, b=self.b, c=factor * self.c, d=factor * self.d)
 
+    def with_feedback(self, factor: float) -> Law:
+        """The law of the error with another gain, and the same answer to reference and reading that move together.
+
+        Parameters
+        ----------
+        factor : float
+            Of the feedback; dimensionless.
+
+        Returns
+        -------
+        Law
+            What goes forward, with or without dynamics of its own, stays; so do A and C.
+        """
+        b, d = np.array(self.b), np.array(self.d)
+        for column in (b.T, d):
+            column[REFERENCE] += (1.0 - factor) * column[READING]
+            column[READING] *= factor
+        return Law(a=self.a, b=b, c=self.c, d=d)
+
     def feedforward(self, gain: float) -> Law:
         """The law with a multiple of the reference added to its command.
 

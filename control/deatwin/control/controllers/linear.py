@@ -27,6 +27,8 @@ class LinearController(Controller):
 
     Parameters
     ----------
+    name, sample_time, operating_input, operating_output, command_min, command_max, closed_loop_time
+        As in `Controller`.
     law : Law
         A, B, C, D.
     windup : ndarray, shape (n,)

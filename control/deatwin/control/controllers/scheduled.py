@@ -34,6 +34,8 @@ class ScheduledController(Controller):
 
     Parameters
     ----------
+    name, sample_time, operating_input, operating_output, command_min, command_max, closed_loop_time
+        As in `Controller`.
     points : ndarray, shape (m,)
         Operating inputs of the laws, increasing, in the input's unit.
     laws : tuple of Law

@@ -223,11 +223,11 @@ def _weighted(plant: StateSpace, bounds: MixedSensitivity) -> StateSpace:
     """From reference and command to the weighted error, the weighted command and the error, in the w plane."""
     import control
 
-    g, (first, second) = plant, (control.ss(weight) for weight in bounds.weights())
-    n = g.nstates
+    first, second = (control.ss(weight) for weight in bounds.weights())
+    n, through = plant.nstates, float(np.asarray(plant.D)[0, 0])
     a, b, c, d = np.zeros((n + 2, n + 2)), np.zeros((n + 2, 2)), np.zeros((3, n + 2)), np.zeros((3, 2))
-    a[:n, :n], b[:n, 1:] = g.A, g.B
-    c[2, :n], d[2] = -g.C[0], [1.0, -g.D[0, 0]]
+    a[:n, :n], b[:n, 1:] = plant.A, plant.B
+    c[2, :n], d[2] = -np.asarray(plant.C)[0], [1.0, -through]
     a[n, n], a[n + 1, n + 1] = first.A[0, 0], second.A[0, 0]
     a[n, :n], b[n], b[n + 1, 1] = first.B[0, 0] * c[2, :n], first.B[0, 0] * d[2], second.B[0, 0]
     c[0, :n], c[0, n], d[0] = first.D[0, 0] * c[2, :n], first.C[0, 0], first.D[0, 0] * d[2]

@@ -30,9 +30,9 @@ def scheduled(
         With all settings but the limits, such as ``partial(lambda_tuning, closed_loop_time=0.5)``. Its laws must be of
         one structure that rests alike: PI or PID.
     command_limits : (float, float)
-        Least and largest command, in its unit.
+        Least and largest command, in its unit; a point may lie on one of them.
     operating_input : float, optional
-        Where the loop is closed: that of one of the models; by default the one in the middle.
+        Where the loop is closed, between the limits: that of one of the models; by default the one in the middle.
 
     Returns
     -------
@@ -45,6 +45,8 @@ def scheduled(
         If a point has no design (the text says which, and why), the points do not fit together, or the laws differ in
         structure.
     """
+    if not command_limits[0] < command_limits[1]:
+        raise ControlError(f"the limits of the command, {command_limits[0]:g} and {command_limits[1]:g}, must rise")
     if len(models) < 2:
         raise ControlError(f"a schedule needs two or more operating points; there are {len(models)}")
     ordered = sorted(models, key=lambda model: model.operating_input)
@@ -66,7 +68,8 @@ def scheduled(
     names = sorted({c.name for c in found}, key=len)
     return ScheduledController(
         name=f"scheduled {names[-1]}", sample_time=centre.sample_time, operating_input=centre.operating_input,
-        operating_output=centre.operating_output, command_min=centre.command_min, command_max=centre.command_max,
+        operating_output=centre.operating_output, command_min=float(command_limits[0]),
+        command_max=float(command_limits[1]),
         closed_loop_time=max(c.closed_loop_time for c in found),
         points=np.array([c.operating_input for c in found]), laws=tuple(c.law for c in found),
         windup=np.array([c.windup for c in found]),
@@ -74,8 +77,11 @@ def scheduled(
 
 
 def _designed(model: LinearModel, design: Design, command_limits: Limits) -> LinearController:
+    # Only the law is taken, which may be wanted at a limit itself.
+    low, high = command_limits
+    room = (min(low, model.operating_input) - (high - low), max(high, model.operating_input) + (high - low))
     try:
-        return design(model, command_limits=command_limits)
+        return design(model, command_limits=room)
     except (ModelError, ControlError) as error:
         where = f"{model.operating_input:g} {model.input_unit}".rstrip()
         raise ControlError(f"no design at {where}: {error}") from None

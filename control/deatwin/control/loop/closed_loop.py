@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from deatwin.control.controllers.base import Controller
 from deatwin.control.errors import ControlError
+from deatwin.plant.amplitudes import written_amplitude
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
@@ -161,11 +162,12 @@ class ClosedLoop:
         matplotlib Axes
         """
         axes = axes_or_new(ax)
-        axes.plot(self.timepts, self.measured, color="0.8", linewidth=0.8, label="measured")
-        axes.plot(self.timepts, self.reference, "--", label="reference")
-        axes.plot(self.timepts, self.output, label="output")
+        unit, size = written_amplitude(self.output_unit)
+        axes.plot(self.timepts, self.measured / size, color="0.8", linewidth=0.8, label="measured")
+        axes.plot(self.timepts, self.reference / size, "--", label="reference")
+        axes.plot(self.timepts, self.output / size, label="output")
         axes.set_xlabel("time (s)")
-        axes.set_ylabel(f"output ({self.output_unit})" if self.output_unit else "output")
+        axes.set_ylabel(f"output ({unit})" if unit else "output")
         axes.legend()
         return axes
 

@@ -17,6 +17,7 @@ from deatwin.control.loop.residual import Residual
 from deatwin.ident.frequency import equilibrium
 from deatwin.ident.narx import NarxModel
 from deatwin.ident.narx.response import divergence_limit
+from deatwin.plant.amplitudes import written_amplitude
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError
 from deatwin.plant.rigs.base import ReadingTime
@@ -153,14 +154,15 @@ class PredictedLoop:
         matplotlib Axes
         """
         axes = axes_or_new(ax)
-        middle, half = self.middle, self.half_width
+        unit, size = written_amplitude(self.output_unit)
+        middle, half = self.middle / size, self.half_width / size
         axes.fill_between(
             self.timepts, middle - half, middle + half, alpha=0.3, linewidth=0, label="predicted, 95 % simultaneous"
         )
         axes.plot(self.timepts, middle, label="predicted")
-        axes.plot(self.timepts, self.reference, "--", color="0.4", linewidth=0.9, label="reference")
+        axes.plot(self.timepts, self.reference / size, "--", color="0.4", linewidth=0.9, label="reference")
         axes.set_xlabel("time (s)")
-        axes.set_ylabel(f"output ({self.output_unit})" if self.output_unit else "output")
+        axes.set_ylabel(f"output ({unit})" if unit else "output")
         axes.legend()
         return axes
 

@@ -124,7 +124,7 @@ def _of_frequency(plant: Plant, operating_input: float, sizes: Array, omega: flo
     count = max(round(_MEASURE * period), _FEWEST)
     stepper = at_operating_point(plant, operating_input, first)
     found = np.full(sizes.size, np.nan + 0j)
-    clock = omega * h * np.arange(first + count)
+    clock: Array = omega * h * np.arange(first + count, dtype=np.float64)
     for number, size in enumerate(sizes):
         readings = np.empty(clock.size)
         commands: Array = operating_input + size * np.sin(clock)

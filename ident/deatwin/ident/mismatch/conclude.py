@@ -24,8 +24,8 @@ from deatwin.ident.mismatch.naming.decide import Naming
 from deatwin.ident.mismatch.refit.base import Base, differences
 from deatwin.ident.mismatch.refit.fitted import fitted_parameters
 from deatwin.ident.mismatch.say import say
-from deatwin.ident.mismatch.units import amplitude_unit
 from deatwin.ident.mismatch.verify.verify import Verification, shares_explained
+from deatwin.plant.amplitudes import amplitude_unit
 from deatwin.plant.calibrated import CalibratedPlant
 
 __all__ = ["Findings", "conclude"]

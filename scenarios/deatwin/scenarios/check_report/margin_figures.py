@@ -25,7 +25,7 @@ __all__ = ["draw_margins", "draw_margins_over_time", "draw_nyquist"]
 
 Array = NDArray[np.float64]
 
-_REACH = 2.0  # of the picture about the origin of the Nyquist plane
+_REACH = 2.2  # of the picture about the origin of the Nyquist plane
 _ELLIPSES = 24
 _LONG = 26  # letters of a label, of which only two stand beside each other
 _FAR = 15.0  # times a limit: from there on an axis is logarithmic
@@ -211,7 +211,8 @@ def draw_nyquist(view: View, controller: Controller) -> tuple[Drawing, Columns]:
     loops = Loops.of(view, controller)
     known = view.check.excited_band_Hz
     with draw((7.4, 4.8)) as figure:
-        axes = figure.add_subplot()
+        axes, beside = figure.subplots(1, 2, width_ratios=(2.2, 1.0))
+        beside.axis("off")
         _draw_disks(axes, view)
         _draw_ellipses(axes, loops)
         for source, values in loops.values.items():
@@ -222,9 +223,9 @@ def draw_nyquist(view: View, controller: Controller) -> tuple[Drawing, Columns]:
                 label = f"{known:.3g} Hz: excited up to here" if source == "model" else "_"
                 axes.plot(values[at].real, values[at].imag, "D", markersize=5, color=look.colour, label=label)
         axes.plot(-1.0, 0.0, "+", color=INK, markersize=10, markeredgewidth=1.5, label="−1")
-        axes.set(xlim=(-_REACH, 1.2), ylim=(-_REACH, 1.0), xlabel="real part of L", ylabel="imaginary part of L")
-        axes.set_aspect("equal", adjustable="datalim")  # else the layout cuts what is beside the axes
-        figure.legend(*axes.get_legend_handles_labels(), loc="outside right upper", markerscale=1)
+        axes.set(xlim=(-_REACH, 0.8), ylim=(-_REACH, 0.8), xlabel="real part of L", ylabel="imaginary part of L")
+        axes.set_aspect("equal")
+        beside.legend(*axes.get_legend_handles_labels(), loc="upper left", markerscale=1)
         at_input = f"{controller.operating_input:.4g} {view.check.operating.input_unit}".rstrip()
         caption = f"The loop L = controller times model at {at_input}, as far as |L| is not large."
         if loops.band is not None:

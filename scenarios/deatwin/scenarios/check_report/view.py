@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from deatwin.control import Check, Specification
 from deatwin.control.checking.rows import MarginRow
-from deatwin.ident.mismatch.units import amplitude_unit, written_amplitude
 from deatwin.ident.narx import NarxModel
+from deatwin.plant.amplitudes import amplitude_unit, written_amplitude
 from deatwin.plant.model import Plant
 from deatwin.scenarios.report.svg import COLOURS
 

@@ -6,7 +6,7 @@ import control
 import numpy as np
 import pytest
 
-from deatwin.control import ControlError
+from deatwin.control import ControlError, Law
 from deatwin.control.controllers.document import controller_from_dict, controller_to_dict
 
 KINDS = ("pi", "general", "inverse", "falling", "scheduled")
@@ -105,6 +105,20 @@ def test_a_document_makes_the_same_controller(made, kind):
     assert controller_to_dict(again) == controller_to_dict(controller)
     reference, reading = series(controller, (40,), amplitude=0.5)
     np.testing.assert_array_equal(driven(again, reference, reading), driven(controller, reference, reading))
+
+
+def test_scaling_leaves_dynamics_that_are_fed_forward(made):
+    # A law of the error beside a lag of the reference: with reference and reading equal only the lag answers.
+    error = made.pi.law
+    whole = Law(
+        a=np.diag([1.0, 0.8]), b=np.array([error.b[0], [0.2, 0.0]]), c=np.array([1.0, 1.5]), d=error.d
+    ).with_feedback(3.0)  # fmt: skip
+    together = control.ss(whole.a, whole.b.sum(axis=1)[:, None], whole.c[None, :], [[whole.d.sum()]], H)
+    z = np.exp(1j * np.linspace(0.1, 3.0, 9))
+    np.testing.assert_allclose(together(z), 0.3 / (z - 0.8), rtol=1e-10)
+    top, bottom = error.feedback
+    np.testing.assert_allclose(whole.feedback[0], 3.0 * np.convolve(top, [1.0, -0.8]), rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(whole.feedback[1], np.convolve(bottom, [1.0, -0.8]), rtol=1e-9)
 
 
 def test_a_document_of_an_unknown_kind_is_refused(made):

@@ -85,12 +85,12 @@ def test_far_apart_gains_do_not_throw_it_from_limit_to_limit(made):
 
 
 def test_laws_of_unlike_structure_are_refused(made):
-    with pytest.raises(ControlError, match="states 1 at 1.5, 2 at 2, 1 at 3"):
+    with pytest.raises(ControlError, match=r"states 1 at 1.5, 2 at 2, 1 at 3"):
         replace(made.scheduled, laws=(made.pi.law, pid_law(0.5, 0.1), made.pi.law))
 
 
 def test_laws_that_would_move_the_command_at_rest_are_refused(made):
     # The integral of one is in the unit of the error: a change of its gain would move the command.
     moved = Law.of_error([[1.0]], [H], [2.0], 0.5)
-    with pytest.raises(ControlError, match="that at 3 differs from that at 1.5"):
+    with pytest.raises(ControlError, match=r"that at 3 differs from that at 1.5"):
         replace(made.scheduled, laws=(made.pi.law, made.pi.law, moved))

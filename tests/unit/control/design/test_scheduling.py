@@ -71,8 +71,19 @@ def test_a_point_without_a_design_is_named_with_the_reason(models):
     broken = [*models[:3], replace(models[3], status=LinearStatus.UNSTABLE), models[4]]
     with pytest.raises(ControlError, match=r"no design at 3\.1 V: the operating point of the model is unstable"):
         scheduled(broken, PI, command_limits=LIMITS)
-    with pytest.raises(ControlError, match=r"no design at 1\.1 V: the operating input 1\.1 must lie between"):
-        scheduled(models, PI, command_limits=(1.5, 4.0))
+    with pytest.raises(ControlError, match=r"no design at 1\.1 V: a closed-loop time of 0\.001 s"):
+        scheduled(models, partial(lambda_tuning, closed_loop_time=0.001), command_limits=LIMITS)
+
+
+def test_points_may_lie_on_the_limits(models):
+    controller = scheduled(models, PI, command_limits=(1.1, 3.75))
+    assert (controller.command_min, controller.command_max) == (1.1, 3.75)
+    np.testing.assert_allclose(controller.points, POINTS)
+
+
+def test_limits_that_do_not_rise_are_refused(models):
+    with pytest.raises(ControlError, match="must rise"):
+        scheduled(models, PI, command_limits=(4.0, 1.0))
 
 
 @pytest.mark.parametrize(
@@ -90,7 +101,7 @@ def test_points_that_do_not_fit_are_refused(models, change, message):
 
 
 def test_the_loop_is_closed_at_one_of_the_points(models):
-    with pytest.raises(ControlError, match="there are models at 1.1, 1.75"):
+    with pytest.raises(ControlError, match=r"there are models at 1.1, 1.75"):
         scheduled(models, PI, command_limits=LIMITS, operating_input=2.0)
 
 

@@ -130,13 +130,13 @@ def test_the_curve_of_a_plant_is_where_it_comes_to_rest(plant):
 
 
 def test_a_plant_that_pulls_in_has_no_curve_there(plant):
-    with pytest.raises(ControlError, match="no state of rest at|turns at"):
+    with pytest.raises(ControlError, match=r"no state of rest at|turns at"):
         static_curve(plant, (1.1, 40.0), count=20)
 
 
 def test_a_model_that_turns_has_no_inverse(model):
     # The model is a parabola in the command: it turns near 0 V.
-    with pytest.raises(ControlError, match="turns at|no static curve"):
+    with pytest.raises(ControlError, match=r"turns at|no static curve"):
         static_curve(model, (-4.0, 4.0), count=17)
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from deatwin.ident.mismatch.advise.distance import TOLD_APART
-from deatwin.ident.mismatch.units import written_amplitude
+from deatwin.plant.amplitudes import written_amplitude
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.files import write_csv
 from deatwin.plant.recording import Experiment, Recording

@@ -16,7 +16,7 @@ from deatwin.ident.mismatch.detect.statistics import GROUPS, Scores
 from deatwin.ident.mismatch.excess import practical_size
 from deatwin.ident.mismatch.gate.noise import NoiseFloor, noise_level
 from deatwin.ident.mismatch.gate.repeats import Repeatability, find_repeats, repeatability
-from deatwin.ident.mismatch.units import amplitude_unit
+from deatwin.plant.amplitudes import amplitude_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

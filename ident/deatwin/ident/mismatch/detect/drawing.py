@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from deatwin.ident.mismatch.units import written_amplitude
+from deatwin.plant.amplitudes import written_amplitude
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from deatwin.ident.greybox.filter import Latent
 from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.mismatch.discover.dictionary import RATE
-from deatwin.ident.mismatch.units import amplitude_unit
+from deatwin.plant.amplitudes import amplitude_unit
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.effects.free_form import FreeForm
 from deatwin.plant.effects.primitives import Primitive

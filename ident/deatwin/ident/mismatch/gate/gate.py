@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from deatwin.ident.greybox.fit import Part
-from deatwin.ident.mismatch.units import written_amplitude
 from deatwin.ident.soundness import at_limit, neighbours_deviation, noise_of_bends, resolution, runs
+from deatwin.plant.amplitudes import written_amplitude
 from deatwin.plant.checks import require_excitation, require_samples
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import DataError

@@ -15,7 +15,7 @@ from deatwin.ident.mismatch.locate.region import Regions, locate_region
 from deatwin.ident.mismatch.locate.response import ResponseDifference, locate_response
 from deatwin.ident.mismatch.locate.time import Times, locate_time
 from deatwin.ident.mismatch.locate.track import Unit, readings, tracks
-from deatwin.ident.mismatch.units import amplitude_unit, written_amplitude
+from deatwin.plant.amplitudes import amplitude_unit, written_amplitude
 from deatwin.plant.recording import Recording
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from deatwin.ident.mismatch.units import amplitude_unit
+from deatwin.plant.amplitudes import amplitude_unit
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment
 

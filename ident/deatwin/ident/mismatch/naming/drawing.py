@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from deatwin.ident.mismatch.refit.base import differences
-from deatwin.ident.mismatch.units import written_amplitude
+from deatwin.plant.amplitudes import written_amplitude
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

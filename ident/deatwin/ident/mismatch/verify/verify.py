@@ -16,9 +16,9 @@ from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.losses import block_losses, bootstrap_gain
 from deatwin.ident.mismatch.naming.candidate import Candidate, judge
 from deatwin.ident.mismatch.refit.search import settle
-from deatwin.ident.mismatch.units import amplitude_unit, written_amplitude
 from deatwin.ident.mismatch.verify.shams import Sham, sham_effects
 from deatwin.ident.mismatch.verify.transfer import Transfer, transfers
+from deatwin.plant.amplitudes import amplitude_unit, written_amplitude
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.model import Plant

@@ -1,4 +1,4 @@
-"""The unit in which a diagnosis states amplitudes, and how it is written beside an axis."""
+"""The unit in which results state amplitudes, and how it is written beside an axis."""
 
 from __future__ import annotations
 

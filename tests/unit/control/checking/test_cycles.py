@@ -1,0 +1,120 @@
+"""Predicted limit cycles against simulated ones."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from deatwin.control import LinearController, Specification, Verdict, closed_loop, margins
+from deatwin.control.checking.cycles import judge_cycles
+from deatwin.control.design.pid import PidGains
+from deatwin.control.linear.plant import linearise_plant
+from deatwin.control.stability.polynomials import in_series
+from deatwin.plant import MeasuringChain, Plant
+
+H = 0.02
+
+
+def integral(plant: Plant, share: float, room: float = 1.0) -> LinearController:
+    """An integral controller at a share of its largest stable gain, that hardly unloads at its limits."""
+    linear = linearise_plant(plant, 0.0).in_loop(plant.rig.reading)
+    gains = PidGains(proportional=0.0, integral=1.0 / linear.static_gain)
+    top, bottom = gains.law(H).feedback
+    loop = in_series(linear.numerator, top), in_series(linear.denominator, bottom)
+    most = float(margins(*loop, H).gain[0])
+    law = gains.law(H).scaled(share * most)
+    # Describing functions know of no anti-windup: with next to none the loop is the one that they describe.
+    return LinearController(
+        name="I", sample_time=H, operating_input=0.0, operating_output=linear.operating_output, command_min=-room,
+        command_max=room, closed_loop_time=0.06, law=law, windup=np.array([1e-4]),
+    )  # fmt: skip
+
+
+def sustained(plant, controller, count=3000, kick=0.5, seed=1):
+    """Amplitude and frequency, Hz, of the output's strongest line late after a kick."""
+    reference = np.zeros(count)
+    reference[:10] = kick
+    run = closed_loop(plant, controller, reference, rng=np.random.default_rng(seed))
+    late = run.output[count // 2 :] - run.output[count // 2 :].mean()
+    window = np.hanning(late.size)
+    lines = np.abs(np.fft.rfft(late * window)) / window.sum() * 2
+    return lines.max(), np.fft.rfftfreq(late.size, H)[lines.argmax()]
+
+
+def parts(text: str) -> tuple[float, float]:
+    """Frequency in Hz and share of a step, as the text has them."""
+    words = text.split()
+    return float(words[words.index("Hz") - 1]), float(words[words.index("%") - 1]) / 100
+
+
+@pytest.fixture(scope="module")
+def slow(lags) -> Plant:
+    """Three lags, so that an integral loop turns by half a period where the third harmonic hardly passes."""
+    return lags(count=2, time=0.2, noise=1e-6)
+
+
+def test_beyond_its_gain_margin_a_limited_command_sustains_a_cycle(slow):
+    controller = integral(slow, 1.5)
+    linear = linearise_plant(slow, 0.0).in_loop(slow.rig.reading)
+    found = judge_cycles(slow, controller, linear, 1.0, Specification())
+    assert found.verdict is Verdict.FAIL
+    assert "the limits of the command" in found.text
+    assert "a limit cycle" in found.text
+    amplitude, frequency = sustained(slow, controller)
+    # A clipped sine at 1.5 times the margin has a ninth of its size as third harmonic, of which 1/27 passes.
+    assert found.value == pytest.approx(amplitude, rel=0.05)
+    assert parts(found.text)[0] == pytest.approx(frequency, rel=0.05)
+
+
+def test_a_sound_loop_has_none(slow):
+    controller = integral(slow, 1 / 3)
+    linear = linearise_plant(slow, 0.0).in_loop(slow.rig.reading)
+    found = judge_cycles(slow, controller, linear, 1.0, Specification())
+    assert (found.verdict, found.value) == (Verdict.PASS, 0.0)
+    assert "no limit cycle" in found.text
+    assert sustained(slow, controller)[0] < 1e-4
+
+
+def coarse(slow: Plant, bits: int) -> Plant:
+    """A sensor without noise whose codes are coarse: 80 mm over 2 ** bits."""
+    chain = MeasuringChain()
+    laser = replace(chain.laser, noise=0.0, resolution=0.0, scan_time=0.0, reach=40.0)
+    chain = replace(
+        chain, laser=laser, analogue_input=replace(chain.analogue_input, bits=bits),
+        analogue_output=replace(chain.analogue_output, bits=24),
+    )  # fmt: skip
+    return slow.with_rig(replace(slow.rig, chain=chain, noise=chain.noise))
+
+
+def test_codes_sustain_a_cycle_where_the_gain_margin_is_below_four_by_pi(slow):
+    """Rounding has a gain of up to 4/pi = 1.27, at 0.71 of a step, and of 1.08 about two steps."""
+    plant = coarse(slow, 10)
+    step = plant.rig.chain.reading_step
+    controller = integral(plant, 1 / 1.18, room=10.0)
+    linear = linearise_plant(plant, 0.0).in_loop(plant.rig.reading)
+    found = judge_cycles(plant, controller, linear, 1.0, Specification())
+    assert "the codes" in found.text
+    amplitude, frequency = sustained(plant, controller, count=3000, kick=10 * step)
+    assert found.value == pytest.approx(amplitude, rel=0.15)
+    assert parts(found.text)[0] == pytest.approx(frequency, rel=0.05)
+    quiet = judge_cycles(plant, integral(plant, 1 / 1.4, room=10.0), linear, 1.0, Specification())
+    assert quiet.verdict is Verdict.PASS
+
+
+def test_a_cycle_is_judged_by_the_step_it_disturbs(slow):
+    controller = integral(slow, 1.2)
+    linear = linearise_plant(slow, 0.0).in_loop(slow.rig.reading)
+    small, large = (judge_cycles(slow, controller, linear, step, Specification()) for step in (1.0, -1e3))
+    assert small.value == pytest.approx(1e3 * large.value, rel=1e-9)
+    assert (small.verdict, large.verdict) == (Verdict.FAIL, Verdict.PASS)
+
+
+def test_a_plant_that_does_not_live_through_the_sines_is_judged_by_its_limits(gap):
+    """At 0.3 V ± 0.3 V the plate pulls in or not: the check says something either way."""
+    gains = PidGains(proportional=0.0, integral=0.2)
+    controller = LinearController(
+        name="I", sample_time=H, operating_input=0.3, operating_output=0.11, command_min=0.0, command_max=0.6,
+        closed_loop_time=0.06, law=gains.law(H), windup=gains.windup(H),
+    )  # fmt: skip
+    linear = linearise_plant(gap, 0.3).in_loop(gap.rig.reading)
+    assert np.isfinite(judge_cycles(gap, controller, linear, 0.1, Specification()).value)
