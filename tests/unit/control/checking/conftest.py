@@ -12,13 +12,14 @@ from deatwin.plant.builder import Builder
 
 @dataclass(frozen=True, kw_only=True)
 class Lags(Rig):
-    """Lags of one time constant in series behind a gain."""
+    """Lags of one time constant in series behind a gain that may grow with the command."""
 
     sample_time: float = 0.02
     noise: float = 1e-3
     count: int = 1
     time: float = 0.01
     slope: float = 2.0
+    cubic: float = 0.0
 
     kind: ClassVar[str] = "lags"
     input_name: ClassVar[str] = "command"
@@ -35,7 +36,8 @@ class Lags(Rig):
         return StartProcedure(rest_command=0.0, ramp=0.0, hold=0.0)
 
     def write(self, build: Builder) -> Any:
-        before = build.parameter("slope") * build.command
+        grown = 1 + build.constant("cubic", self.cubic) * build.command**2
+        before = build.parameter("slope") * build.command * grown
         for number in range(self.count):
             position = build.state(f"position_{number}", scale=self.slope)
             build.rate(position, before - position, mass=self.time)

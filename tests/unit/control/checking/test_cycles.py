@@ -75,6 +75,24 @@ def test_a_sound_loop_has_none(slow):
     assert sustained(slow, controller)[0] < 1e-4
 
 
+def test_a_gain_that_grows_with_the_amplitude_uses_the_margin_up(lags):
+    """u + c u³ has the gain 1 + 3 c A²/4 for a sine: twice that of a small one at A = sqrt(4/3/c)."""
+    plant = lags(count=2, time=0.2, noise=1e-6, cubic=4.0)
+    controller = integral(plant, 1 / 2)
+    linear = linearise_plant(plant, 0.0).in_loop(plant.rig.reading)
+    found = judge_cycles(plant, controller, linear, 1.0, Specification())
+    assert "an unstable limit cycle" in found.text
+    assert "the plant's own nonlinearity" in found.text
+    at_edge = integral(plant, 1.0)  # whose loop gain is one where it turns by half a period
+    omega = np.geomspace(0.5, 50.0, 20_000)
+    loop = at_edge.local(0.0).feedback_response(omega, H) * linear.response(omega)
+    turn = omega[np.argmin(np.abs(loop + 1.0))]
+    expected = np.sqrt(1 / (0.75 * 4.0)) * 2.0 * np.abs(linear.response([turn])[0])
+    # The plant is measured at ten frequencies, each 1.6 times the one before.
+    assert found.value == pytest.approx(expected, rel=0.1)
+    assert parts(found.text)[0] == pytest.approx(turn / (2 * np.pi), rel=0.1)
+
+
 def coarse(slow: Plant, bits: int) -> Plant:
     """A sensor without noise whose codes are coarse: 80 mm over 2 ** bits."""
     chain = MeasuringChain()
