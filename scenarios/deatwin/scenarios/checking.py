@@ -25,7 +25,7 @@ from deatwin.scenarios.provenance import RunRecord, hashes
 from deatwin.scenarios.report import Origin
 from deatwin.scenarios.voice import Progress
 
-__all__ = ["CheckTask", "rival_files"]
+__all__ = ["CheckTask", "load_rivals", "rival_files"]
 
 POINTS = 9
 """Operating points of a range at which margins are judged."""

@@ -49,7 +49,8 @@ class UncertainMargin:
         and delay; 0 where nothing bounds the margin.
     low : float
         Limit that the margin exceeds with 97.5 % at a level of 95 %: the least over the crossings, each to first
-        order; at least what is left at the edge of stability (1 for the gain, 0 for the others).
+        order (of the loop's size for the gain); at least what is left at the edge of stability (1 for the gain, 0
+        for the others).
     """
 
     value: float
@@ -270,16 +271,16 @@ def _deviations(gradient: Array, covariance: Array) -> Array:
     return np.sqrt(np.einsum("ni,ij,nj->n", gradient, covariance, gradient).clip(min=0.0))
 
 
-def _least(values: Array, deviations: Array, level: float) -> UncertainMargin:
+def _least(values: Array, deviations: Array, lows: Array) -> UncertainMargin:
     if not values.size:
         return UncertainMargin(value=np.inf, deviation=0.0, low=np.inf)
     first = int(np.argmin(values))
-    low = (values - interval_radius(level, np.inf) * deviations).min()
-    return UncertainMargin(value=float(values[first]), deviation=float(deviations[first]), low=float(max(low, 0.0)))
+    low = max(float(lows.min()), 0.0)
+    return UncertainMargin(value=float(values[first]), deviation=float(deviations[first]), low=low)
 
 
-def _exponential(margin: UncertainMargin) -> UncertainMargin:
-    return UncertainMargin(value=float(np.exp(margin.value)), deviation=margin.deviation, low=float(np.exp(margin.low)))
+def _lower(values: Array, deviations: Array, level: float) -> Array:
+    return values - interval_radius(level, np.inf) * deviations
 
 
 def _gain(at: partial[_Loop], angle: Array, covariance: Array, level: float) -> UncertainMargin:
@@ -291,7 +292,13 @@ def _gain(at: partial[_Loop], angle: Array, covariance: Array, level: float) -> 
     shift = np.zeros((angle.size, covariance.shape[0]))
     shift[moves] = -loop.log_gradient.imag[moves] / loop.log_slope.imag[moves, None]
     gradient = loop.log_gradient.real + loop.log_slope.real[:, None] * shift
-    return _exponential(_least(np.abs(np.log(np.abs(loop.value))), _deviations(gradient, covariance), level))
+    deviations, size = _deviations(gradient, covariance), np.abs(loop.value)
+    # |L| itself is nearly normal, its logarithm is not where little is left of the loop and its deviation is more.
+    reach = interval_radius(level, np.inf) * deviations * np.where(size < 1.0, 1.0, -1.0)
+    farther = size * np.maximum(1.0 + reach, np.finfo(float).tiny)
+    lows = np.where(size < 1.0, 1.0 / np.maximum(farther, size), farther)
+    found = _least(np.maximum(size, 1.0 / size), deviations, lows)
+    return UncertainMargin(value=found.value, deviation=found.deviation, low=max(found.low, 1.0))
 
 
 def _phase_gradient(loop: _Loop) -> tuple[Array, Array]:
@@ -303,7 +310,8 @@ def _phase_gradient(loop: _Loop) -> tuple[Array, Array]:
 def _phase(at: partial[_Loop], angle: Array, covariance: Array, level: float) -> UncertainMargin:
     loop = at(angle)
     gradient = np.degrees(_phase_gradient(loop)[0])
-    return _least(np.degrees(np.abs(np.angle(-loop.value))), _deviations(gradient, covariance), level)
+    values, deviations = np.degrees(np.abs(np.angle(-loop.value))), _deviations(gradient, covariance)
+    return _least(values, deviations, _lower(values, deviations, level))
 
 
 def _delay(at: partial[_Loop], angle: Array, covariance: Array, level: float, h: float) -> UncertainMargin:
@@ -311,7 +319,8 @@ def _delay(at: partial[_Loop], angle: Array, covariance: Array, level: float, h:
     turn, shift = _phase_gradient(loop)
     phase = np.mod(np.angle(-loop.value), 2 * np.pi)
     gradient = (turn - (phase / angle)[:, None] * shift) / angle[:, None] * h
-    return _least(phase / angle * h, _deviations(gradient, covariance), level)
+    values, deviations = phase / angle * h, _deviations(gradient, covariance)
+    return _least(values, deviations, _lower(values, deviations, level))
 
 
 def _disk(at: partial[_Loop], angle: Array, covariance: Array, level: float) -> UncertainMargin:

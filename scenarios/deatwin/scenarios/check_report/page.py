@@ -131,20 +131,24 @@ def _margins_here(view: View) -> list[tuple[str, ...]]:
         return []
     own, spec, h = check.margins, view.specification, check.operating.sample_time
     first = next((row for row in check.table if row.source.startswith("model ")), None)
-    rows = (
-        ("gain", own.gain, own.gain_low, first and first.gain_low, spec.gain, 1.0, ""),
-        ("phase", own.phase_deg, own.phase_low_deg, first and first.phase_low_deg, spec.phase_deg, 1.0, "°"),
-        ("delay", own.delay, own.delay_low, first and first.delay_low, spec.delay_samples, h, " samples"),
-        ("disk", own.disk, own.disk_low, first and first.disk_low, spec.disk, 1.0, ""),
+    kinds = (
+        ("gain", "gain", "gain_low", spec.gain, 1.0, ""),
+        ("phase", "phase_deg", "phase_low_deg", spec.phase_deg, 1.0, "°"),
+        ("delay", "delay", "delay_low", spec.delay_samples, h, " samples"),
+        ("disk", "disk", "disk_low", spec.disk, 1.0, ""),
     )
     return [
-        (name, *(_written(v, scale, unit) for v in values), _written(limit.good, 1.0, unit),
-         _written(limit.poor, 1.0, unit))
-        for name, *values, limit, scale, unit in rows
-    ]  # fmt: skip
+        (
+            name,
+            _written(getattr(own, field) / scale, unit),
+            _written(getattr(own, low) / scale, unit),
+            "–" if first is None else _written(getattr(first, low) / scale, unit),
+            _written(limit.good, unit),
+            _written(limit.poor, unit),
+        )
+        for name, field, low, limit, scale, unit in kinds
+    ]
 
 
-def _written(value: float | None, scale: float, unit: str) -> str:
-    if value is None:
-        return "–"
-    return f"{value / scale:.3g}{unit}" if isfinite(value) else "∞"
+def _written(value: float, unit: str) -> str:
+    return f"{value:.3g}{unit}" if isfinite(value) else "∞"

@@ -16,7 +16,7 @@ from deatwin.plant.amplitudes import amplitude_unit, written_amplitude
 from deatwin.plant.model import Plant
 from deatwin.scenarios.report.svg import COLOURS
 
-__all__ = ["AFTER", "BEFORE", "INK", "MARK", "MEASURED", "Look", "View", "header", "thinned"]
+__all__ = ["AFTER", "BEFORE", "INK", "MARK", "MEASURED", "Look", "View", "header", "thinned", "with_unit"]
 
 Array = NDArray[np.float64]
 INK, MEASURED, BEFORE, AFTER, MARK = (COLOURS[role][0] for role in ("ink", "measured", "before", "after", "mark"))

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from deatwin.control import Check, ControlError, LinearStatus, Verdict, check, linearise
+from deatwin.control.controllers.document import controller_to_dict
 from deatwin.control.stability.excited import BAND_KEY
 from deatwin.ident.frequency import remove_dc
 from deatwin.ident.narx import NarxModel
@@ -103,7 +104,7 @@ def test_bad_input_is_one_clear_error(model, plant):
         checked(replace(model, operating=None), plant, operating_input=2.4)
     with pytest.raises(ControlError, match="between the limits"):
         checked(model, plant, command_limits=(3.0, 3.5))
-    with pytest.raises(ModelError, match="must be a number"):
+    with pytest.raises(ModelError, match="must be a positive number"):
         checked(replace(model, provenance={BAND_KEY: "wide"}), plant)
 
 
@@ -117,7 +118,7 @@ def test_the_file_is_valid_and_comes_back(passed, tmp_path):
     assert loaded.sentence == passed.sentence
     assert loaded.findings == passed.findings
     assert loaded.margins == passed.margins
-    assert loaded.controller == passed.controller
+    assert controller_to_dict(loaded.controller) == controller_to_dict(passed.controller)
     np.testing.assert_array_equal(loaded.steps.output, passed.steps.output)
 
 
@@ -144,7 +145,7 @@ def test_plot(passed):
 
     matplotlib.use("agg")
     axes = passed.plot()
-    assert axes.get_ylabel() == "output (m)"
+    assert axes.get_ylabel() == "output (µm)"
     assert passed.verdict.value in axes.get_title()
 
 

@@ -1,5 +1,6 @@
 """The table of margins against python-control, loop by loop; what is unstable or not there; quantiles."""
 
+import warnings
 from dataclasses import replace
 
 import control
@@ -16,7 +17,8 @@ H = 0.02
 GAINS = PidGains(proportional=0.4, integral=2.0)
 
 
-def controller(law: Law = GAINS.law(H)) -> LinearController:
+def controller(law: Law | None = None) -> LinearController:
+    law = GAINS.law(H) if law is None else law
     windup = GAINS.windup(H) if law.c.size else np.zeros(0)
     return LinearController(
         name="PI", sample_time=H, operating_input=0.0, operating_output=0.0, command_min=-1.0, command_max=1.0,
@@ -60,7 +62,8 @@ def test_margins_are_those_of_python_control(drawn):
         found = []
         for number in range(40):
             loop = loop_of(drawn, point, number)
-            gain, phase, _, _, at_gain, _ = control.stability_margins(loop, method="poly")
+            with warnings.catch_warnings(action="ignore"):  # it looks at the pole of the integrator as well
+                gain, phase, _, _, at_gain, _ = control.stability_margins(loop, method="poly")
             assert np.all(np.abs(control.feedback(loop).poles()) < 1.0)
             omega = np.geomspace(1e-2, np.pi / H, 20_000)
             response = loop.frequency_response(omega).complex

@@ -26,8 +26,9 @@ H = 0.02
 NOTHING = Residual(rms=0.0, correlation_time=1.0)
 AT_END, AT_START = ReadingTime.END_OF_HOLD, ReadingTime.START_OF_HOLD
 RANGE = OperatingRange(
-    input_min=np.array([-1.0]), input_max=np.array([1.0]), input_centre=np.array([0.1]), output_min=np.array([-2.0]), output_max=np.array([2.0]), output_centre=np.array([0.2])
-)
+    input_min=np.array([-1.0]), input_max=np.array([1.0]), input_centre=np.array([0.1]),
+    output_min=np.array([-2.0]), output_max=np.array([2.0]), output_centre=np.array([0.2]),
+)  # fmt: skip
 
 
 def pi(low=-5.0, high=5.0) -> LinearController:

@@ -43,9 +43,9 @@ def test_size_and_memory_of_a_known_process_are_found_beside_white_noise(time):
     spread = 0.5 * np.sqrt(2 / 100)
     assert sizes.mean() == pytest.approx(0.99 * RMS, rel=4 * 1.3 * spread / np.sqrt(runs))
     assert 0.7 * spread < sizes.std() / RMS < 2.0 * spread
-    # Bartlett: the autocorrelation at tau spreads by sqrt((1 - 3/e²) tau/T), and its slope there is 1/(e tau); the noise
-    # spreads both covariances, at lag 1 and at tau. The mean that is taken out shortens the time by 4.5 %; that the
-    # first crossing of a noisy curve counts, by some more.
+    # Bartlett: the autocorrelation at tau spreads by sqrt((1 - 3/e²) tau/T), and its slope there is 1/(e tau); the
+    # noise spreads both covariances, at lag 1 and at tau. The mean that is taken out shortens the time by 4.5 %; that
+    # the first crossing of a noisy curve counts, by some more.
     noise = 2 * (NOISE**4 + 2 * NOISE**2 * RMS**2) / RMS**4 / lengths
     spread = np.e * np.sqrt((1 - 3 / np.e**2) / 100 + noise)
     assert np.median(times) / time == pytest.approx(0.94, abs=4 * 1.25 * spread / np.sqrt(runs))

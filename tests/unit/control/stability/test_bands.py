@@ -47,7 +47,8 @@ def test_deviations_and_limits_agree_with_draws(name, of):
     centre = found.value if of is None else of(found.value)
     low = found.low if of is None else of(found.low)
     assert low == pytest.approx(np.quantile(values, 0.025), abs=0.25 * values.std())
-    assert centre - low == pytest.approx(1.96 * found.deviation, rel=1e-3)
+    reach = 1.96 * found.deviation  # of the loop's size, where the margin is that of the gain
+    assert centre - low == pytest.approx(np.log1p(reach) if name == "gain" else reach, rel=1e-3)
 
 
 @pytest.mark.parametrize("name", ["gain", "phase_deg", "delay", "disk"])
@@ -81,7 +82,7 @@ def test_an_uncertain_gain_alone_in_closed_form():
     )  # fmt: skip
     found = band_margins(model, [1.0], [1.0, -1.0])
     assert found.gain.deviation == pytest.approx(deviation / b, rel=1e-9)
-    assert found.gain.low == pytest.approx(10.0 * np.exp(-1.959964 * deviation / b), rel=1e-6)
+    assert found.gain.low == pytest.approx(1.0 / (b + 1.959964 * deviation), rel=1e-6)  # b is normal: exactly so
     slope = 1.5 / np.sqrt(1 - b**2 / 4)
     assert found.phase_deg.deviation == pytest.approx(np.degrees(slope * deviation), rel=1e-9)
     assert found.radius == pytest.approx(1.959964, rel=1e-6)  # of one direction
@@ -159,3 +160,17 @@ def test_the_picture_shows_locus_ellipses_and_minus_one():
         "loop of the model", "nearest the band comes to -1", "-1", "95 % band, all frequencies at once",
     }  # fmt: skip
     assert axes.get_xlabel() == "real part of L"
+
+
+def test_a_crossing_where_nearly_nothing_is_left_of_the_loop_does_not_spoil_the_limit():
+    # L = (g + b z^-1) / (1 - p z^-1): at half the sampling rate (g - b)/(1 + p) is 1e-3 with a deviation ten times that,
+    # whose logarithm knows no bound; the loop itself stays within 0.03 there.
+    covariance = np.zeros((3, 3))
+    covariance[1, 1] = 0.02**2
+    model = LinearModel(
+        numerator=[0.4, 0.402], denominator=[1.0, -0.5], covariance=covariance, sample_time=H, operating_input=0.0,
+        operating_output=0.0,
+    )  # fmt: skip
+    found = band_margins(model, [1.0], [1.0])
+    assert found.gain.value == pytest.approx(750.0, rel=1e-6)
+    assert found.gain.low == pytest.approx(1.0 / ((0.002 + 1.959964 * 0.02) / 1.5), rel=1e-6)

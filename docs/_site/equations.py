@@ -1,0 +1,85 @@
+"""Equations of the site: LaTeX in pages and docstrings becomes MathML while the site is built.
+
+Browsers draw MathML by themselves, so that a page needs neither a script nor the network for its equations. This file
+is a hook of MkDocs (`on_page_content`) and an extension of griffe (`RstMath`), both named in mkdocs.yml.
+"""
+
+from __future__ import annotations
+
+import html
+import logging
+import re
+from textwrap import dedent
+from typing import Any
+
+import griffe
+from latex2mathml.converter import convert
+
+log = logging.getLogger("mkdocs.hooks.equations")  # below "mkdocs", where --strict counts warnings
+
+BLOCK = re.compile(r'<div class="arithmatex">\\\[(.*?)\\\]</div>', re.DOTALL)
+INLINE = re.compile(r'<span class="arithmatex">\\\((.*?)\\\)</span>', re.DOTALL)
+DIRECTIVE = re.compile(r"^( *)\.\. math::[ \t]*(.*(?:\n(?:\1[ \t]+\S.*|[ \t]*(?=\n\1[ \t]+\S)))*)", re.MULTILINE)
+ROLE = re.compile(r":math:`([^`]+)`")
+
+
+def on_page_content(content: str, **_: Any) -> str:
+    """Put MathML where pymdownx.arithmatex has left LaTeX.
+
+    Parameters
+    ----------
+    content : str
+        HTML of a page's content.
+
+    Returns
+    -------
+    str
+    """
+    content = BLOCK.sub(lambda found: f'<div class="equation">{_mathml(found[1], "block")}</div>', content)
+    return INLINE.sub(lambda found: _mathml(found[1], "inline"), content)
+
+
+def _mathml(latex: str, display: str) -> str:
+    text = html.unescape(latex).strip()
+    try:
+        return convert(text, display=display)
+    except Exception as error:
+        log.warning("no MathML for %r: %s", text, error)
+        return f"<code>{html.escape(text)}</code>"
+
+
+def to_markdown(docstring: str) -> str:
+    """Write the equations of a reStructuredText docstring as Markdown has them.
+
+    Parameters
+    ----------
+    docstring : str
+        Without the indentation of its code.
+
+    Returns
+    -------
+    str
+    """
+    docstring = DIRECTIVE.sub(_directive, docstring)
+    return ROLE.sub(lambda found: rf"\({' '.join(found[1].split())}\)", docstring)
+
+
+def _directive(found: re.Match[str]) -> str:
+    indent, first, *rest = found[1], *found[2].split("\n")
+    latex = " ".join(line.strip() for line in [first, *dedent("\n".join(rest)).split("\n")] if line.strip())
+    return f"{indent}\n{indent}$$\n{indent}{latex}\n{indent}$$\n{indent}"
+
+
+class RstMath(griffe.Extension):
+    """Rewrites docstrings as they are loaded."""
+
+    def on_instance(self, *, obj: griffe.Object, **_: Any) -> None:
+        """Rewrite one.
+
+        Parameters
+        ----------
+        obj : griffe.Object
+            Module, class, function or attribute.
+        """
+        if obj.docstring:
+            obj.docstring.value = to_markdown(obj.docstring.value)
