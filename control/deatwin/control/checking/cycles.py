@@ -68,7 +68,7 @@ def judge_cycles(
     verdict = specification.limit_cycle.judge(share)
     wanted = "" if verdict is Verdict.PASS else f" ({specification.limit_cycle.wanted} of a step is wanted)"
     text = (
-        f"describing functions predict {kind} limit cycle at {cycle.frequency_Hz:.2g} Hz of {100 * share:.2g} % of a "
+        f"describing functions predict {kind} limit cycle at {cycle.frequency_Hz:.2g} Hz of {100 * share:.0f} % of a "
         f"step, by {what}{wanted}"
     )
     return Finding(subject="limit cycle", value=share, verdict=verdict, text=text)

@@ -90,7 +90,7 @@ class Check:
         tuned, promised, at = self.controller, self.margins, self.operating
         return (
             f"{self.verdict.value}: the {tuned.name} controller with a closed-loop time of "
-            f"{tuned.closed_loop_time:.2g} s at {at.input:.3g} {at.input_unit} (crossover "
+            f"{tuned.closed_loop_time:.2g} s at {f'{at.input:.3g} {at.input_unit}'.rstrip()} (crossover "
             f"{promised.crossover_Hz:.2g} Hz, gain margin {promised.gain_low:.2g}, phase margin "
             f"{promised.phase_low_deg:.0f}°): {self.reason}."
         )

@@ -33,6 +33,8 @@ class Limit:
     good, poor : float
         Limits of `pass` and of `marginal`, in the number's own unit; a good one above the poor one means that
         more is better.
+    unit : str
+        In which a person writes them; ``%`` for a share.
 
     Raises
     ------
@@ -42,6 +44,7 @@ class Limit:
 
     good: float
     poor: float
+    unit: str = ""
 
     def __post_init__(self) -> None:
         if not (isfinite(self.good) and isfinite(self.poor) and self.good != self.poor):
@@ -70,7 +73,8 @@ class Limit:
     @property
     def wanted(self) -> str:
         """The good value in words."""
-        return f"at {'least' if self.good > self.poor else 'most'} {self.good:g}"
+        value, unit = (100.0 * self.good, " %") if self.unit == "%" else (self.good, self.unit)
+        return f"at {'least' if self.good > self.poor else 'most'} {value:.3g}{unit}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,15 +118,15 @@ class Specification:
     """
 
     gain: Limit = Limit(good=2.0, poor=1.5)
-    phase_deg: Limit = Limit(good=45.0, poor=30.0)
-    delay_samples: Limit = Limit(good=1.0, poor=0.5)
+    phase_deg: Limit = Limit(good=45.0, poor=30.0, unit="°")
+    delay_samples: Limit = Limit(good=1.0, poor=0.5, unit=" samples")
     disk: Limit = Limit(good=2.0 / 3.0, poor=0.4)
-    stable_share: Limit = Limit(good=0.975, poor=0.9)
-    overshoot: Limit = Limit(good=0.25, poor=0.5)
-    steady_error: Limit = Limit(good=0.05, poor=0.15)
-    ripple: Limit = Limit(good=0.1, poor=0.3)
-    saturated: Limit = Limit(good=0.05, poor=0.25)
+    stable_share: Limit = Limit(good=0.975, poor=0.9, unit="%")
+    overshoot: Limit = Limit(good=0.25, poor=0.5, unit="%")
+    steady_error: Limit = Limit(good=0.05, poor=0.15, unit="%")
+    ripple: Limit = Limit(good=0.1, poor=0.3, unit="%")
+    saturated: Limit = Limit(good=0.05, poor=0.25, unit="%")
     tracking: Limit = Limit(good=1.5, poor=3.0)
-    diverged: Limit = Limit(good=0.025, poor=0.1)
-    inside: Limit = Limit(good=0.99, poor=0.0)
-    limit_cycle: Limit = Limit(good=0.05, poor=0.3)
+    diverged: Limit = Limit(good=0.025, poor=0.1, unit="%")
+    inside: Limit = Limit(good=0.99, poor=0.0, unit="%")
+    limit_cycle: Limit = Limit(good=0.05, poor=0.3, unit="%")

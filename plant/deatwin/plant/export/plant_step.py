@@ -1,0 +1,228 @@
+"""A plant as C source: one implicit step of its equations a sample, as deatwin's own simulation takes it.
+
+The step is CasADi's code for `deatwin.plant.integrator.collocation.step_functions`; around it stand the state, past
+commands, the clock, and the shorter steps that are taken where a sample is not solved in one.
+"""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+from deatwin.plant.equations import SAMPLE_START
+from deatwin.plant.errors import ModelError
+from deatwin.plant.export.sampled import SampledSource, Signal, comment, filled, require_identifier, table
+from deatwin.plant.integrator.collocation import step_functions
+from deatwin.plant.integrator.newton import SETTLED
+from deatwin.plant.model import Plant
+from deatwin.plant.rest import RestState, rest_state
+from deatwin.plant.sample import SHORTER_STEPS
+from deatwin.plant.simulate import RunStatus
+
+__all__ = ["plant_signals", "plant_source", "rest_of"]
+
+_STATE = """
+#define ${N}_INPUTS $inputs
+#define ${N}_OUTPUTS $outputs
+#define ${N}_SAMPLE_TIME $sample_time
+
+typedef double ${n}_real;
+
+typedef struct {
+    double x[$x]; /* states: $states */
+    double z[$z]; /* algebraic coordinates: $coordinates */
+    double past[$past]; /* commands of the samples before */
+    double y[$outputs]; /* outputs after the last sample that was solved */
+    double start; /* clock time at which the first sample begins, s; set it after init where it is not 0 */
+    long count; /* samples so far */
+} ${n}_state;
+
+void ${n}_init(${n}_state *state); /* at rest under a command of $rest_command */
+int ${n}_step(${n}_state *state, const double *u, double *y); /* 0: done; 1: not solved, the state stays */
+"""
+
+_BODY = """
+void ${n}_init(${n}_state *state)
+{
+    int i;
+    for (i = 0; i < $x; i++) state->x[i] = ${n}_x[i];
+    for (i = 0; i < $z; i++) state->z[i] = ${n}_z[i];
+    for (i = 0; i < $past; i++) state->past[i] = $rest_command;
+    for (i = 0; i < $outputs; i++) state->y[i] = ${n}_y[i];
+    state->start = 0.0;
+    state->count = 0;
+}
+
+/* A sample in some steps of equal length: 0 where each is solved. */
+static int ${n}_in_steps(const ${n}_state *before, ${n}_state *after, const double *inputs, int number)
+{
+    const double width = ${N}_SAMPLE_TIME / number;
+    const double begin = before->start + (double)before->count * ${N}_SAMPLE_TIME;
+    double x[$x], z[$z], error = 0.0, time;
+    const double *arg[$sz_arg];
+    double *res[$sz_res];
+    double w[$sz_w];
+    casadi_int iw[$sz_iw];
+    int i, k;
+    *after = *before;
+    for (k = 0; k < number; k++) {
+        for (i = 0; i < $x; i++) x[i] = after->x[i];
+        for (i = 0; i < $z; i++) z[i] = after->z[i];
+        time = begin + width * k;
+        arg[0] = x; arg[1] = z; arg[2] = ${n}_d; arg[3] = inputs; arg[4] = &time; arg[5] = &width;
+        arg[6] = ${n}_p; arg[7] = ${n}_c;
+        res[0] = after->x; res[1] = after->z; res[2] = after->y; res[3] = after->y + 1; res[4] = &error;
+        if (${n}_sample(arg, res, iw, w, 0)) return 1;
+        /* Not a number fails too. */
+        if (!(error <= $settled) || !(after->y[0] - after->y[0] == 0.0)) return 1;
+    }
+    return 0;
+}
+
+int ${n}_step(${n}_state *state, const double *u, double *y)
+{
+    static const int numbers[$tries] = {$numbers};
+    double inputs[$n_u];
+    ${n}_state after;
+    int i, k, failed = 1;
+    inputs[0] = u[0];
+    for (i = 0; i < $history; i++) inputs[1 + i] = state->past[i];
+$channels
+    for (k = 0; k < $tries && failed; k++) failed = ${n}_in_steps(state, &after, inputs, numbers[k]);
+    if (!failed) {
+        *state = after;
+        state->count += 1;
+        for (i = $history - 1; i > 0; i--) state->past[i] = state->past[i - 1];
+        state->past[0] = u[0];
+    }
+    for (i = 0; i < $outputs; i++) y[i] = state->y[i];
+    return failed;
+}
+"""
+
+
+def plant_source(plant: Plant, *, name: str = "plant") -> SampledSource:
+    """The C source of a plant, with its present parameter values as numbers in it.
+
+    Parameters
+    ----------
+    plant : Plant
+        Of any rig and effects.
+    name : str
+        Prefix of all names in the source.
+
+    Returns
+    -------
+    SampledSource
+        ``u`` is the command, then further measured channels; ``y`` is the noise-free reading at the end of the sample,
+        then the watched signals, all SI but the command.
+
+    Raises
+    ------
+    ModelError
+        If the name is no C identifier, or the plant has no state of rest.
+    """
+    require_identifier(name)
+    rest = rest_of(plant)
+    inputs, outputs = plant_signals(plant, rest)
+    description = f"{plant.rig.kind} with {', '.join(plant.effect_names) or 'no effects'}, sample by sample"
+    head = comment([
+        f"{description}.",
+        f"One call is one sample of {plant.rig.sample_time:g} s, over which the inputs are held.",
+        *(f"u[{k}]: {signal}" for k, signal in enumerate(inputs)),
+        *(f"y[{k}]: {signal}, at the end of the sample" for k, signal in enumerate(outputs)),
+    ])  # fmt: skip
+    text = head + _casadi_code(plant, name) + _shim(plant, rest, name, inputs, outputs)
+    return SampledSource(
+        name=name, text=text, sample_time=plant.rig.sample_time, inputs=inputs, outputs=outputs,
+        description=description, has_clock=True,
+    )  # fmt: skip
+
+
+def rest_of(plant: Plant) -> RestState:
+    """The state of rest in which an export starts.
+
+    Parameters
+    ----------
+    plant : Plant
+        Any.
+
+    Returns
+    -------
+    RestState
+
+    Raises
+    ------
+    ModelError
+        If there is none.
+    """
+    rest = rest_state(plant.equations, plant.rig.start.rest_command, plant.free_values)
+    if not rest.found:
+        raise ModelError(f"the plant cannot be exported: {RunStatus.NO_REST.value}")
+    return rest
+
+
+def plant_signals(plant: Plant, rest: RestState) -> tuple[tuple[Signal, ...], tuple[Signal, ...]]:
+    """Inputs and outputs of a plant with their values at rest.
+
+    Parameters
+    ----------
+    plant : Plant
+        Any.
+    rest : RestState
+        Where it starts.
+
+    Returns
+    -------
+    inputs : tuple of Signal
+        The command, then the measured channels.
+    outputs : tuple of Signal
+        The reading, then the watched signals, as ``signal.name``.
+    """
+    rig, equations = plant.rig, plant.equations
+    inputs = [Signal(name=rig.input_name, unit=rig.input_unit, start=rig.start.rest_command)]
+    inputs += [Signal(name=c, start=v) for c, v in equations.channels.items() if c != SAMPLE_START]
+    held = equations.held_inputs(rig.start.rest_command)
+    point = (rest.x, rest.z, rest.d, held, 0.0, plant.free_values, equations.constants)
+    seen = np.asarray(ca.densify(equations.watched(*point))).ravel()
+    outputs = [Signal(name=rig.output_name, unit=rig.output_unit, start=float(equations.output(*point)))]
+    outputs += [Signal(name=f"signal.{s}", start=float(v)) for s, v in zip(equations.signals, seen, strict=True)]
+    return tuple(inputs), tuple(outputs)
+
+
+def _casadi_code(plant: Plant, name: str) -> str:
+    """CasADi's C code of one step, as the function ``name_sample``."""
+    plain = step_functions(plant.equations).plain
+    arguments = plain.mx_in()
+    generator = ca.CodeGenerator(f"{name}.c")
+    generator.add(ca.Function(f"{name}_sample", arguments, plain.call(arguments)))
+    code: str = generator.dump()
+    return code
+
+
+def _shim(
+    plant: Plant, rest: RestState, name: str, inputs: tuple[Signal, ...], outputs: tuple[Signal, ...]
+) -> str:
+    equations = plant.equations
+    step = step_functions(equations).plain
+    channels, k = [], 1
+    for position, channel in enumerate(equations.channels, start=1 + equations.history):
+        clock = f"state->start + (double)state->count * {name.upper()}_SAMPLE_TIME"
+        channels.append(f"    inputs[{position}] = {clock if channel == SAMPLE_START else f'u[{k}]'};")
+        k += channel != SAMPLE_START
+    numbers = {
+        "x": rest.x, "z": rest.z, "d": rest.d, "p": plant.free_values, "c": equations.constants,
+        "y": [signal.start for signal in outputs],
+    }  # fmt: skip
+    fields = {
+        "n": name, "N": name.upper(), "inputs": len(inputs), "outputs": len(outputs), "x": max(rest.x.size, 1),
+        "z": max(rest.z.size, 1), "past": max(equations.history, 1), "history": equations.history,
+        "n_u": equations.held_inputs(0.0).size, "sample_time": float(plant.rig.sample_time),
+        "rest_command": float(plant.rig.start.rest_command), "settled": SETTLED,
+        "states": ", ".join(equations.states) or "none", "coordinates": ", ".join(equations.coordinates) or "none",
+        "tries": 1 + len(SHORTER_STEPS), "numbers": ", ".join(map(str, (1, *SHORTER_STEPS))),
+        "sz_arg": step.sz_arg() + 16, "sz_res": step.sz_res() + 16, "sz_iw": max(step.sz_iw(), 1),
+        "sz_w": max(step.sz_w(), 1) + 64, "channels": "\n".join(channels),
+    }  # fmt: skip
+    tables = "\n".join(table(f"double {name}_{key}", values) for key, values in numbers.items())
+    return f"{filled(_STATE, **fields)}\n{tables}\n{filled(_BODY, **fields)}"

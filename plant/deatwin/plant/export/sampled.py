@@ -1,0 +1,202 @@
+"""C source of a system that moves once a sample: what models, plants and controllers have in common as code.
+
+Each source is one file of C99 that needs no other. With the prefix ``narx``, say, it holds
+
+.. code-block:: c
+
+    #define NARX_INPUTS 1
+    #define NARX_OUTPUTS 1
+    #define NARX_SAMPLE_TIME 0.02
+    typedef double narx_real;                     // -DNARX_REAL=float for another one, where the source allows it
+    typedef struct { ... } narx_state;
+    void narx_init(narx_state *state);            // at rest
+    int narx_step(narx_state *state, const narx_real *u, narx_real *y);   // one sample; 0: done
+
+It allocates nothing, keeps nothing outside of the state, and prints nothing, so that several instances run beside each
+other, also in interrupts.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import isfinite
+from string import Template
+from textwrap import wrap
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from deatwin.plant.errors import ModelError
+
+__all__ = ["SampledSource", "Signal", "comment", "filled", "number", "require_identifier", "table"]
+
+_IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,40}")
+_WIDTH = 116
+
+
+@dataclass(frozen=True, kw_only=True)
+class Signal:
+    """An input or output of a system.
+
+    Parameters
+    ----------
+    name : str
+        As the system calls it.
+    unit : str
+        Its unit, empty where none is known.
+    start : float
+        Value at rest, in that unit.
+    """
+
+    name: str
+    unit: str = ""
+    start: float = 0.0
+
+    def __str__(self) -> str:
+        return f"{self.name} ({self.unit})" if self.unit else self.name
+
+
+@dataclass(frozen=True, kw_only=True)
+class SampledSource:
+    """A sampled system as C source.
+
+    Parameters
+    ----------
+    name : str
+        Prefix of everything in it, a C identifier.
+    text : str
+        The file.
+    sample_time : float
+        s.
+    inputs, outputs : tuple of Signal
+        In the order of ``u`` and ``y``.
+    description : str
+        What it is, in one line.
+    has_clock : bool
+        Whether the state has a member ``start``, the clock time of the first sample in s.
+    """
+
+    name: str
+    text: str
+    sample_time: float
+    inputs: tuple[Signal, ...]
+    outputs: tuple[Signal, ...]
+    description: str
+    has_clock: bool = False
+
+
+def require_identifier(name: str) -> str:
+    """The name, if it can stand before the names of C functions.
+
+    Parameters
+    ----------
+    name : str
+        For example ``"narx"``.
+
+    Returns
+    -------
+    str
+
+    Raises
+    ------
+    ModelError
+        If it cannot.
+    """
+    if _IDENTIFIER.fullmatch(name) is None:
+        raise ModelError(
+            f"{name!r} cannot stand before the names of C functions: take a letter, then at most 40 letters, digits "
+            "and underscores"
+        )
+    return name
+
+
+def number(value: float) -> str:
+    """A number in C, which reads back as the same one.
+
+    Parameters
+    ----------
+    value : float
+        Finite.
+
+    Returns
+    -------
+    str
+
+    Raises
+    ------
+    ModelError
+        If it is not finite.
+    """
+    if not isfinite(value):
+        raise ModelError(f"a number of the model is {value}; only finite ones can be written as C")
+    return repr(float(value))
+
+
+def table(declaration: str, values: ArrayLike) -> str:
+    """A constant array in C; one without entries gets one, since C has none without.
+
+    Parameters
+    ----------
+    declaration : str
+        Type and name, for example ``"narx_real theta"``.
+    values : array_like
+        One or two-dimensional.
+
+    Returns
+    -------
+    str
+        A line, or several.
+
+    Examples
+    --------
+    >>> print(table("double a", [[1.0, 0.5]]))
+    static const double a[1][2] = {{1.0, 0.5}};
+    """
+    array = np.asarray(values, dtype=np.float64)
+    if array.size == 0:
+        array = np.zeros(tuple(max(n, 1) for n in array.shape))
+    sizes = "".join(f"[{n}]" for n in array.shape)
+    head = f"static const {declaration}{sizes} = "
+    whole = f"{head}{_braces(array)};"
+    return whole if len(whole) <= _WIDTH else "\n    ".join(wrap(whole, _WIDTH - 4, break_long_words=False))
+
+
+def _braces(array: np.ndarray) -> str:
+    inner = map(number, array.tolist()) if array.ndim == 1 else map(_braces, array)
+    return "{" + ", ".join(inner) + "}"
+
+
+def comment(lines: Sequence[str]) -> str:
+    """Lines as a comment of C.
+
+    Parameters
+    ----------
+    lines : sequence of str
+        Of any length and content.
+
+    Returns
+    -------
+    str
+    """
+    safe = [part for line in lines for part in (wrap(line.replace("*/", "* /"), _WIDTH - 3) or [""])]
+    return "/* " + "\n * ".join(safe) + "\n */\n"
+
+
+def filled(template: str, **fields: object) -> str:
+    """A template of C with ``$name`` and ``$NAME`` replaced.
+
+    Parameters
+    ----------
+    template : str
+        With ``$field`` for each field, of `string.Template`.
+    **fields
+        Numbers are written so that they read back as the same ones.
+
+    Returns
+    -------
+    str
+    """
+    texts = {key: number(value) if isinstance(value, float) else str(value) for key, value in fields.items()}
+    return Template(template).substitute(texts)
