@@ -6,12 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.control.checking.specification import Specification, Verdict
-from deatwin.control.checking.verdict import Finding
+from deatwin.control.checking.verdict import Finding, worst
 from deatwin.control.controllers.base import Controller
 from deatwin.control.linear.model import LinearModel
 from deatwin.control.loop.sine_response import sine_response
 from deatwin.control.stability.describing import Quantiser, Saturation
 from deatwin.control.stability.limit_cycles import LimitCycle, limit_cycles
+from deatwin.control.stability.margins import margins
 from deatwin.control.stability.polynomials import in_series
 from deatwin.plant.model import Plant
 
@@ -22,6 +23,7 @@ Array = NDArray[np.float64]
 SIZES = (0.02, 0.06, 0.2, 0.6, 0.95)
 """Amplitudes of the command at which the plant is measured, as shares of the room to its limits."""
 FREQUENCIES = 10
+_LOWEST = 0.3  # of the crossover, above which a loop turns its phase by half a circle
 _FINE = 60  # points of each axis on which cycles are looked for
 _LARGEST = 30.0  # times the limit: how far beyond it a saturated command is looked at
 
@@ -51,31 +53,42 @@ def judge_cycles(
     Returns
     -------
     Finding
-        Of the largest cycle at the output, sustained or at the edge of what it starts from.
+        Of the cycle that is worst: a sustained one should be small at the output, an unstable one large, since it
+        is the edge beyond which the loop does not come back.
     """
-    omega = np.geomspace(0.1 / controller.closed_loop_time, 0.9 * np.pi / controller.sample_time, FREQUENCIES)
+    highest = 0.9 * np.pi / controller.sample_time
+    omega = np.geomspace(min(_LOWEST * _crossover(controller, linear), 0.5 * highest), highest, FREQUENCIES)
     found = [
-        *_of_plant(plant, controller, omega),
-        *_of_limits(controller, linear, omega),
-        *_of_codes(plant, controller, linear, omega),
+        *_that_matter(_of_plant(plant, controller, omega)),
+        *_that_matter(_of_limits(controller, linear, omega)),
+        *_that_matter(_of_codes(plant, controller, linear, omega)),
     ]
     if not found:
         text = "describing functions of plant, limits and codes predict no limit cycle"
         return Finding(subject="limit cycle", value=0.0, verdict=Verdict.PASS, text=text)
-    what, cycle, amplitude = max(found, key=lambda entry: entry[2])
-    share = amplitude / abs(step)
-    kind = "a" if cycle.stable else "an unstable"
-    verdict = specification.limit_cycle.judge(share)
-    wanted = "" if verdict is Verdict.PASS else f" ({specification.limit_cycle.wanted} of a step is wanted)"
-    text = (
-        f"describing functions predict {kind} limit cycle at {cycle.frequency_Hz:.2g} Hz of {100 * share:.0f} % of a "
-        f"step, by {what}{wanted}"
-    )
-    return Finding(subject="limit cycle", value=share, verdict=verdict, text=text)
+    return worst([_judged(what, cycle, amplitude / abs(step), specification) for what, cycle, amplitude in found])
 
 
 _Found = tuple[str, LimitCycle, float]
 """What makes the cycle, the cycle, and its amplitude at the output, in its unit."""
+
+
+def _judged(what: str, cycle: LimitCycle, share: float, specification: Specification) -> Finding:
+    limit = specification.limit_cycle if cycle.stable else specification.safe_region
+    verdict = limit.judge(share)
+    wanted = "" if verdict is Verdict.PASS else f" ({limit.wanted} of a step is wanted)"
+    kind = "a limit cycle" if cycle.stable else "an unstable limit cycle, beyond which the loop does not come back,"
+    text = (
+        f"describing functions predict {kind} at {cycle.frequency_Hz:.2g} Hz with {100 * share:.3g} % of a step, by "
+        f"{what}{wanted}"
+    )
+    return Finding(subject="limit cycle", value=share, verdict=verdict, text=text)
+
+
+def _that_matter(found: list[_Found]) -> list[_Found]:
+    """All that are sustained, and the unstable ones beyond which no sustained one catches the loop."""
+    caught = max((amplitude for _, cycle, amplitude in found if cycle.stable), default=0.0)
+    return [entry for entry in found if entry[1].stable or entry[2] > caught]
 
 
 def _of_plant(plant: Plant, controller: Controller, omega: Array) -> list[_Found]:
@@ -107,6 +120,12 @@ def _of_codes(plant: Plant, controller: Controller, linear: LinearModel, omega: 
     sizes = np.geomspace(0.51 * step, 20.0 * step, _FINE)
     cycles = limit_cycles(top, bottom, controller.sample_time, Quantiser(step=step), sizes, _between(omega))
     return [("the codes of the sensor's converter", c, c.amplitude) for c in cycles]
+
+
+def _crossover(controller: Controller, linear: LinearModel) -> float:
+    """Of the linear loop, rad/s; what was asked for where its gain is never one."""
+    found = float(margins(*_loop(controller, linear), controller.sample_time).crossover[0])
+    return found or 1.0 / controller.closed_loop_time
 
 
 def _loop(controller: Controller, linear: LinearModel) -> tuple[Array, Array]:

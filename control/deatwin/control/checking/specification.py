@@ -114,7 +114,9 @@ class Specification:
     inside : Limit
         Share of a run inside the simultaneous band that the model predicted.
     limit_cycle : Limit
-        Amplitude of a predicted limit cycle, as a share of the smallest step.
+        Amplitude of a predicted limit cycle that the loop sustains, as a share of a step.
+    safe_region : Limit
+        Amplitude of a predicted limit cycle that is unstable, as a share of a step: steps have to stay inside.
     """
 
     gain: Limit = Limit(good=2.0, poor=1.5)
@@ -130,3 +132,4 @@ class Specification:
     diverged: Limit = Limit(good=0.025, poor=0.1, unit="%")
     inside: Limit = Limit(good=0.99, poor=0.0, unit="%")
     limit_cycle: Limit = Limit(good=0.05, poor=0.3, unit="%")
+    safe_region: Limit = Limit(good=2.0, poor=1.0, unit="%")

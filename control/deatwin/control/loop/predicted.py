@@ -99,10 +99,13 @@ class PredictedLoop:
     def inside(self, run: ClosedLoop) -> float:
         """Share of the samples of a run that lie inside the band; 1.0 if all of it does.
 
+        Where the reference is one of steps, it counts from the first step on: the loop is closed at the level before,
+        from whatever state the actuator's start has left, which no prediction from rest knows.
+
         Parameters
         ----------
         run : ClosedLoop
-            With the same reference.
+            With the same reference; samples that it did not live to see lie outside.
 
         Returns
         -------
@@ -110,7 +113,8 @@ class PredictedLoop:
         """
         n = run.output.size
         within = np.abs(run.output - self.middle[:n]) <= self.half_width[:n]
-        return float(within.sum() / self.timepts.size)
+        first = self.runs[0].levels[0].first if self.runs[0].levels else 0
+        return float(within[first:].sum() / (self.timepts.size - first))
 
     @property
     def runs(self) -> tuple[ClosedLoop, ...]:

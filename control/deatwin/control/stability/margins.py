@@ -112,10 +112,12 @@ def margins(numerators: ArrayLike, denominators: ArrayLike, sample_time: float) 
         size = np.abs(at[real_axis])
         np.minimum.at(gain, real.loops[real_axis], np.maximum(size, 1.0 / size))
 
-    at, _, _ = _values(top, bottom, found.gain)
-    np.minimum.at(phase, found.gain.loops, np.degrees(np.abs(np.angle(-at))))
-    np.minimum.at(delay, found.gain.loops, np.mod(np.angle(-at), 2 * np.pi) / found.gain.angle * sample_time)
-    np.maximum.at(crossover, found.gain.loops, found.gain.angle / sample_time)
+    at, above, below = _values(top, bottom, found.gain)
+    sound = (below > 0.0) & (above > 0.0)  # a loop of no gain over a pole on the unit circle is no crossing
+    loops, angle, turned = found.gain.loops[sound], found.gain.angle[sound], np.angle(-at[sound])
+    np.minimum.at(phase, loops, np.degrees(np.abs(turned)))
+    np.minimum.at(delay, loops, np.mod(turned, 2 * np.pi) / angle * sample_time)
+    np.maximum.at(crossover, loops, angle / sample_time)
     disk, modulus = 2.0 * found.disk.distance, found.modulus.distance
     for margin in (gain, phase, delay, disk, modulus):
         margin[~stable] = 0.0

@@ -21,6 +21,8 @@ from deatwin.plant.simulate import RunStatus
 
 __all__ = ["plant_signals", "plant_source", "rest_of"]
 
+Signals = tuple[Signal, ...]
+
 _STATE = """
 #define ${N}_INPUTS $inputs
 #define ${N}_OUTPUTS $outputs
@@ -132,7 +134,8 @@ def plant_source(plant: Plant, *, name: str = "plant") -> SampledSource:
         *(f"u[{k}]: {signal}" for k, signal in enumerate(inputs)),
         *(f"y[{k}]: {signal}, at the end of the sample" for k, signal in enumerate(outputs)),
     ])  # fmt: skip
-    text = head + _casadi_code(plant, name) + _shim(plant, rest, name, inputs, outputs)
+    step = _sample_function(plant, name)
+    text = head + _casadi_code(step) + _shim(plant, rest, step, name, inputs, outputs)
     return SampledSource(
         name=name, text=text, sample_time=plant.rig.sample_time, inputs=inputs, outputs=outputs,
         description=description, has_clock=True,
@@ -162,7 +165,7 @@ def rest_of(plant: Plant) -> RestState:
     return rest
 
 
-def plant_signals(plant: Plant, rest: RestState) -> tuple[tuple[Signal, ...], tuple[Signal, ...]]:
+def plant_signals(plant: Plant, rest: RestState) -> tuple[Signals, Signals]:
     """Inputs and outputs of a plant with their values at rest.
 
     Parameters
@@ -190,27 +193,31 @@ def plant_signals(plant: Plant, rest: RestState) -> tuple[tuple[Signal, ...], tu
     return tuple(inputs), tuple(outputs)
 
 
-def _casadi_code(plant: Plant, name: str) -> str:
-    """CasADi's C code of one step, as the function ``name_sample``."""
+def _sample_function(plant: Plant, name: str) -> ca.Function:
+    """One step under the name that it has in C."""
     plain = step_functions(plant.equations).plain
     arguments = plain.mx_in()
-    generator = ca.CodeGenerator(f"{name}.c")
-    generator.add(ca.Function(f"{name}_sample", arguments, plain.call(arguments)))
+    return ca.Function(f"{name}_sample", arguments, plain.call(arguments))
+
+
+def _casadi_code(step: ca.Function) -> str:
+    generator = ca.CodeGenerator("plant.c")
+    generator.add(step)
     code: str = generator.dump()
     return code
 
 
 def _shim(
-    plant: Plant, rest: RestState, name: str, inputs: tuple[Signal, ...], outputs: tuple[Signal, ...]
+    plant: Plant, rest: RestState, step: ca.Function, name: str, inputs: Signals, outputs: Signals
 ) -> str:
+    """What calls the step: state, start and clock."""
     equations = plant.equations
-    step = step_functions(equations).plain
     channels, k = [], 1
     for position, channel in enumerate(equations.channels, start=1 + equations.history):
         clock = f"state->start + (double)state->count * {name.upper()}_SAMPLE_TIME"
         channels.append(f"    inputs[{position}] = {clock if channel == SAMPLE_START else f'u[{k}]'};")
         k += channel != SAMPLE_START
-    numbers = {
+    values = {
         "x": rest.x, "z": rest.z, "d": rest.d, "p": plant.free_values, "c": equations.constants,
         "y": [signal.start for signal in outputs],
     }  # fmt: skip
@@ -221,8 +228,8 @@ def _shim(
         "rest_command": float(plant.rig.start.rest_command), "settled": SETTLED,
         "states": ", ".join(equations.states) or "none", "coordinates": ", ".join(equations.coordinates) or "none",
         "tries": 1 + len(SHORTER_STEPS), "numbers": ", ".join(map(str, (1, *SHORTER_STEPS))),
-        "sz_arg": step.sz_arg() + 16, "sz_res": step.sz_res() + 16, "sz_iw": max(step.sz_iw(), 1),
-        "sz_w": max(step.sz_w(), 1) + 64, "channels": "\n".join(channels),
+        "sz_arg": step.sz_arg(), "sz_res": step.sz_res(), "sz_iw": max(step.sz_iw(), 1),
+        "sz_w": max(step.sz_w(), 1), "channels": "\n".join(channels),
     }  # fmt: skip
-    tables = "\n".join(table(f"double {name}_{key}", values) for key, values in numbers.items())
+    tables = "\n".join(table(f"double {name}_{key}", value) for key, value in values.items())
     return f"{filled(_STATE, **fields)}\n{tables}\n{filled(_BODY, **fields)}"

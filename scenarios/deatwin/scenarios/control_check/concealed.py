@@ -36,7 +36,7 @@ EFFECTS: Mapping[str, Callable[[], Effect]] = {
 OPERATING = 2.6
 LIMITS = (1.2, 3.7)
 CLOSED_LOOP_TIME = 0.3
-SECONDS, BAND = 60.0, 5.0
+SECONDS, BAND = 120.0, 5.0
 """Length of the recording in s, and the upper end of its noise in Hz."""
 
 

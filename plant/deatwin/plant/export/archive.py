@@ -1,0 +1,116 @@
+"""FMUs as archives: sources compiled for this computer, and everything zipped at its place."""
+
+from __future__ import annotations
+
+import os
+import platform
+import subprocess
+import zipfile
+from collections.abc import Mapping
+from importlib.util import find_spec
+from pathlib import Path
+from tempfile import NamedTemporaryFile, TemporaryDirectory
+
+from deatwin.plant.errors import DataError, ModelError
+from deatwin.plant.integrator.compiled import compiler
+
+__all__ = ["compiled", "headers", "write_fmu"]
+
+_ENDINGS = {"Linux": "so", "Darwin": "dylib"}
+_PROCESSORS = {"x86_64": "x86_64", "AMD64": "x86_64", "arm64": "aarch64", "aarch64": "aarch64"}
+_FLAGS = ("-std=c99", "-O1", "-fPIC", "-shared", "-fvisibility=hidden")
+_SAID = 300
+"""Characters of a compiler's first complaint that an error repeats."""
+
+
+def headers() -> Path:
+    """Folder of the FMI headers, which fmpy brings.
+
+    Returns
+    -------
+    Path
+
+    Raises
+    ------
+    ModelError
+        If fmpy is not installed.
+    """
+    found = find_spec("fmpy")
+    if found is None or found.origin is None:
+        raise ModelError('an FMU needs the FMI 3.0 headers: install them with pip install "deatwin[fmu]"')
+    return Path(found.origin).parent / "c-code"
+
+
+def compiled(contents: Mapping[str, bytes], name: str) -> dict[str, bytes]:
+    """The files of an FMU with a binary for this computer.
+
+    Parameters
+    ----------
+    contents : mapping of str to bytes
+        Files by their place in the archive; those in ``sources/`` that end in ``.c`` are compiled.
+    name : str
+        Model identifier.
+
+    Returns
+    -------
+    dict of str to bytes
+
+    Raises
+    ------
+    ModelError
+        If there is no C compiler, it fails, or the headers are missing.
+    """
+    include, program, system = headers(), compiler(), platform.system()
+    if program is None or system not in _ENDINGS:
+        raise ModelError("an FMU needs a C compiler, and none was found (deatwin doctor): install gcc or clang")
+    machine = _PROCESSORS.get(platform.machine(), platform.machine())
+    target = f"binaries/{machine}-{system.lower()}/{name}.{_ENDINGS[system]}"
+    with TemporaryDirectory() as folder:
+        sources = []
+        for place, content in contents.items():
+            if place.startswith("sources/") and place.endswith((".c", ".h")):
+                (Path(folder) / Path(place).name).write_bytes(content)
+                sources += [Path(place).name] if place.endswith(".c") else []
+        command = [program, *_FLAGS, f"-I{include}", "-I.", *sources, "-o", "built", "-lm"]
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+        if done.returncode:
+            raise ModelError(f"{program} could not compile the FMU: {done.stderr.strip()[:_SAID]}")
+        return {**contents, target: (Path(folder) / "built").read_bytes()}
+
+
+def write_fmu(path: str | Path, contents: Mapping[str, bytes]) -> Path:
+    """Zip the files of an FMU beside its target, then rename it.
+
+    Parameters
+    ----------
+    path : path
+        File to write; replaced as a whole.
+    contents : mapping of str to bytes
+        Files by their place in the archive.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    DataError
+        If it cannot be written.
+    """
+    target = Path(path)
+    try:
+        with NamedTemporaryFile(dir=target.parent, prefix=f".{target.name}.", delete=False) as beside:
+            try:
+                with zipfile.ZipFile(beside, "w", zipfile.ZIP_DEFLATED) as archive:
+                    for place, content in sorted(contents.items()):
+                        archive.writestr(place, content)
+                beside.close()
+                os.chmod(beside.name, 0o644)
+                os.replace(beside.name, target)
+            except BaseException:
+                Path(beside.name).unlink(missing_ok=True)
+                raise
+    except OSError as error:
+        raise DataError(f"{path}: cannot be written: {error.strerror or error}") from None
+    return target

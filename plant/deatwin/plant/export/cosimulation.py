@@ -1,0 +1,84 @@
+"""A sampled system as an FMU for co-simulation (FMI 3.0): its C source behind the interface of the standard.
+
+CasADi's exporter writes FMUs for model exchange alone, and no clocks or time events; so what moves once a sample, such
+as a NARX model or a plant with a dead time, goes into an FMU that steps by itself.
+
+References
+----------
+Functional Mock-up Interface Specification, version 3.0, Modelica Association (2022), chapter 4.
+"""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from pathlib import Path
+from xml.etree import ElementTree
+
+from deatwin.plant.export.archive import compiled, write_fmu
+from deatwin.plant.export.description import sampled_description
+from deatwin.plant.export.sampled import SampledSource, table
+
+__all__ = ["export_cosimulation"]
+
+_NAMES = """
+#define MODEL_TOKEN "{token}"
+#define MODEL_INPUTS {upper}_INPUTS
+#define MODEL_OUTPUTS {upper}_OUTPUTS
+#define MODEL_SAMPLE_TIME ((double){upper}_SAMPLE_TIME)
+{clock}
+typedef {name}_real model_real;
+typedef {name}_state model_state;
+#define model_init {name}_init
+#define model_step {name}_step
+{start}
+"""
+_BUILD = """<?xml version="1.0" encoding="UTF-8"?>
+<fmiBuildDescription fmiVersion="3.0">
+    <BuildConfiguration modelIdentifier="{name}">
+        <SourceFileSet language="C99">
+            <SourceFile name="{name}.c"/>
+        </SourceFileSet>
+    </BuildConfiguration>
+</fmiBuildDescription>
+"""
+
+
+def export_cosimulation(source: SampledSource, path: str | Path) -> Path:
+    """Write a sampled system as an FMU for co-simulation, with its source and a binary for this computer.
+
+    One sample is one step, over which the inputs are held; the outputs are those after the sample. A longer step of
+    communication takes several samples; one that ends between two samples is an error of the importing tool.
+
+    Parameters
+    ----------
+    source : SampledSource
+        The system; its name is the model identifier.
+    path : path
+        File to write, ``.fmu``; replaced as a whole.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    ModelError
+        If the FMI headers or a C compiler are missing.
+    DataError
+        If the file cannot be written.
+    """
+    description = sampled_description(source)
+    token = ElementTree.fromstring(description).get("instantiationToken", "")
+    start = [0.0, *(signal.start for signal in (*source.inputs, *source.outputs))]
+    names = _NAMES.format(
+        token=token, name=source.name, upper=source.name.upper(), start=table("double model_start", start),
+        clock="#define MODEL_CLOCK" if source.has_clock else "",
+    )  # fmt: skip
+    interface = files(__package__).joinpath("cosimulation.c").read_text(encoding="utf-8")
+    contents = {
+        "modelDescription.xml": description,
+        "sources/buildDescription.xml": _BUILD.format(name=source.name).encode(),
+        f"sources/{source.name}.c": (source.text + names + interface).encode(),
+    }
+    return write_fmu(path, compiled(contents, source.name))

@@ -1,0 +1,133 @@
+"""Model descriptions of FMUs: what CasADi writes, made whole, and those of sampled systems."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from hashlib import sha256
+from importlib.metadata import version
+
+from deatwin.plant.export.sampled import SampledSource, Signal, number
+
+__all__ = ["Description", "sampled_description"]
+
+_BASE_UNITS = {
+    "m": {"m": 1}, "s": {"s": 1}, "N": {"kg": 1, "m": 1, "s": -2}, "V": {"kg": 1, "m": 2, "s": -3, "A": -1},
+    "A": {"A": 1}, "K": {"K": 1}, "Pa": {"kg": 1, "m": -1, "s": -2}, "1": {},
+}  # fmt: skip
+"""Exponents of SI's base units; another unit is named only."""
+_TOLERANCE = 1e-8
+"""Relative, that importing tools are advised to take."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Description:
+    """The model description that CasADi writes, and what it lacks.
+
+    Parameters
+    ----------
+    name : str
+        Model identifier.
+    plain : bytes
+        As CasADi wrote it.
+    inputs, outputs : tuple of Signal
+        With their units.
+    sample_time : float
+        Advised step, s.
+    text : str
+        What the model is, in one line.
+    """
+
+    name: str
+    plain: bytes
+    inputs: tuple[Signal, ...]
+    outputs: tuple[Signal, ...]
+    sample_time: float
+    text: str
+
+    def tidied(self) -> bytes:
+        """With units, default experiment and texts, and without variables of CasADi's own, which are never computed.
+
+        Returns
+        -------
+        bytes
+        """
+        root = ET.fromstring(self.plain)
+        variables = root.find("ModelVariables")
+        units = {s.name: s.unit for s in (*self.inputs, *self.outputs) if s.unit}
+        if variables is not None:
+            for variable in list(variables):
+                label = variable.get("name", "")
+                if label.startswith("__"):
+                    variables.remove(variable)
+                elif label in units:
+                    variable.set("unit", units[label])
+        root.set("description", self.text)
+        root.set("generationTool", f"deatwin {version('deatwin')} ({root.get('generationTool', '')})")
+        _insert(root, 1, _units(units.values()), _experiment(self.sample_time))
+        return _written(root)
+
+
+def sampled_description(source: SampledSource) -> bytes:
+    """The model description of a sampled system for co-simulation.
+
+    Parameters
+    ----------
+    source : SampledSource
+        Value references are 0 for time, then inputs, then outputs.
+
+    Returns
+    -------
+    bytes
+    """
+    step = number(source.sample_time)
+    root = ET.Element("fmiModelDescription", {
+        "fmiVersion": "3.0", "modelName": source.name, "description": source.description,
+        "instantiationToken": sha256(source.text.encode()).hexdigest()[:32], "variableNamingConvention": "flat",
+        "generationTool": f"deatwin {version('deatwin')}",
+        "generationDateAndTime": datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
+    })  # fmt: skip
+    ET.SubElement(root, "CoSimulation", {
+        "modelIdentifier": source.name, "canHandleVariableCommunicationStepSize": "true", "fixedInternalStepSize": step,
+    })  # fmt: skip
+    units = [s.unit for s in (*source.inputs, *source.outputs) if s.unit]
+    _insert(root, 1, _units(units), _experiment(source.sample_time))
+    variables, structure = ET.SubElement(root, "ModelVariables"), ET.SubElement(root, "ModelStructure")
+    ET.SubElement(variables, "Float64", {"name": "time", "valueReference": "0", "causality": "independent"})
+    for reference, signal in enumerate((*source.inputs, *source.outputs), start=1):
+        given = reference <= len(source.inputs)
+        kind = {"causality": "input", "start": number(signal.start)} if given else {"causality": "output"}
+        unit = {"unit": signal.unit} if signal.unit else {}
+        ET.SubElement(variables, "Float64", {
+            "name": signal.name, "valueReference": str(reference), "variability": "discrete", **kind, **unit,
+        })  # fmt: skip
+        if not given:
+            ET.SubElement(structure, "Output", {"valueReference": str(reference), "dependencies": ""})
+    return _written(root)
+
+
+def _units(names: object) -> ET.Element | None:
+    found = ET.Element("UnitDefinitions")
+    for name in dict.fromkeys(names):  # type: ignore[call-overload]
+        unit = ET.SubElement(found, "Unit", {"name": name})
+        if name in _BASE_UNITS:
+            ET.SubElement(unit, "BaseUnit", {base: str(power) for base, power in _BASE_UNITS[name].items()})
+    return found if len(found) else None
+
+
+def _experiment(sample_time: float) -> ET.Element:
+    return ET.Element("DefaultExperiment", {
+        "startTime": "0.0", "tolerance": number(_TOLERANCE), "stepSize": number(sample_time)
+    })  # fmt: skip
+
+
+def _insert(root: ET.Element, position: int, *elements: ET.Element | None) -> None:
+    """In the order that the schema asks for: behind the interface type."""
+    for element in reversed([e for e in elements if e is not None]):
+        root.insert(position, element)
+
+
+def _written(root: ET.Element) -> bytes:
+    ET.indent(root)
+    return bytes(ET.tostring(root, encoding="UTF-8", xml_declaration=True)) + b"\n"

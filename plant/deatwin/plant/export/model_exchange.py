@@ -1,0 +1,180 @@
+"""A plant as an FMU for model exchange (FMI 3.0), by CasADi's own exporter.
+
+The importing tool integrates the states. What an FMU for model exchange does not have is solved or refused here:
+
+- algebraic coordinates, and states whose time constant is zero, are solved inside by Newton's method, from their
+  values at rest, at each evaluation (index 1, so that there is nothing to integrate);
+- parameters are numbers in the code, since the state of rest in which the FMU starts belongs to them;
+- states are in units of their typical sizes, because CasADi's exporter states a nominal value of 1 for all;
+- an effect that needs the commands of earlier samples, such as `delay`, is refused: the exporter knows no clock.
+
+References
+----------
+Functional Mock-up Interface Specification, version 3.0, Modelica Association (2022). J. Andersson et al., "CasADi: a
+software framework for nonlinear optimization and optimal control", Math. Prog. Comp. 11 (2019) 1-36:
+``DaeBuilder.export_fmu``.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from deatwin.plant.equations import SAMPLE_START
+from deatwin.plant.errors import ModelError
+from deatwin.plant.export.archive import compiled, write_fmu
+from deatwin.plant.export.description import Description
+from deatwin.plant.export.plant_step import plant_signals, rest_of
+from deatwin.plant.export.sampled import Signal, require_identifier
+from deatwin.plant.model import Plant
+from deatwin.plant.rest import RestState
+
+__all__ = ["export_model_exchange", "require_no_memory"]
+
+_TOLERANCE = 1e-12
+"""Of the algebraic equations, which are in units of the unknowns' typical sizes."""
+_UPDATES = 50
+_STALE = "  m->t = time;\n"
+_FRESH = _STALE + "  m->up_to_date = 0;\n"
+"""CasADi 3.8 forgets that what depends on time is old when time is set."""
+
+
+def export_model_exchange(plant: Plant, path: str | Path, *, name: str = "plant") -> Path:
+    """Write a plant as an FMU for model exchange, with its source and a binary for this computer.
+
+    Inputs are held by the importing tool: the command is a discrete input that changes at events. The reading and the
+    watched signals (``signal.film_voltage``) are outputs; the independent variable is the experiment's clock.
+
+    Parameters
+    ----------
+    plant : Plant
+        Without effects that need past commands.
+    path : path
+        File to write, ``.fmu``; replaced as a whole.
+    name : str
+        Model identifier, a C identifier.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    ModelError
+        If the plant has no state of rest, an effect cannot be exported so, or CasADi, the FMI headers or a C compiler
+        are missing.
+    """
+    require_identifier(name)
+    if not hasattr(ca.DaeBuilder, "export_fmu") or not hasattr(ca.DaeBuilder, "compile_fmu"):
+        raise ModelError(f"CasADi {ca.__version__} does not export FMI 3.0; install casadi>=3.8")
+    require_no_memory(plant)
+    rest = rest_of(plant)
+    inputs, outputs = plant_signals(plant, rest)
+    builder = _builder(plant, rest, name, inputs, outputs)
+    with TemporaryDirectory() as folder, contextlib.chdir(folder):  # CasADi writes into the working folder
+        files = builder.export_fmu({"no_warning": True, "with_serialization": False})
+        contents = {target.removeprefix("./"): Path(file).read_bytes() for file, target in files.items()}
+        wrapper = f"sources/{name}_wrap.c"
+        contents[wrapper] = _refreshed(contents[wrapper].decode()).encode()
+        described = Description(
+            name=name, plain=contents["modelDescription.xml"], inputs=inputs, outputs=outputs,
+            sample_time=plant.rig.sample_time, text=_text(plant),
+        )  # fmt: skip
+        contents["modelDescription.xml"] = described.tidied()
+    return write_fmu(path, compiled(contents, name))
+
+
+def require_no_memory(plant: Plant) -> None:
+    """Refuse a plant that needs the commands of earlier samples, or the time at which a sample begins.
+
+    Parameters
+    ----------
+    plant : Plant
+        Any.
+
+    Raises
+    ------
+    ModelError
+        With the names of the effects.
+    """
+    if not _has_memory(plant):
+        return
+    at_fault = [e.name for e in plant.effects if _has_memory(plant.without_effects().with_effects(e))] or ["the rig"]
+    raise ModelError(
+        f"{', '.join(at_fault)}: needs the commands of earlier samples, which an FMU for model exchange does not have; "
+        "export for co-simulation (fmu-cs) or as C, which go sample by sample"
+    )
+
+
+def _has_memory(plant: Plant) -> bool:
+    return bool(plant.equations.history) or SAMPLE_START in plant.equations.channels
+
+
+def _text(plant: Plant) -> str:
+    effects = ", ".join(plant.effect_names) or "no effects"
+    return f"{plant.rig.kind} with {effects}; states in units of their typical sizes; time is the experiment's clock"
+
+
+def _refreshed(wrapper: str) -> str:
+    """The wrapper with what depends on time computed anew when time is set."""
+    if wrapper.count(_STALE) != 1:
+        raise ModelError(f"the FMU that CasADi {ca.__version__} writes is not of the form known here (3.8)")
+    return wrapper.replace(_STALE, _FRESH)
+
+
+def _builder(
+    plant: Plant, rest: RestState, name: str, inputs: tuple[Signal, ...], outputs: tuple[Signal, ...]
+) -> ca.DaeBuilder:
+    parts = _Parts(plant, rest)
+    builder = ca.DaeBuilder(name)
+    time = builder.add("time", "independent")
+    states: list[Any] = [
+        builder.add(f"state.{state}", "local", "continuous", {"start": value})
+        for state, value in zip(parts.names, parts.start.tolist(), strict=True)
+    ]
+    given = [builder.add(s.name, "input", "discrete", {"start": s.start}) for s in inputs]
+    rates, readings = parts.evaluated(ca.vertcat(*states) if states else ca.MX(0, 1), ca.vertcat(*given), time)
+    for state, rate in zip(states, ca.vertsplit(rates) if states else [], strict=True):
+        builder.eq(builder.der(state), rate)
+    for signal, value in zip(outputs, ca.vertsplit(readings), strict=True):
+        builder.eq(builder.add(signal.name, "output", "continuous", {}), value)
+    return builder
+
+
+class _Parts:
+    """The equations with states, in units of their sizes, apart from what is solved algebraically."""
+
+    def __init__(self, plant: Plant, rest: RestState) -> None:
+        equations, values = plant.equations, plant.free_values
+        n_x, scale = len(equations.states), equations.scale
+        mass = np.asarray(equations.mass(values, equations.constants)).ravel()
+        moving = np.flatnonzero(mass)
+        algebraic = np.setdiff1d(np.arange(scale.size), moving)
+        at_rest = np.concatenate([rest.x, rest.z]) / scale
+        self.names = [equations.states[k] for k in moving]
+        self.start, self._guess = at_rest[moving], at_rest[algebraic]
+        known = ca.SX.sym("x", moving.size), ca.SX.sym("u", equations.held_inputs(0.0).size), ca.SX.sym("t")
+        unknown = ca.SX.sym("z", algebraic.size)
+        w = ca.SX(scale.size, 1)
+        w[moving.tolist()], w[algebraic.tolist()] = known[0], unknown
+        w *= scale
+        point = (w[:n_x, :], w[n_x:, :], rest.d, *known[1:], values, equations.constants)
+        residual = equations.dynamics(*point)
+        rates = residual[moving.tolist()] / (mass * scale[:n_x])[moving]
+        readings = ca.vertcat(equations.output(*point), ca.densify(equations.watched(*point)))
+        self._values = ca.Function("values", [unknown, *known], [ca.densify(rates), readings])
+        problem = {"x": unknown, "p": ca.vertcat(*known), "g": ca.densify(residual[algebraic.tolist()])}
+        options = {"abstol": _TOLERANCE, "max_iter": _UPDATES}
+        self._solve = ca.rootfinder("algebraic", "fast_newton", problem, options) if algebraic.size else None
+
+    def evaluated(self, states: ca.MX, inputs: ca.MX, time: ca.MX) -> tuple[ca.MX, ca.MX]:
+        """Rates of the states, and reading with watched signals."""
+        solved = ca.MX(0, 1) if self._solve is None else self._solve(self._guess, ca.vertcat(states, inputs, time))
+        rates, readings = self._values(solved, states, inputs, time)
+        return rates, readings
