@@ -200,7 +200,7 @@ class _Subject:
             predicted = predicted if predicted.diverged < 1.0 else None
         runs = trial.runs("plant", self.plant.plant, part(progress, 0.2, 0.4))
         sine_predicted = self._sine_error(trial, part(progress, 0.4, 0.5))
-        findings += judge_runs(runs, sine_predicted, spec)
+        findings += judge_runs(runs, sine_predicted, spec.on_a_stand_in)
         if runs.steps.status.ok:
             findings += self._on_plant(trial, runs.steps, predicted, part(progress, 0.5, 0.7))
             findings.append(judge_film((self.plant.plant, *plants[: FILMS - 1]), runs.steps.command, self.controller))
@@ -209,7 +209,7 @@ class _Subject:
             table = self._plant_rows(name, (other.plant,))
             first, last = (0.7 + 0.3 * (number + i) / len(self.others) for i in (0, 1))
             steps = trial.runs(name, other.plant, part(progress, first, last))
-            findings += [*_judged(table, h, spec), *judge_runs(steps, sine_predicted, spec)]
+            findings += [*_judged(table, h, spec), *judge_runs(steps, sine_predicted, spec.on_a_stand_in)]
             seen[name], more = steps.steps, [*more, *table]
         if progress is not None:
             progress(1.0)

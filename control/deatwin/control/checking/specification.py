@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from math import isfinite
+from typing import Any
 
 from deatwin.control.errors import ControlError
 
@@ -117,6 +118,9 @@ class Specification:
         Amplitude of a predicted limit cycle that the loop sustains, as a share of a step.
     safe_region : Limit
         Amplitude of a predicted limit cycle that is unstable, as a share of a step: steps have to stay inside.
+    reserve : float
+        Share of overshoot, steady error, ripple and saturation that a check keeps in reserve, since the plant on
+        which it tries the controller is not the actuator (our choice).
     """
 
     gain: Limit = Limit(good=2.0, poor=1.5)
@@ -133,3 +137,16 @@ class Specification:
     inside: Limit = Limit(good=0.99, poor=0.0, unit="%")
     limit_cycle: Limit = Limit(good=0.05, poor=0.3, unit="%")
     safe_region: Limit = Limit(good=2.0, poor=1.0, unit="%")
+    reserve: float = 0.2
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.reserve < 1.0:
+            raise ControlError(f"reserve = {self.reserve}: it is a share, from 0 to below 1")
+
+    @property
+    def on_a_stand_in(self) -> Specification:
+        """What is asked of runs on a plant that stands for the actuator: each of their limits less the reserve."""
+        names = ("overshoot", "steady_error", "ripple", "saturated")
+        limits: dict[str, Any] = {name: getattr(self, name) for name in names}
+        kept = {n: replace(v, good=(1.0 - self.reserve) * v.good) for n, v in limits.items()}
+        return replace(self, **kept, reserve=0.0)

@@ -121,7 +121,7 @@ def _number(value: float | None, shown: Callable[[float], str]) -> str:
 def _limits(subject: str, kind: _Kind, view: View) -> tuple[str, str]:
     """What is good, and what is still tolerated."""
     if kind.limit:
-        limit: Limit = getattr(view.specification, kind.limit)
+        limit: Limit = getattr(view.specification.on_a_stand_in, kind.limit)
         sign = "≥" if limit.good > limit.poor else "≤"
         return f"{sign} {kind.shown(limit.good)}", f"{sign} {kind.shown(limit.poor)}"
     if subject == "excitation" and view.check.excited_band_Hz is not None:

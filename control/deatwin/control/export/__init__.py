@@ -1,0 +1,1 @@
+"""Controllers as C source for the micro-controller on the bench."""

@@ -1,0 +1,124 @@
+"""A controller as C source, with limits and anti-windup, for the micro-controller that drives the actuator.
+
+The code is that of `Controller.command`; besides, a reference or reading that is not finite leaves command and state
+as they were, and the caller is told.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from deatwin.control.controllers.base import Controller
+from deatwin.control.controllers.inverse import InverseController, StaticCurve
+from deatwin.control.controllers.linear import LinearController
+from deatwin.control.controllers.scheduled import ScheduledController
+from deatwin.control.errors import ControlError
+from deatwin.control.export import templates
+from deatwin.plant.export.sampled import SampledSource, Signal, comment, filled, require_identifier, table
+
+__all__ = ["controller_source"]
+
+_COMMON = ("operating_input", "operating_output", "command_min", "command_max", "sample_time")
+
+
+def controller_source(
+    controller: Controller, *, name: str = "controller", input_unit: str = "", output_unit: str = ""
+) -> SampledSource:
+    """The C source of a controller: one call a sample, reference and reading to command.
+
+    Parameters
+    ----------
+    controller : Controller
+        Linear, behind an inverse, or scheduled.
+    name : str
+        Prefix of all names in the source.
+    input_unit, output_unit : str
+        Units of the actuator's command, and of reference and reading.
+
+    Returns
+    -------
+    SampledSource
+        ``u`` is (reference, reading), ``y`` the command.
+
+    Raises
+    ------
+    ModelError
+        If the name is no C identifier.
+    ControlError
+        If the controller is of a kind of its own.
+    """
+    require_identifier(name)
+    fields: dict[str, object] = {key: float(getattr(controller, key)) for key in _COMMON}
+    fields |= {"n": name, "N": name.upper(), "states": controller.states, "size": max(controller.states, 1)}
+    parts, tables = _parts(controller, fields)
+    written = "\n".join(table(f"{name}_real {name}_{key}", values) for key, values in tables.items())
+    inputs = tuple(
+        Signal(name=n, unit=output_unit, start=controller.operating_output) for n in ("reference", "reading")
+    )
+    outputs = (Signal(name="command", unit=input_unit, start=controller.operating_input),)
+    body = "".join(filled(part, **fields, tables=written) for part in (templates.HEAD, *parts))
+    return SampledSource(
+        name=name, text=_head(controller, inputs[0], outputs[0]) + body, sample_time=controller.sample_time,
+        inputs=inputs, outputs=outputs, description=f"{controller.name} controller ({controller.kind})",
+    )  # fmt: skip
+
+
+def _parts(controller: Controller, fields: dict[str, object]) -> tuple[tuple[str, ...], Mapping[str, ArrayLike]]:
+    """Templates behind the head, and constant arrays; numbers of the kind go into the fields."""
+    if isinstance(controller, LinearController):
+        fields |= _inner(controller)
+        return (templates.LAW, templates.LINEAR_STEP), _law_tables(controller)
+    if isinstance(controller, InverseController):
+        fields |= _inner(controller.feedback)
+        fields |= {"pieces": controller.curve.inputs.size - 1, "largest": float(np.abs(controller.curve.inputs).max())}
+        fields |= {"rising": 1 if controller.curve.outputs[-1] > controller.curve.outputs[0] else -1}
+        tables = {**_law_tables(controller.feedback), **_curve_tables(controller.curve)}
+        return (templates.LAW, templates.CURVE, templates.INVERSE_STEP), tables
+    if isinstance(controller, ScheduledController):
+        states = controller.states - 1  # the last one is the smoothed command
+        follow = min(controller.sample_time / controller.closed_loop_time, 1.0)
+        fields |= {"states": states, "size": max(states, 1), "last": controller.points.size - 1, "follow": follow}
+        return (templates.SCHEDULE, templates.SCHEDULED_STEP), _schedule_tables(controller)
+    raise ControlError(
+        f"a controller of the kind {controller.kind!r} has no C source; linear, inverse and scheduled ones have"
+    )
+
+
+def _inner(controller: LinearController) -> dict[str, object]:
+    """Where the law's own command is centred and limited; behind an inverse that is an output."""
+    return {
+        "centre": float(controller.operating_input), "low": float(controller.command_min),
+        "high": float(controller.command_max),
+    }  # fmt: skip
+
+
+def _law_tables(controller: LinearController) -> dict[str, ArrayLike]:
+    law = controller.law
+    return {"a": law.a, "b": law.b, "c": law.c, "d": law.d, "l": controller.windup}
+
+
+def _curve_tables(curve: StaticCurve) -> dict[str, ArrayLike]:
+    """Points, and the coefficients of the monotone cubic behind each, the highest power first."""
+    from scipy.interpolate import PchipInterpolator
+
+    cubic = PchipInterpolator(curve.inputs, curve.outputs)
+    return {"inputs": curve.inputs, "outputs": curve.outputs, "cubic": cubic.c.T}
+
+
+def _schedule_tables(controller: ScheduledController) -> dict[str, ArrayLike]:
+    laws = {key: np.stack([getattr(law, key) for law in controller.laws]) for key in ("a", "b", "c", "d")}
+    return {"points": controller.points, **laws, "l": controller.windup}
+
+
+def _head(controller: Controller, asked: Signal, command: Signal) -> str:
+    unit = f" {command.unit}" if command.unit else ""
+    return comment([
+        f"{controller.name} controller ({controller.kind}), a sample of {controller.sample_time:g} s a call.",
+        f"u[0]: {asked}; u[1]: reading, likewise; y[0]: {command}.",
+        f"The command stays between {controller.command_min:g} and {controller.command_max:g}{unit}; the loop is to be "
+        f"closed where the actuator rests at {controller.operating_input:g}{unit}.",
+        "Do not compile with -ffast-math, which takes away the test for readings that are not finite.",
+    ])  # fmt: skip
