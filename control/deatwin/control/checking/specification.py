@@ -75,7 +75,7 @@ class Limit:
     def wanted(self) -> str:
         """The good value in words."""
         value, unit = (100.0 * self.good, " %") if self.unit == "%" else (self.good, self.unit)
-        return f"at {'least' if self.good > self.poor else 'most'} {value:.3g}{unit}"
+        return f"at {'least' if self.good > self.poor else 'most'} {value:.4g}{unit}"
 
 
 @dataclass(frozen=True, kw_only=True)
