@@ -11,6 +11,7 @@ from deatwin.scenarios.commands.check import check
 from deatwin.scenarios.commands.demo import demo
 from deatwin.scenarios.commands.diagnose import diagnose
 from deatwin.scenarios.commands.doctor import doctor
+from deatwin.scenarios.commands.export import export
 from deatwin.scenarios.commands.frequency import frequency
 from deatwin.scenarios.commands.identify import identify
 from deatwin.scenarios.commands.scenario import scenario, scenarios
@@ -27,7 +28,7 @@ app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
 )
-for command in (demo, simulate, identify, frequency, diagnose, check, scenario, scenarios, doctor):
+for command in (demo, simulate, identify, frequency, diagnose, check, export, scenario, scenarios, doctor):
     app.command()(command)
 
 

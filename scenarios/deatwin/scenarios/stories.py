@@ -159,6 +159,10 @@ STORIES: Mapping[str, Story] = MappingProxyType({
             line="six actuators, their drifts concealed: what the diagnosis names, and what repeatability proves",
         ),
         Story(
+            name="control-check", minutes=3, module="deatwin.scenarios.control_check", sizes=("short", "standard"),
+            line="designs on rigs that no check has seen: what the inverse buys, and if verdicts keep their word",
+        ),
+        Story(
             name="real-data", minutes=1, module="deatwin.scenarios.real_data",
             line="free runs on public recordings: Silverbox, buck converter, cascaded tanks, EMPS",
         ),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from hashlib import sha256
@@ -33,6 +34,8 @@ class Description:
         As CasADi wrote it.
     inputs, outputs : tuple of Signal
         With their units.
+    start : mapping of str to float
+        Values of the states at the start, by the names of their variables.
     sample_time : float
         Advised step, s.
     text : str
@@ -43,11 +46,14 @@ class Description:
     plain: bytes
     inputs: tuple[Signal, ...]
     outputs: tuple[Signal, ...]
+    start: Mapping[str, float]
     sample_time: float
     text: str
 
     def tidied(self) -> bytes:
-        """With units, default experiment and texts, and without variables of CasADi's own, which are never computed.
+        """With units, default experiment and texts, without variables of CasADi's own, which are never computed.
+
+        CasADi writes start values with six digits and counts no state as known at the start.
 
         Returns
         -------
@@ -56,14 +62,19 @@ class Description:
         root = ET.fromstring(self.plain)
         variables = root.find("ModelVariables")
         units = {s.name: s.unit for s in (*self.inputs, *self.outputs) if s.unit}
-        if variables is not None:
-            for variable in list(variables):
-                label = variable.get("name", "")
-                if label.startswith("__"):
-                    variables.remove(variable)
-                elif label in units:
-                    variable.set("unit", units[label])
+        start = {**self.start, **{s.name: s.start for s in self.inputs}}
+        for variable in [] if variables is None else list(variables):
+            label = variable.get("name", "")
+            if variables is not None and label.startswith("__"):
+                variables.remove(variable)
+            if label in units:
+                variable.set("unit", units[label])
+            if label in start:
+                variable.attrib.update({"initial": "exact", "start": number(start[label])})
+            if variable.get("causality") == "input":
+                variable.attrib.pop("initial", None)  # inputs have none
         root.set("description", self.text)
+        root.set("variableNamingConvention", "flat")  # a user's rig may name its signals as it likes
         root.set("generationTool", f"deatwin {version('deatwin')} ({root.get('generationTool', '')})")
         _insert(root, 1, _units(units.values()), _experiment(self.sample_time))
         return _written(root)
@@ -104,12 +115,14 @@ def sampled_description(source: SampledSource) -> bytes:
         })  # fmt: skip
         if not given:
             ET.SubElement(structure, "Output", {"valueReference": str(reference), "dependencies": ""})
+    for output in list(structure):
+        ET.SubElement(structure, "InitialUnknown", output.attrib)
     return _written(root)
 
 
-def _units(names: object) -> ET.Element | None:
+def _units(names: Iterable[str]) -> ET.Element | None:
     found = ET.Element("UnitDefinitions")
-    for name in dict.fromkeys(names):  # type: ignore[call-overload]
+    for name in dict.fromkeys(names):
         unit = ET.SubElement(found, "Unit", {"name": name})
         if name in _BASE_UNITS:
             ET.SubElement(unit, "BaseUnit", {base: str(power) for base, power in _BASE_UNITS[name].items()})

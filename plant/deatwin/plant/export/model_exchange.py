@@ -18,6 +18,7 @@ software framework for nonlinear optimization and optimal control", Math. Prog. 
 from __future__ import annotations
 
 import contextlib
+from importlib.metadata import version
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -29,7 +30,7 @@ from deatwin.plant.equations import SAMPLE_START
 from deatwin.plant.errors import ModelError
 from deatwin.plant.export.archive import compiled, write_fmu
 from deatwin.plant.export.description import Description
-from deatwin.plant.export.plant_step import plant_signals, rest_of
+from deatwin.plant.export.plant_step import describe, plant_signals, rest_of
 from deatwin.plant.export.sampled import Signal, require_identifier
 from deatwin.plant.model import Plant
 from deatwin.plant.rest import RestState
@@ -39,8 +40,9 @@ __all__ = ["export_model_exchange", "require_no_memory"]
 _TOLERANCE = 1e-12
 """Of the algebraic equations, which are in units of the unknowns' typical sizes."""
 _UPDATES = 50
-_STALE = "  m->t = time;\n"
-_FRESH = _STALE + "  m->up_to_date = 0;\n"
+_UNITS = "states in units of their typical sizes; time is the experiment's clock"
+_SETS_TIME = ("  m->t = time;\n", "  m->t = startTime;\n")
+_FRESH = "  m->up_to_date = 0;\n"
 """CasADi 3.8 forgets that what depends on time is old when time is set."""
 
 
@@ -72,11 +74,12 @@ def export_model_exchange(plant: Plant, path: str | Path, *, name: str = "plant"
     """
     require_identifier(name)
     if not hasattr(ca.DaeBuilder, "export_fmu") or not hasattr(ca.DaeBuilder, "compile_fmu"):
-        raise ModelError(f"CasADi {ca.__version__} does not export FMI 3.0; install casadi>=3.8")
+        raise ModelError(f"CasADi {version('casadi')} does not export FMI 3.0; install casadi>=3.8")
     require_no_memory(plant)
     rest = rest_of(plant)
     inputs, outputs = plant_signals(plant, rest)
-    builder = _builder(plant, rest, name, inputs, outputs)
+    parts = _Parts(plant, rest)
+    builder = _builder(parts, name, inputs, outputs)
     with TemporaryDirectory() as folder, contextlib.chdir(folder):  # CasADi writes into the working folder
         files = builder.export_fmu({"no_warning": True, "with_serialization": False})
         contents = {target.removeprefix("./"): Path(file).read_bytes() for file, target in files.items()}
@@ -84,7 +87,7 @@ def export_model_exchange(plant: Plant, path: str | Path, *, name: str = "plant"
         contents[wrapper] = _refreshed(contents[wrapper].decode()).encode()
         described = Description(
             name=name, plain=contents["modelDescription.xml"], inputs=inputs, outputs=outputs,
-            sample_time=plant.rig.sample_time, text=_text(plant),
+            start=parts.start, sample_time=plant.rig.sample_time, text=f"{describe(plant)}; {_UNITS}",
         )  # fmt: skip
         contents["modelDescription.xml"] = described.tidied()
     return write_fmu(path, compiled(contents, name))
@@ -116,27 +119,22 @@ def _has_memory(plant: Plant) -> bool:
     return bool(plant.equations.history) or SAMPLE_START in plant.equations.channels
 
 
-def _text(plant: Plant) -> str:
-    effects = ", ".join(plant.effect_names) or "no effects"
-    return f"{plant.rig.kind} with {effects}; states in units of their typical sizes; time is the experiment's clock"
-
-
 def _refreshed(wrapper: str) -> str:
     """The wrapper with what depends on time computed anew when time is set."""
-    if wrapper.count(_STALE) != 1:
-        raise ModelError(f"the FMU that CasADi {ca.__version__} writes is not of the form known here (3.8)")
-    return wrapper.replace(_STALE, _FRESH)
+    for line in _SETS_TIME:
+        if wrapper.count(line) != 1:
+            raise ModelError(f"the FMU that CasADi {version('casadi')} writes is not of the form known here (3.8)")
+        wrapper = wrapper.replace(line, line + _FRESH)
+    return wrapper
 
 
 def _builder(
-    plant: Plant, rest: RestState, name: str, inputs: tuple[Signal, ...], outputs: tuple[Signal, ...]
+    parts: _Parts, name: str, inputs: tuple[Signal, ...], outputs: tuple[Signal, ...]
 ) -> ca.DaeBuilder:
-    parts = _Parts(plant, rest)
     builder = ca.DaeBuilder(name)
     time = builder.add("time", "independent")
     states: list[Any] = [
-        builder.add(f"state.{state}", "local", "continuous", {"start": value})
-        for state, value in zip(parts.names, parts.start.tolist(), strict=True)
+        builder.add(state, "local", "continuous", {"start": value}) for state, value in parts.start.items()
     ]
     given = [builder.add(s.name, "input", "discrete", {"start": s.start}) for s in inputs]
     rates, readings = parts.evaluated(ca.vertcat(*states) if states else ca.MX(0, 1), ca.vertcat(*given), time)
@@ -148,7 +146,10 @@ def _builder(
 
 
 class _Parts:
-    """The equations with states, in units of their sizes, apart from what is solved algebraically."""
+    """The equations, with the states in units of their sizes, apart from what is solved algebraically.
+
+    `start` holds the states at rest by the names of their variables.
+    """
 
     def __init__(self, plant: Plant, rest: RestState) -> None:
         equations, values = plant.equations, plant.free_values
@@ -157,8 +158,8 @@ class _Parts:
         moving = np.flatnonzero(mass)
         algebraic = np.setdiff1d(np.arange(scale.size), moving)
         at_rest = np.concatenate([rest.x, rest.z]) / scale
-        self.names = [equations.states[k] for k in moving]
-        self.start, self._guess = at_rest[moving], at_rest[algebraic]
+        self.start = {f"state.{equations.states[k]}": float(at_rest[k]) for k in moving}
+        self._guess = at_rest[algebraic]
         known = ca.SX.sym("x", moving.size), ca.SX.sym("u", equations.held_inputs(0.0).size), ca.SX.sym("t")
         unknown = ca.SX.sym("z", algebraic.size)
         w = ca.SX(scale.size, 1)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import casadi as ca
 import numpy as np
+from numpy.typing import ArrayLike
 
 from deatwin.plant.equations import SAMPLE_START
 from deatwin.plant.errors import ModelError
@@ -19,7 +20,7 @@ from deatwin.plant.rest import RestState, rest_state
 from deatwin.plant.sample import SHORTER_STEPS
 from deatwin.plant.simulate import RunStatus
 
-__all__ = ["plant_signals", "plant_source", "rest_of"]
+__all__ = ["describe", "plant_signals", "plant_source", "rest_of"]
 
 Signals = tuple[Signal, ...]
 
@@ -127,9 +128,9 @@ def plant_source(plant: Plant, *, name: str = "plant") -> SampledSource:
     require_identifier(name)
     rest = rest_of(plant)
     inputs, outputs = plant_signals(plant, rest)
-    description = f"{plant.rig.kind} with {', '.join(plant.effect_names) or 'no effects'}, sample by sample"
+    description = describe(plant)
     head = comment([
-        f"{description}.",
+        f"{description}, sample by sample.",
         f"One call is one sample of {plant.rig.sample_time:g} s, over which the inputs are held.",
         *(f"u[{k}]: {signal}" for k, signal in enumerate(inputs)),
         *(f"y[{k}]: {signal}, at the end of the sample" for k, signal in enumerate(outputs)),
@@ -140,6 +141,22 @@ def plant_source(plant: Plant, *, name: str = "plant") -> SampledSource:
         name=name, text=text, sample_time=plant.rig.sample_time, inputs=inputs, outputs=outputs,
         description=description, has_clock=True,
     )  # fmt: skip
+
+
+def describe(plant: Plant) -> str:
+    """A plant in a few words.
+
+    Parameters
+    ----------
+    plant : Plant
+        Any.
+
+    Returns
+    -------
+    str
+        Rig and effects.
+    """
+    return f"{plant.rig.kind} with {', '.join(plant.effect_names) or 'no effects'}"
 
 
 def rest_of(plant: Plant) -> RestState:
@@ -217,7 +234,7 @@ def _shim(
         clock = f"state->start + (double)state->count * {name.upper()}_SAMPLE_TIME"
         channels.append(f"    inputs[{position}] = {clock if channel == SAMPLE_START else f'u[{k}]'};")
         k += channel != SAMPLE_START
-    values = {
+    values: dict[str, ArrayLike] = {
         "x": rest.x, "z": rest.z, "d": rest.d, "p": plant.free_values, "c": equations.constants,
         "y": [signal.start for signal in outputs],
     }  # fmt: skip

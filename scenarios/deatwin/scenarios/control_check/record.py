@@ -83,18 +83,17 @@ class Trials:
     def _one(self, path: Path) -> Outcome:
         try:
             content = json.loads(path.read_text(encoding="utf-8"))
-            schema, seed, code = (content.pop(name) for name in ("schema", "seed", "code"))
-            outcome = Outcome.from_dict(content)
+            kind = tuple(content.pop(name) for name in ("schema", "seed", "code"))
+            if kind == (SCHEMA, self.seed, self.code):  # fields of other code may have other names
+                return Outcome.from_dict(content)
         except OSError:
             raise DataError(f"{path}: this trial has not been run") from None
-        except (json.JSONDecodeError, KeyError, TypeError, AttributeError) as error:
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise DataError(f"{path}: it must hold a trial ({error}); delete it, and it is run again") from None
-        if (schema, seed, code) != (SCHEMA, self.seed, self.code):
-            raise DataError(
-                f"{path}: this trial was run with another seed or other code; trials of two kinds are not mixed: "
-                "choose another folder"
-            )
-        return outcome
+        raise DataError(
+            f"{path}: this trial was run with another seed or other code; trials of two kinds are not mixed: choose "
+            "another folder"
+        )
 
     def _path(self, number: int) -> Path:
         return self.cases / f"{number:03d}.json"

@@ -23,7 +23,7 @@ from deatwin.control.design.pid import Limits
 from deatwin.control.linear.model import LinearModel
 from deatwin.control.linear.narx import linearise
 from deatwin.ident.narx import NarxModel
-from deatwin.plant.errors import ModelError
+from deatwin.plant.errors import DeatwinError
 from deatwin.scenarios.control_check.calibration import calibrated
 from deatwin.scenarios.control_check.rigs import LIMITS, Bench, identified, random_bench
 
@@ -54,7 +54,7 @@ DESIGNS: Mapping[str, Callable[..., Controller]] = {
 
 
 NO_MODEL = "no model"
-"""Verdict of a trial whose recording gave no model to design on."""
+"""Verdict of a trial whose recording gave no model to design on, or none of the physics to check it on."""
 _NOTHING: dict[str, Any] = {"inside": None, "sound": None, "truth": "no controller"}
 
 
@@ -140,11 +140,11 @@ def try_one(number: int, seed: int) -> Outcome:
         "closed_loop_time": closed_loop_time, "band_Hz": bench.band_Hz,
     }  # fmt: skip
     try:
-        model = identified(bench.recording)
-    except ModelError as error:
+        model, known = identified(bench.recording), calibrated(bench.recording)
+    except DeatwinError as error:
         return Outcome.from_dict({**told, "verdict": NO_MODEL, "reason": str(error), **_NOTHING})
     found = check(
-        model, calibrated(bench.recording), rng=rng, design=partial(DESIGNS[name], model, closed_loop_time),
+        model, known, rng=rng, design=partial(DESIGNS[name], model, closed_loop_time),
         operating_input=operating_input, command_limits=LIMITS, recording=bench.recording,
     )  # fmt: skip
     return Outcome.from_dict({

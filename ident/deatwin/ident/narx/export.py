@@ -1,0 +1,178 @@
+"""A NARX model as C source: one sample a call, in free run."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.response import divergence_limit
+from deatwin.ident.narx.terms import Term
+from deatwin.plant.errors import ModelError
+from deatwin.plant.export.sampled import SampledSource, Signal, comment, filled, number, require_identifier, table
+
+__all__ = ["narx_source"]
+
+_SOURCE = """
+#ifndef ${N}_REAL
+#define ${N}_REAL double /* compile with -D${N}_REAL=float for single precision */
+#endif
+typedef ${N}_REAL ${n}_real;
+
+#define ${N}_INPUTS $inputs
+#define ${N}_OUTPUTS $outputs
+#define ${N}_SAMPLE_TIME $sample_time /* s */
+
+typedef struct {
+    ${n}_real y[$outputs][$y_lags]; /* y[i][l - 1] is output i of l samples ago */
+    ${n}_real u[$inputs][$u_lags]; /* u[i][l - 1] is input i of l samples ago */
+    ${n}_real last[$outputs]; /* outputs of the last sample */
+    int diverged; /* 1 from the sample on whose outputs left the range that can be meant */
+} ${n}_state;
+
+void ${n}_init(${n}_state *state); /* at rest */
+int ${n}_step(${n}_state *state, const ${n}_real *u, ${n}_real *y); /* 0: done; 1: diverged, y holds the last outputs */
+
+$tables
+
+void ${n}_init(${n}_state *state)
+{
+    int i, l;
+    for (i = 0; i < $outputs; i++) {
+        for (l = 0; l < $y_lags; l++) state->y[i][l] = ${n}_rest_y[i];
+        state->last[i] = ${n}_rest_y[i];
+    }
+    for (i = 0; i < $inputs; i++)
+        for (l = 0; l < $u_lags; l++) state->u[i][l] = ${n}_rest_u[i];
+    state->diverged = 0;
+}
+
+int ${n}_step(${n}_state *state, const ${n}_real *u, ${n}_real *y)
+{
+    const ${n}_real limit = (${n}_real)$limit;
+    ${n}_real next[$outputs];
+    int i, l;
+    if (!state->diverged) {
+$sums
+        for (i = 0; i < $outputs; i++) /* not a number is beyond the limit too */
+            if (!(next[i] > -limit && next[i] < limit)) state->diverged = 1;
+    }
+    if (!state->diverged) {
+        for (i = 0; i < $outputs; i++) {
+            for (l = $y_lags - 1; l > 0; l--) state->y[i][l] = state->y[i][l - 1];
+            state->y[i][0] = state->last[i] = next[i];
+        }
+        for (i = 0; i < $inputs; i++) {
+            for (l = $u_lags - 1; l > 0; l--) state->u[i][l] = state->u[i][l - 1];
+            state->u[i][0] = u[i];
+        }
+    }
+    for (i = 0; i < $outputs; i++) y[i] = state->last[i];
+    return state->diverged;
+}
+"""
+
+
+def narx_source(
+    model: NarxModel,
+    *,
+    name: str = "narx",
+    rest_input: ArrayLike | None = None,
+    rest_output: ArrayLike | None = None,
+) -> SampledSource:
+    """The C source of a model: what `NarxModel.simulate` computes, a sample a call.
+
+    ``narx_step`` takes u(k) and gives y(k). To start from a measured past, write it into ``state.y`` and ``state.u``
+    after ``narx_init``.
+
+    Parameters
+    ----------
+    model : NarxModel
+        Of any number of inputs and outputs; its noise terms count for nothing.
+    name : str
+        Prefix of all names in the source.
+    rest_input : array_like, shape (n_inputs,), optional
+        Inputs before the first sample, in their units; zeros by default.
+    rest_output : array_like, shape (n_outputs,), optional
+        Outputs before the first sample, in their units; zeros by default.
+
+    Returns
+    -------
+    SampledSource
+
+    Raises
+    ------
+    ModelError
+        If the name is no C identifier, the rest has other sizes than the model, or nothing but noise terms is there.
+    """
+    require_identifier(name)
+    quiet = model.deterministic
+    rest_u = _rest(rest_input, len(model.input_names), "inputs")
+    rest_y = _rest(rest_output, model.n_outputs, "outputs")
+    inputs, outputs = (
+        tuple(Signal(name=n, unit=unit, start=float(v)) for n, unit, v in zip(names, units, rest, strict=True))
+        for names, units, rest in (
+            (model.input_names, model.input_units, rest_u), (model.output_names, model.output_units, rest_y)
+        )
+    )  # fmt: skip
+    tables = [(f"{name}_theta", quiet.theta), (f"{name}_rest_u", rest_u), (f"{name}_rest_y", rest_y)]
+    text = _head(quiet, inputs, outputs) + filled(
+        _SOURCE, n=name, N=name.upper(), inputs=len(inputs), outputs=len(outputs),
+        y_lags=_depth(quiet, "y"), u_lags=_depth(quiet, "u"), sample_time=float(model.sample_time),
+        limit=divergence_limit(model.operating, np.zeros((1, 1))), sums="\n".join(_sums(quiet, name)),
+        tables="\n".join(table(f"{name}_real {key}", values) for key, values in tables),
+    )  # fmt: skip
+    return SampledSource(
+        name=name, text=text, sample_time=model.sample_time, inputs=inputs, outputs=outputs,
+        description=f"NARX model of {len(quiet.terms)} terms from {_listed(inputs)} to {_listed(outputs)}",
+    )  # fmt: skip
+
+
+def _rest(values: ArrayLike | None, count: int, what: str) -> np.ndarray:
+    found = np.zeros(count) if values is None else np.atleast_1d(np.asarray(values, dtype=np.float64))
+    if found.shape != (count,):
+        raise ModelError(f"the rest of {what} has the shape {found.shape}; the model has {count} {what}")
+    return found
+
+
+def _listed(signals: tuple[Signal, ...]) -> str:
+    return ", ".join(map(str, signals))
+
+
+def _head(model: NarxModel, inputs: tuple[Signal, ...], outputs: tuple[Signal, ...]) -> str:
+    trained = model.operating
+    ranges = [] if trained is None else [
+        f"Trained on {signal} from {number(low)} to {number(high)}; beyond it extrapolates."
+        for signal, low, high in zip(inputs, trained.input_min.tolist(), trained.input_max.tolist(), strict=True)
+    ]  # fmt: skip
+    return comment([
+        f"NARX model, a sample of {model.sample_time:g} s a call.",
+        *str(model).splitlines(),
+        *(f"u[{k}]: {signal}" for k, signal in enumerate(inputs)),
+        *(f"y[{k}]: {signal}" for k, signal in enumerate(outputs)),
+        *ranges,
+    ])  # fmt: skip
+
+
+def _depth(model: NarxModel, kind: str) -> int:
+    """Samples of the past that are kept; an array has one at least."""
+    return max((v.lag for v in model.table.variables if v.kind == kind), default=0) or 1
+
+
+def _sums(model: NarxModel, name: str) -> list[str]:
+    """A sum of terms for each output, in the order of the terms, so that rounding is that of the model."""
+    lines = []
+    for row in range(model.n_outputs):
+        products = [
+            " * ".join([f"{name}_theta[{m}]", *_factors(term)])
+            for m, (term, equation) in enumerate(zip(model.terms, model.equations, strict=True))
+            if equation == row
+        ]
+        lines.append(f"        next[{row}] = " + "\n            + ".join(products or [f"({name}_real)0"]) + ";")
+    return lines
+
+
+def _factors(term: Term) -> list[str]:
+    return [
+        f"u[{v.index}]" if v.lag == 0 else f"state->{v.kind}[{v.index}][{v.lag - 1}]" for v in term.expanded
+    ]

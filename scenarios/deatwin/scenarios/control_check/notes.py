@@ -1,0 +1,187 @@
+"""What the page says in words: what was done, what the measures mean, and what they cannot show."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from deatwin.control.checking.specification import Verdict
+from deatwin.scenarios.control_check.calibration import CALIBRATED
+from deatwin.scenarios.control_check.concealed import CLOSED_LOOP_TIME, SECONDS
+from deatwin.scenarios.control_check.matters import Matters
+from deatwin.scenarios.control_check.promises import QUANTITIES, Promise, kept, promises
+from deatwin.scenarios.control_check.rates import broken, caught, in_words, inside, sound
+from deatwin.scenarios.control_check.rigs import CONCEALED
+from deatwin.scenarios.control_check.study import Study
+from deatwin.scenarios.control_check.tracking import Tracking
+from deatwin.scenarios.control_check.trials import NO_MODEL, Outcome
+from deatwin.scenarios.report.story import Note, Row
+
+__all__ = ["answer", "notes"]
+
+
+def answer(study: Study, rows: Sequence[Row]) -> str:
+    """What came out, in a few sentences.
+
+    Parameters
+    ----------
+    study : Study
+        All of it.
+    rows : sequence of Row
+        The stated measures.
+
+    Returns
+    -------
+    str
+    """
+    factor = study.tracking[0].ratio("PI", "inverse")
+    passed, unsound = inside(study.outcomes), caught(study.outcomes)
+    return (
+        f"PI behind the inverse of the static curve tracks with an error {factor:.1f} times below that of PI alone, at "
+        f"equal margins. Of {len(study.outcomes)} random rigs and designs the check passes {passed.count}, of which "
+        f"{passed.hits} keep inside the predicted band; {unsound.count} break a limit on the true rig, of which it "
+        f"passes {unsound.count - unsound.hits}. {sum(row.passed for row in rows)} of {len(rows)} stated measures are "
+        "reached."
+    )
+
+
+def notes(study: Study) -> list[Note]:
+    """Write the notes.
+
+    Parameters
+    ----------
+    study : Study
+        All of it.
+
+    Returns
+    -------
+    list of Note
+    """
+    return [
+        _question(), _tracking(study.tracking), _concealed(), _trials(study.outcomes), _models(study.matters),
+        _limits(),
+    ]  # fmt: skip
+
+
+def _question() -> Note:
+    return Note(
+        title="What is asked",
+        paragraphs=[
+            "A check is given a recording, a NARX model identified from it and a physics plant fitted to it, and says "
+            "of a controller pass, marginal or fail. Here the true rig is a simulation that no check sees, so that "
+            "each verdict can be held against what the controller then does on it.",
+            "Margins are of the linearised loop with the identified model. A design is sound if its runs on the true "
+            "rig keep every limit of the check: they reach their end, overshoot, ring and saturate little, and end "
+            "where they should. How well a slow sine is tracked against the model's own prediction is left out of "
+            "that, as it is no wish of a user.",
+        ],
+    )
+
+
+def _tracking(every: Sequence[Tracking]) -> Note:
+    nominal, hysteretic = every[0], every[1]
+    best = min(one.rms for name, one in nominal.tracked.items() if name.startswith("oracle"))
+    against = nominal.tracked["inverse with dynamics"].rms / best
+    inverses = ("inverse", "inverse with dynamics")
+    pays, near = (
+        " and ".join(f"{f(name):.1f}" for name in inverses)
+        for f in (lambda n: hysteretic.ratio("PI", n), lambda n: hysteretic.ratio(n, f"oracle: {n}"))
+    )
+    return Note(
+        title="What the inverse buys",
+        paragraphs=[
+            "The displacement goes with about the square of the voltage, and stretch bends it further. The inverse of "
+            "the identified static curve turns the reference into a command; PI corrects what is left. The local "
+            "feedback is that of PI alone, so that the margins are the same, and all the gain is feedforward. With "
+            "dynamics, the feedforward goes through a stable inverse of the linear model as well.",
+            "An oracle is the same design, made on the true plant's own static curve and linear model, so that like "
+            f"is compared with like. The design with dynamics has {against:.2f} times the error of the best oracle.",
+            "On the specification of the fleet, whose ball drags grease, hysteresis is not in any static curve: there "
+            f"the error of PI alone is only {pays} times that behind the inverse, bare and with dynamics, and "
+            f"theirs is {near} times that of their oracles. It is reported, and nothing is demanded of it.",
+        ],
+    )
+
+
+def _concealed() -> Note:
+    return Note(
+        title="What a concealed effect does to a design",
+        paragraphs=[
+            "The true rig has an effect that its nominal plant does not have. One recording of "
+            f"{SECONDS:.0f} s is diagnosed; one rule makes a controller from the base plant, fitted as well as it can "
+            "be without the effect, and one from the plant that the diagnosis amended. Both are checked on the "
+            "recording's NARX model and the amended plant, and run on the true rig.",
+            "The case was made so that the effect matters. An electrode of 0.05 s does not trouble this design, so one "
+            "of 0.4 s is concealed. The closed-loop time is as long: "
+            f"{CLOSED_LOOP_TIME:g} s. At less than 0.3 s the rule cancels the lag of 0.3 s that the base plant has in "
+            "the electrode's place; such a design overshoots by some 15 %, which is within the limits, and is passed. "
+            "Recordings of 60 s were not enough for the check to be sure of the amended design: it was called "
+            "marginal on three of nine of them, and on none of nine recordings of 120 s.",
+            "Creep is concealed for comparison. Integral action takes away what creeps, so that both designs are "
+            "expected to do, and nothing is demanded.",
+        ],
+    )
+
+
+def _trials(outcomes: Sequence[Outcome]) -> Note:
+    passed = sound(outcomes)
+    nothing = sum(o.verdict == NO_MODEL for o in outcomes)
+    cautious = sum(o.verdict != Verdict.PASS.value and o.sound is True for o in outcomes)
+    missed = len(broken(outcomes))
+    return Note(
+        title="Random rigs, random designs",
+        paragraphs=[
+            f"Each of {len(outcomes)} trials fabricates a rig beside the specification of the fleet, with twice its "
+            f"tolerances. {100 * CONCEALED:.0f} % of the rigs, on average, have creep, an electrode's lag, a dead "
+            "time, a slow sensor, drag or drift of the permittivity, which the specification does not have. The rig is "
+            "recorded for 60 to 120 s under noise up to 0.8 to 4 Hz, identified and fitted; a way of design, an "
+            "operating point and a closed-loop time of 0.05 to 1 s are drawn, the design is checked, and run on the "
+            "rig.",
+            f"Steps inside the band, of those passed: {in_words(inside(outcomes))}. Sound on the true rig, of those "
+            f"passed: {in_words(passed)}. Not passed, of the unsound: {in_words(caught(outcomes))}. {missed} passed "
+            f"designs did not keep their word in one way or the other; {cautious} that were not passed were sound, "
+            f"which is the price of caution; {nothing} recordings gave no model. Bounds are exact and one-sided "
+            "(Clopper and Pearson).",
+            "A run leaves the band if a single sample does. Few trials prove little: the bounds say how little.",
+        ],
+    )
+
+
+def _models(matters: Matters) -> Note:
+    made = promises(matters)
+    count = kept(made)
+    by = ", ".join(f"{q.name} {_counted(p for p in made if p.quantity is q)}" for q in QUANTITIES)
+    physics = _counted(p for p in made if p.model == "physics plant")
+    return Note(
+        title="Does the model matter?",
+        paragraphs=[
+            f"{count.hits} of {count.count} numbers came out inside their predicted 95 % intervals ({by}); of the "
+            f"physics plant's {physics}. Nothing is demanded here, and the intervals are not good.",
+            "The actuator has hysteresis, which is in none of the NARX models. Their intervals hold what the "
+            "parameters leave open, not that the form is wrong. Overshoot and error are promised with what the free "
+            "run left of the recording as a random wander on top; on the plant that is hysteresis, which the "
+            "controller mostly removes, and the promise is far too dark.",
+            "Bandwidth and gain margin are promised by the linearised model, for small motions, and measured with "
+            "sines as large as the steps. With hysteresis the gain grows with the motion: the physics plant knows it, "
+            "and yet what it says of small motions is not what large ones do. The check therefore judges physics "
+            "plants for small and for large motions.",
+        ],
+    )
+
+
+def _counted(made: Iterable[Promise]) -> str:
+    rate = kept(tuple(made))
+    return f"{rate.hits} of {rate.count}"
+
+
+def _limits() -> Note:
+    return Note(
+        title="What this cannot show",
+        paragraphs=[
+            f"All true rigs are simulations of one family of plants, and the plant that is fitted ("
+            f"{', '.join(name.replace('_', ' ').replace('.', ' ') for name in CALIBRATED)}) is the specification that "
+            "they are fabricated beside: kinder than a real actuator, whose physics nobody wrote down. What is "
+            "concealed in the trials comes from the same catalogue, one effect at a time, at sizes of our choice.",
+            "Limits and references of check and truth are the same. Nothing is said of other references, of years of "
+            "use, or of actuators that break.",
+        ],
+    )

@@ -1,0 +1,112 @@
+"""``deatwin export``."""
+
+import json
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from deatwin.ident.narx import NarxModel
+from deatwin.plant import Coupon, Creep, Delay, Plant
+from deatwin.plant.calibrated import CalibratedPlant
+from deatwin.plant.rigs.planar import Planar
+from deatwin.scenarios.cli import main
+
+Run = Callable[..., tuple[int, str]]
+
+
+@pytest.fixture
+def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
+    """Runs a command in a folder with a model of each kind: exit status and what it said."""
+    monkeypatch.chdir(tmp_path)
+    NarxModel.from_terms({"y(k-1)": 0.5, "u(k)": 1.0}, sample_time=0.1).save("narx.json")
+    strip = Plant(rig=Coupon(sample_time=0.1)).with_effects(Creep())
+    CalibratedPlant.nominal(strip).save("model.json")
+    late = Plant(rig=Planar(sample_time=0.02)).with_effects(Delay(time=0.03))
+    CalibratedPlant.nominal(late).save("late.json")
+    Path("check.json").write_text(json.dumps(CHECK), encoding="utf-8")
+    Path("failed.json").write_text(json.dumps({**CHECK, "controller": None}), encoding="utf-8")
+    Path("other.json").write_text('{"schema": "deatwin/diagnosis/1"}', encoding="utf-8")
+
+    def run(*arguments: str) -> tuple[int, str]:
+        status = main(["export", *arguments])
+        said = capsys.readouterr()
+        return status, said.out + said.err
+
+    return run
+
+
+CHECK = {
+    "schema": "deatwin/check/1",
+    "operating": {"input_unit": "V", "output_unit": "mm"},
+    "controller": {
+        "kind": "linear", "name": "PI", "sample_time": 0.02, "operating_input": 2.0, "operating_output": 1.0,
+        "command_min": 1.0, "command_max": 4.0, "closed_loop_time": 0.5, "windup": [0.1],
+        "law": {"a": [[1.0]], "b": [[0.04, -0.04]], "c": [1.0], "d": [0.5, -0.5]},
+    },
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("model", "said", "name"),
+    [
+        ("narx.json", "C99, NARX model of 2 terms from input to output, 0.1 s a sample", "drive_2"),
+        ("model.json", "C99, coupon with creep, 0.1 s a sample", "drive_2"),
+        ("check.json", "C99, PI controller (linear), 0.02 s a sample", "drive_2"),
+    ],
+)
+def test_each_kind_of_model_becomes_a_file_of_c(run: Run, model: str, said: str, name: str) -> None:
+    status, text = run(model, "--to", "c", "--out", "drive-2.c")
+    assert (status, text) == (0, f"drive-2.c: {said}\n")
+    assert f"int {name}_step({name}_state *state" in Path("drive-2.c").read_text(encoding="utf-8")
+
+
+def test_units_of_a_check_are_in_the_source(run: Run) -> None:
+    run("check.json", "--to", "c", "--out", "pi.c")
+    head = Path("pi.c").read_text(encoding="utf-8").split("*/")[0]
+    assert "u[0]: reference (mm)" in head and "between 1 and 4 V" in head
+
+
+def test_the_result_for_machines_names_inputs_and_outputs(run: Run) -> None:
+    status, text = run("narx.json", "--to", "c", "--out", "n.c", "--name", "mine", "--json")
+    found = json.loads(text)
+    assert status == 0
+    assert {key: found[key] for key in ("name", "form", "inputs", "outputs", "sample_time_s")} == {
+        "name": "mine", "form": "c", "inputs": ["input"], "outputs": ["output"], "sample_time_s": 0.1,
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(("model", "to", "interface"), [
+    ("model.json", "fmu", "ModelExchange"), ("model.json", "fmu-cs", "CoSimulation"),
+    ("narx.json", "fmu", "CoSimulation"), ("late.json", "fmu-cs", "CoSimulation"),
+])  # fmt: skip
+def test_plants_and_narx_models_become_fmus(run: Run, model: str, to: str, interface: str) -> None:
+    pytest.importorskip("fmpy", reason='FMUs need pip install "deatwin[fmu]"')
+    status, text = run(model, "--to", to, "--out", "made.fmu")
+    assert status == 0, text
+    with zipfile.ZipFile("made.fmu") as archive:
+        assert f"<{interface} modelIdentifier=\"made\"" in archive.read("modelDescription.xml").decode()
+        assert {"sources/made.c", "sources/buildDescription.xml"} <= set(archive.namelist())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("gone.json", "--to", "c", "--out", "a.c"), "gone.json: there is no such file"),
+        (("other.json", "--to", "c", "--out", "a.c"), "schema is 'deatwin/diagnosis/1'; deatwin/plant/1, deatwin/narx"),
+        (("failed.json", "--to", "c", "--out", "a.c"), "the check holds no controller: none could be designed"),
+        (("check.json", "--to", "fmu", "--out", "a.fmu"), "a controller is exported as C source: give --to c"),
+        (("late.json", "--to", "fmu", "--out", "a.fmu"), "delay: needs the commands of earlier samples"),
+        (("narx.json", "--to", "fmu", "--out", "a.zip"), "a.zip: the name of an FMU ends in .fmu"),
+        (("narx.json", "--to", "c", "--out", "no/a.c"), "no/a.c: there is no folder no"),
+        (("narx.json", "--to", "c", "--out", "a.c", "--name", "a b"), "'a b' cannot stand before the names of C"),
+    ],
+)
+def test_what_cannot_be_exported_is_said_in_one_line(run: Run, arguments: tuple[str, ...], said: str) -> None:
+    if "fmu" in arguments:
+        pytest.importorskip("fmpy", reason='FMUs need pip install "deatwin[fmu]"')
+    status, text = run(*arguments)
+    assert status == 1
+    assert said in text and text.count("\n") == 1
+    assert not Path(arguments[4]).exists()

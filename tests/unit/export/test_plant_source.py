@@ -1,0 +1,64 @@
+"""One sample of a plant as C, against deatwin's own simulation."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from deatwin.plant import Coupon, Creep, Delay, Diaphragm, Plant
+from deatwin.plant.effects import effect_named
+from deatwin.plant.errors import ModelError
+from deatwin.plant.export.plant_step import plant_source
+from deatwin.plant.rigs.planar import Planar
+
+LOOSE = ("-std=c99",)
+"""CasADi's code has unused variables."""
+STRIP = Plant(rig=Coupon(sample_time=0.1)).with_effects(Creep(modulus=60e3, time=25.0))
+SHEET = Plant(rig=Planar(sample_time=0.02)).with_effects(Delay(time=0.03), effect_named("sensor_drift"))
+WARM = Plant(rig=Planar(sample_time=0.02)).with_effects(effect_named("thermal_stiffness"))
+
+
+def commands(plant: Plant, low: float, high: float, count: int = 60) -> np.ndarray:
+    return np.repeat(np.random.default_rng(3).uniform(low, high, count // 5), 5)
+
+
+@pytest.mark.parametrize(("plant", "low", "high"), [(STRIP, 1.0, 2.0), (SHEET, 0.0, 3.0)], ids=["strip", "sheet"])
+def test_the_source_steps_as_the_simulation_does(plant: Plant, low: float, high: float, run_c: Any) -> None:
+    held = commands(plant, low, high)
+    expected = plant.simulator.run(
+        held, start=0.0, sample_time=plant.rig.sample_time, rest_command=plant.rig.start.rest_command,
+        values=plant.free_values,
+    )  # fmt: skip
+    source = plant_source(plant, name="rig")
+    found, status = run_c(source, held[:, None], *LOOSE)
+    size = np.ptp(expected.outputs)
+    assert not status.any() and size > 0.0
+    # The same arithmetic, compiled with other flags: Newton's method leaves 1e-10 of each unknown's scale.
+    np.testing.assert_allclose(found[:, 0], expected.outputs[1:], rtol=0, atol=1e-9 * size)
+    assert [s.name for s in source.outputs[1:]] == [f"signal.{s}" for s in plant.equations.signals]
+    np.testing.assert_allclose(found[:, 1:], expected.watched.T, rtol=1e-8, atol=1e-12)
+
+
+def test_a_measured_channel_is_an_input(run_c: Any) -> None:
+    held = commands(WARM, 0.0, 3.0)
+    warmth = np.linspace(20.0, 45.0, held.size)
+    expected = WARM.simulator.run(
+        held, start=0.0, sample_time=0.02, rest_command=WARM.rig.start.rest_command, values=WARM.free_values,
+        channels={"temperature": warmth},
+    )  # fmt: skip
+    source = plant_source(WARM)
+    assert [s.name for s in source.inputs] == ["command", "temperature"]
+    found, _ = run_c(source, np.column_stack([held, warmth]), *LOOSE)
+    np.testing.assert_allclose(found[:, 0], expected.outputs[1:], rtol=0, atol=1e-9 * np.ptp(expected.outputs))
+
+
+def test_a_sample_that_cannot_be_solved_leaves_the_state(run_c: Any) -> None:
+    inputs = np.column_stack([[1.0, 1000.0, 1.0], np.full(3, 20.0)])  # at a megavolt no equilibrium is in reach
+    found, status = run_c(plant_source(WARM), inputs, *LOOSE)
+    np.testing.assert_array_equal(status, [0, 1, 0])
+    np.testing.assert_array_equal(found[1], found[0])
+
+
+def test_a_plant_without_rest_is_refused() -> None:
+    with pytest.raises(ModelError, match="cannot be exported: no state of rest"):
+        plant_source(Plant(rig=Diaphragm(mass=1.0)))  # a kilogramme on half a millimetre of VHB
