@@ -57,9 +57,15 @@ def read_document(
         document = json.loads(Path(path).read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise ModelError(f"{path}: there is no such file") from None
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+    except OSError as error:
+        raise ModelError(f"{path}: cannot be read: {error.strerror}") from None
+    except RecursionError:
+        raise ModelError(f"{path}: not a readable JSON file (lists in lists, too deep)") from None
+    except ValueError as error:  # no UTF-8, or no JSON
         raise ModelError(f"{path}: not a readable JSON file ({error})") from error
     found = document.get("schema") if isinstance(document, dict) else None
+    if found is None:
+        raise ModelError(f"{path}: it names no schema; {schema!r} is needed")
     if found != schema:
         raise ModelError(f"{path}: schema is {found!r}; {schema!r} is needed")
     try:

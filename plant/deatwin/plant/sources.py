@@ -8,12 +8,15 @@ import sys
 from pathlib import Path
 
 from deatwin.plant.calibrated import CalibratedPlant
-from deatwin.plant.errors import RigError
+from deatwin.plant.errors import DeatwinError, RigError, nearest
 from deatwin.plant.model import Plant
 from deatwin.plant.rigs.diaphragm import Diaphragm
 from deatwin.plant.rigs.rigfile import read_rig
 
 __all__ = ["load_plant"]
+
+_RAISED = (Exception, SystemExit)
+"""Whatever a user's own code may raise; a script without a guard calls `sys.exit`."""
 
 
 def load_plant(source: str | os.PathLike[str]) -> CalibratedPlant:
@@ -40,7 +43,16 @@ def load_plant(source: str | os.PathLike[str]) -> CalibratedPlant:
         return CalibratedPlant.load(text)
     if ":" in text and not Path(text).exists():
         return CalibratedPlant.nominal(_call(text))
-    return CalibratedPlant.nominal(Plant(rig=Diaphragm.from_rig_file(read_rig(text))))
+    if not text.endswith(".toml") and not Path(text).is_file():
+        beside = [entry.name for entry in Path().glob("*.*") if entry.suffix in (".toml", ".json")]
+        raise RigError(
+            f"{text}: no such rig; give a rig file (.toml), a model.json or module:function{nearest(text, beside)}"
+        )
+    described = read_rig(text)
+    try:
+        return CalibratedPlant.nominal(Plant(rig=Diaphragm.from_rig_file(described)))
+    except DeatwinError as error:
+        raise RigError(f"{text}: {error}") from error
 
 
 def _call(text: str) -> Plant:
@@ -48,11 +60,18 @@ def _call(text: str) -> Plant:
     if os.getcwd() not in sys.path:
         sys.path.insert(0, os.getcwd())  # stays there: worker processes import the module too
     try:
-        plant = getattr(importlib.import_module(module_name), function_name)()
-    except (ImportError, AttributeError, ValueError) as error:
+        module = importlib.import_module(module_name)
+    except (ImportError, ValueError) as error:  # ValueError: the name is empty
         raise RigError(f"{text}: cannot be imported: {error}; give module:function") from error
-    except Exception as error:  # whatever a user's own code may raise
-        raise RigError(f"{text}: raised {type(error).__name__}: {error}") from error
+    except _RAISED as error:
+        raise RigError(f"{text}: {module_name} raised {type(error).__name__}: {error}") from error
+    if not hasattr(module, function_name):
+        hint = nearest(function_name, vars(module))
+        raise RigError(f"{text}: {module_name} has no {function_name!r}{hint}; give module:function")
+    try:
+        plant = getattr(module, function_name)()
+    except _RAISED as error:
+        raise RigError(f"{text}: raised {type(error).__name__}: {error}; it must return a Plant") from error
     if not isinstance(plant, Plant):
-        raise RigError(f"{text}: returned a {type(plant).__name__}, a Plant is needed")
+        raise RigError(f"{text}: returned {type(plant).__name__}; it must return a Plant")
     return plant

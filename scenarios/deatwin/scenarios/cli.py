@@ -24,7 +24,8 @@ __all__ = ["app", "main"]
 DONE, WRONG_INPUT, INTERRUPTED = 0, 1, 130
 
 app = typer.Typer(
-    help="Simulate, identify and diagnose dielectric elastomer actuators.",
+    help="Simulate, identify and diagnose dielectric elastomer actuators, and check their controllers.\n\n"
+    "Start here: deatwin demo\n\nWhat a command takes: deatwin diagnose --help",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
 )
@@ -53,6 +54,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         complain("interrupted")
         return INTERRUPTED
+    except OSError as error:  # what the machine refuses, as a full disk
+        complain(f"{error.filename or 'the system'}: {error.strerror or error}")
+        return WRONG_INPUT
     except Exception as error:
         from deatwin.plant.errors import DeatwinError
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -12,7 +13,7 @@ from numpy.typing import ArrayLike
 from deatwin.plant.errors import DataError
 from deatwin.plant.files import write_csv, write_text_atomic
 
-__all__ = ["ResultFolder"]
+__all__ = ["ResultFolder", "require_place"]
 
 
 class ResultFolder:
@@ -26,7 +27,7 @@ class ResultFolder:
     Raises
     ------
     DataError
-        If it cannot be made.
+        If it cannot be made, or nothing can be written into it: said before work begins, not after it.
     """
 
     def __init__(self, path: Path | str) -> None:
@@ -96,7 +97,36 @@ class ResultFolder:
 
     @staticmethod
     def _make(path: Path) -> None:
+        if path.is_file():
+            raise DataError(f"{path}: is a file; give a folder for the results")
         try:
             path.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise DataError(f"{path}: the folder cannot be made: {error.strerror}") from None
+        _require_writable(path)
+
+
+def require_place(file: Path | str) -> None:
+    """Raise DataError unless a file can be written: before work begins, not after it.
+
+    Parameters
+    ----------
+    file : path
+        That is to be written; its folder must exist.
+
+    Raises
+    ------
+    DataError
+        If there is no such folder, nothing can be written into it, or a folder has the file's name.
+    """
+    path = Path(file)
+    if path.is_dir():
+        raise DataError(f"{path}: is a folder; give the name of a file")
+    if not path.parent.is_dir():
+        raise DataError(f"{path}: there is no folder {path.parent}; make it, or take another")
+    _require_writable(path.parent)
+
+
+def _require_writable(folder: Path) -> None:
+    if not os.access(folder, os.W_OK | os.X_OK, effective_ids=os.access in os.supports_effective_ids):
+        raise DataError(f"{folder}: you may not write into this folder; take another, or change its rights")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Annotated
 
@@ -19,7 +21,9 @@ __all__ = [
     "RigSource",
     "SampleTime",
     "Seed",
+    "complete_effects",
     "fold_experiments",
+    "positive",
     "unfold_experiment",
 ]
 
@@ -39,14 +43,47 @@ OutputColumn = Annotated[
     typer.Option(metavar="NAME", help="Header of the output column, or its place."),
 ]
 AllowGaps = Annotated[bool, typer.Option("--allow-gaps", help="Split a record at its gaps and keep the clock.")]
+
+
+def positive(value: float | None) -> float | None:
+    """Refuse the value of an option that must be a positive number.
+
+    Parameters
+    ----------
+    value : float or None
+        As given; None where the option is left out.
+
+    Returns
+    -------
+    float or None
+        The same.
+
+    Raises
+    ------
+    typer.BadParameter
+        If it is zero, negative or not finite.
+    """
+    if value is not None and not 0.0 < value < math.inf:
+        raise typer.BadParameter(f"{value:g} is not a positive number")
+    return value
+
+
+def _some_files(values: list[str] | None) -> list[str] | None:
+    if "" in (values or []):
+        raise typer.BadParameter("give the files of the experiment behind it")
+    return values
+
+
 SampleTime = Annotated[
-    float | None, typer.Option("--dt", metavar="SECONDS", help="Sample time of files that hold no times.")
+    float | None,
+    typer.Option("--dt", metavar="SECONDS", callback=positive, help="Sample time of files that hold no times."),
 ]
 Experiments = Annotated[
     list[str] | None,
     typer.Option(
         "--experiment",
         metavar="FILES...",
+        callback=_some_files,
         help="The recordings of one experiment, from rest; give it once for each experiment.",
     ),
 ]
@@ -64,6 +101,27 @@ Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors and, with --json, the result.")]
 
 _BETWEEN = "\x1f"  # the unit separator: no file name holds it
+
+
+def complete_effects(incomplete: str) -> list[str]:
+    """Effects of the catalogue for the shell's completion, without loading them.
+
+    Parameters
+    ----------
+    incomplete : str
+        What is typed so far.
+
+    Returns
+    -------
+    list of str
+
+    Examples
+    --------
+    >>> complete_effects("electrode_")
+    ['electrode_loss', 'electrode_rc']
+    """
+    names = {point.name for point in entry_points(group="deatwin.effects")}
+    return sorted(name for name in names if name.startswith(incomplete))
 
 
 def fold_experiments(arguments: list[str]) -> list[str]:
@@ -90,22 +148,22 @@ def fold_experiments(arguments: list[str]) -> list[str]:
     ['--out', 'd']
     """
     folded: list[str] = []
-    gathering = False
+    files: list[str] | None = None  # of the experiment that is being gathered
     for argument in arguments:
-        if argument == "--experiment":
+        if not argument.startswith("-"):
+            (folded if files is None else files).append(argument)
+            continue
+        folded += _closed(files)
+        name, sign, first = argument.partition("=")
+        files = ([first] if sign else []) if name == "--experiment" else None
+        if files is None:
             folded.append(argument)
-            gathering = True
-        elif argument.startswith("--experiment="):
-            folded.extend(["--experiment", argument.partition("=")[2]])
-            gathering = True
-        elif argument.startswith("-"):
-            folded.append(argument)
-            gathering = False
-        elif gathering and folded[-1] != "--experiment":
-            folded[-1] += _BETWEEN + argument
-        else:
-            folded.append(argument)
-    return folded
+    return folded + _closed(files)
+
+
+def _closed(files: list[str] | None) -> list[str]:
+    """The option with its files; an empty value where it has none, so that it does not swallow the next option."""
+    return [] if files is None else ["--experiment", _BETWEEN.join(files)]
 
 
 def unfold_experiment(value: str) -> list[str]:

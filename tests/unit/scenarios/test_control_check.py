@@ -312,6 +312,8 @@ def test_tables_are_rectangular() -> None:
         assert {len(row) for row in table.rows} <= {len(table.columns)}, table.title
     cells = [cell for table in tables(made(outcomes=MIXED)) for row in table.rows for cell in row]
     assert "no design: the model is unstable" in cells
+    assert [row[0] for row in tables(made(outcomes=MIXED))[-1].rows] == ["2", "3", "4"]  # passed, and did not keep it
+    assert len(tables(made())) == len(tables(made(outcomes=MIXED))) - 1
     assert "6.5" in cells[[c.startswith("5 (4 to 6)") for c in cells].index(True)]
 
 

@@ -244,11 +244,15 @@ def read_rig(path: str | Path) -> RigFile:
     try:
         data = tomllib.loads(Path(path).read_bytes().decode("utf-8-sig"))
     except OSError as error:
-        raise RigError(f"{path}: the rig file cannot be read: {error.strerror}") from None
+        beside = [entry.name for entry in Path(path).parent.glob("*.toml")]
+        hint = nearest(Path(path).name, beside) if isinstance(error, FileNotFoundError) else ""
+        raise RigError(f"{path}: the rig file cannot be read: {error.strerror}{hint}") from None
     except UnicodeDecodeError as error:
         raise RigError(f"{path}: not UTF-8 text at byte {error.start}; save the rig file as UTF-8") from None
     except tomllib.TOMLDecodeError as error:
         raise RigError(f"{path}: not TOML: {error}") from None
+    except RecursionError:
+        raise RigError(f"{path}: not a rig file: lists in lists, too deep") from None
     return RigFile.from_dict(data, source=str(path))
 
 

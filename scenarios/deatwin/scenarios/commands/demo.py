@@ -7,13 +7,18 @@ from typing import Annotated
 
 import typer
 
-from deatwin.scenarios.options import Jobs, Json, Quiet, Seed
+from deatwin.scenarios.options import Jobs, Json, Quiet, Seed, complete_effects
 from deatwin.scenarios.voice import Voice, complain
 
 __all__ = ["demo"]
 
 OutFolder = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results; made if absent.")]
-Concealed = Annotated[str, typer.Option("--effect", metavar="NAME", help="The catalogue effect to conceal.")]
+Concealed = Annotated[
+    str,
+    typer.Option(
+        "--effect", metavar="NAME", autocompletion=complete_effects, help="The catalogue effect to conceal."
+    ),
+]
 
 
 def demo(
@@ -25,7 +30,10 @@ def demo(
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Conceal an effect in a simulated recording, find it, and write the report. Takes about a minute."""
+    """Conceal an effect in a simulated recording, find it, and write the report. Takes about a minute.
+
+    Example: deatwin demo --effect hysteresis --out demo
+    """
     from deatwin.scenarios.demo import run
     from deatwin.scenarios.folder import ResultFolder
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from deatwin.scenarios.options import Json, OutFolder, Quiet
+from deatwin.scenarios.options import Json, OutFolder, Quiet, positive
 from deatwin.scenarios.voice import Voice
 
 if TYPE_CHECKING:
@@ -33,8 +33,11 @@ Band = Annotated[
 Level = Annotated[float, typer.Option(help="Probability of the bands that are written; 0.95 is drawn.")]
 Amplitude = Annotated[
     float | None,
-    typer.Option(help="Largest deviation of the NOFRFs' test signal; by default inside the training range."),
-]
+    typer.Option(
+        metavar="VALUE", callback=positive,
+        help="Largest deviation of the NOFRFs' test signal; by default inside the training range.",
+    ),
+]  # fmt: skip
 
 
 def frequency(

@@ -78,8 +78,14 @@ def identify(
     """
     from deatwin.plant.checks import require_excitation
     from deatwin.plant.files import read_recordings
+    from deatwin.scenarios.folder import require_place
 
+    if input_lags < first_input_lag:
+        raise typer.BadParameter(
+            f"the last lag, {input_lags}, lies before the first, {first_input_lag}", param_hint="--input-lags"
+        )
     voice = Voice(as_json=as_json, quiet=quiet)
+    require_place(out)
     records = [
         record
         for path in recordings

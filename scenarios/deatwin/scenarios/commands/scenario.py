@@ -15,8 +15,54 @@ __all__ = ["scenario", "scenarios"]
 OutFolder = Annotated[
     Path | None, typer.Option("--out", metavar="DIR", help="Folder for the results; by default deatwin-NAME.")
 ]
+
+
+def complete_names(incomplete: str) -> list[tuple[str, str]]:
+    """Stories with their lines, for the shell's completion.
+
+    Parameters
+    ----------
+    incomplete : str
+        What is typed so far.
+
+    Returns
+    -------
+    list of tuple of str
+    """
+    from deatwin.scenarios.stories import STORIES
+
+    return [(entry.name, entry.line) for entry in STORIES.values() if entry.name.startswith(incomplete)]
+
+
+def complete_sizes(context: typer.Context, incomplete: str) -> list[str]:
+    """Sizes of the story that is named, for the shell's completion; of all where none is.
+
+    Parameters
+    ----------
+    context : typer.Context
+        Its arguments are what is typed before.
+    incomplete : str
+        What is typed so far.
+
+    Returns
+    -------
+    list of str
+    """
+    from deatwin.scenarios.stories import STORIES
+
+    named = [STORIES[word] for word in context.args if word in STORIES]
+    sizes = dict.fromkeys(size for entry in named or STORIES.values() for size in entry.sizes)
+    return [size for size in sizes if size.startswith(incomplete)]
+
+
+Name = Annotated[
+    str, typer.Argument(metavar="NAME", autocompletion=complete_names, help="One of `deatwin scenarios`.")
+]
 Size = Annotated[
-    str | None, typer.Option("--size", metavar="SIZE", help="How much is done, where there is a choice.")
+    str | None,
+    typer.Option(
+        "--size", metavar="SIZE", autocompletion=complete_sizes, help="How much is done, where there is a choice."
+    ),
 ]
 DataFolder = Annotated[
     Path | None, typer.Option("--data", metavar="FOLDER", help="Public recordings; by default $DEATWIN_DATA.")
@@ -25,7 +71,7 @@ DataFolder = Annotated[
 
 def scenario(
     context: typer.Context,
-    name: Annotated[str, typer.Argument(metavar="NAME", help="One of `deatwin scenarios`.")],
+    name: Name,
     out: OutFolder = None,
     data: DataFolder = None,
     size: Size = None,
@@ -34,7 +80,12 @@ def scenario(
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Run a story and write its figures, tables and report."""
+    """Run a story and write its figures, tables and report.
+
+    Example: deatwin scenario vhb4910 --data recordings --out pulls
+
+    A long one, in a smaller size: deatwin scenario concealed-physics --size tiny --out tiny
+    """
     from deatwin.scenarios.folder import ResultFolder
     from deatwin.scenarios.stories import Setting, story
 
@@ -58,7 +109,10 @@ def scenario(
 
 
 def scenarios(as_json: Json = False, quiet: Quiet = False) -> None:
-    """List the stories with the time that each takes."""
+    """List the stories with the time that each takes.
+
+    Example: deatwin scenarios
+    """
     from deatwin.scenarios.stories import STORIES
 
     voice = Voice(as_json=as_json, quiet=quiet)

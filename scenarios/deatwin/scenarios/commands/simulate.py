@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from deatwin.scenarios.options import InputColumn, Json, Quiet, RigSource, SampleTime
+from deatwin.scenarios.options import InputColumn, Json, Quiet, RigSource, SampleTime, complete_effects
 from deatwin.scenarios.voice import Voice
 
 if TYPE_CHECKING:
@@ -22,7 +22,10 @@ TWO_SIDED_95 = 1.959964
 
 InputFile = Annotated[Path, typer.Argument(metavar="INPUT.csv", help="Columns time_s,command_V; a reading is ignored.")]
 Effects = Annotated[
-    list[str] | None, typer.Option("--effect", metavar="NAME", help="Add a catalogue effect; repeatable.")
+    list[str] | None,
+    typer.Option(
+        "--effect", metavar="NAME", autocompletion=complete_effects, help="Add a catalogue effect; repeatable."
+    ),
 ]
 History = Annotated[
     list[Path] | None,
@@ -47,9 +50,11 @@ def simulate(
     Example: deatwin simulate result/model.json check.csv --history noise.csv --out predicted.csv
     """
     from deatwin.plant.files import write_csv
+    from deatwin.scenarios.folder import require_place
     from deatwin.scenarios.given import GivenPlant, reading_column
 
     voice = Voice(as_json=as_json, quiet=quiet)
+    require_place(out)
     given = GivenPlant.load(rig, input_column=input_column, dt=dt)
     model = _with_effects(given.model, effect or [])
     wanted = given.commands(commands)
@@ -82,8 +87,15 @@ def _with_effects(model: CalibratedPlant, names: list[str]) -> CalibratedPlant:
     from dataclasses import replace
 
     from deatwin.plant.effects import effect_named
+    from deatwin.plant.errors import RigError
 
-    return replace(model, plant=model.plant.with_effects(*(effect_named(name) for name in names)))
+    plant = model.plant
+    for name in names:
+        effect = effect_named(name)
+        if name in plant.effect_names:
+            raise RigError(f"the plant has the effect {name} already; leave --effect {name} out")
+        plant = plant.with_effects(effect)
+    return replace(model, plant=plant)
 
 
 def _experiment(given: GivenPlant, wanted: Recording, history: list[Path]) -> Experiment:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from deatwin.control.checking.specification import Verdict
+from deatwin.control.checking.specification import Specification, Verdict
 from deatwin.scenarios.control_check.calibration import CALIBRATED
 from deatwin.scenarios.control_check.concealed import CLOSED_LOOP_TIME, SECONDS
 from deatwin.scenarios.control_check.matters import Matters
@@ -151,15 +151,18 @@ def _models(matters: Matters) -> Note:
     count = kept(made)
     by = ", ".join(f"{q.name} {_counted(p for p in made if p.quantity is q)}" for q in QUANTITIES)
     physics = _counted(p for p in made if p.model == "physics plant")
+    errors = {p.model: p.achieved for p in made if p.quantity.key == "rms"}
+    reached = ", ".join(f"{name} {error:.3g} µm" for name, error in errors.items())
     return Note(
         title="Does the model matter?",
         paragraphs=[
+            f"One design rule, and the error that its steps reach on the true plant: {reached}.",
             f"{count.hits} of {count.count} numbers came out inside their predicted 95 % intervals ({by}); of the "
             f"physics plant's {physics}. Nothing is demanded here, and the intervals are not good.",
             "The actuator has hysteresis, which is in none of the NARX models. Their intervals hold what the "
             "parameters leave open, not that the form is wrong. Overshoot and error are promised with what the free "
             "run left of the recording as a random wander on top; on the plant that is hysteresis, which the "
-            "controller mostly removes, and the promise is far too dark.",
+            "controller mostly removes, and the promise is far too cautious.",
             "Bandwidth and gain margin are promised by the linearised model, for small motions, and measured with "
             "sines as large as the steps. With hysteresis the gain grows with the motion: the physics plant knows it, "
             "and yet what it says of small motions is not what large ones do. The check therefore judges physics "
@@ -177,11 +180,13 @@ def _limits() -> Note:
     return Note(
         title="What this cannot show",
         paragraphs=[
-            f"All true rigs are simulations of one family of plants, and the plant that is fitted ("
-            f"{', '.join(name.replace('_', ' ').replace('.', ' ') for name in CALIBRATED)}) is the specification that "
+            "All true rigs are simulations of one family of plants, and the plant that is fitted to a recording, in "
+            f"{', '.join(name.replace('_', ' ').replace('.', ' ') for name in CALIBRATED)}, is the specification that "
             "they are fabricated beside: kinder than a real actuator, whose physics nobody wrote down. What is "
             "concealed in the trials comes from the same catalogue, one effect at a time, at sizes of our choice.",
-            "Limits and references of check and truth are the same. Nothing is said of other references, of years of "
-            "use, or of actuators that break.",
+            "Check and truth try the same references, so that nothing is said of others, of years of use, or of "
+            "actuators that break. Of its runs on the fitted plant the check keeps "
+            f"{100 * Specification().reserve:.0f} % of the limits of overshoot, end, ripple and saturation in reserve, "
+            "as that plant is not the actuator; on the true rig the limits are whole.",
         ],
     )

@@ -35,12 +35,13 @@ def tables(study: Study) -> list[Table]:
     Returns
     -------
     list of Table
-        In the order of the page.
+        In the order of the page; that of the trials whose verdict did not keep its word only if there are any.
     """
-    return [
+    always = [
         _tracking(study.tracking), _fleet(study.fleet), _models(study.matters), _concealed(study.concealed),
-        _rates(study.outcomes), _broken(study.outcomes),
+        _rates(study.outcomes),
     ]  # fmt: skip
+    return [*always, _broken(study.outcomes)] if broken(study.outcomes) else always
 
 
 def trials_csv(outcomes: Sequence[Outcome]) -> str:
@@ -214,7 +215,7 @@ def _broken(outcomes: Sequence[Outcome]) -> Table:
         for o in broken(outcomes)
     ]  # fmt: skip
     return Table(
-        title="Trials that were passed and did not keep it" + ("" if rows else ": none"),
+        title="Trials that were passed and did not keep it",
         columns=["trial", "design", "closed-loop time", "concealed", "steps inside the band", "on the true rig"],
         rows=rows,
     )  # fmt: skip

@@ -1,0 +1,51 @@
+"""What the inverse buys on the nominal rig, and the whole story, with few trials."""
+
+import json
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+import pytest
+
+from deatwin.scenarios import control_check
+from deatwin.scenarios.control_check import study
+from deatwin.scenarios.control_check.concealed import EFFECTS
+from deatwin.scenarios.control_check.tracking import nominal_plant, track
+from deatwin.scenarios.folder import ResultFolder
+from deatwin.scenarios.stories import Setting
+
+OTHER_SEEDS = [pytest.param(seed, marks=pytest.mark.study) for seed in (1, 2, 3, 4, 5, 6)]
+
+
+@pytest.mark.parametrize("seed", [0, *OTHER_SEEDS])
+def test_the_inverse_tracks_five_times_better_at_equal_margins_and_within_twice_the_oracle(seed: int) -> None:
+    tracking = track("nominal rig", nominal_plant(), np.random.default_rng(seed))
+    alone = tracking.tracked["PI"]
+    for name in ("inverse", "inverse with dynamics"):
+        assert tracking.ratio("PI", name) > 5.0
+        assert tracking.ratio(name, f"oracle: {name}") < 2.0
+        for margin in ("gain", "phase_deg", "delay"):
+            mine, its = (float(getattr(one.margins, margin)[0]) for one in (tracking.tracked[name], alone))
+            assert mine == pytest.approx(its, rel=1e-6)  # one loop, whose margins are computed twice
+    # 0.1 to 0.8 Hz, from beyond the start to the end, and none at its limits.
+    assert all(one.run.status.ok and one.run.saturated_share == 0.0 for one in tracking.tracked.values())
+
+
+@pytest.mark.study
+def test_the_story_with_few_trials(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(study, "SIZES", {"short": 2})
+    monkeypatch.setattr(study, "EFFECTS", MappingProxyType({"electrode_rc": EFFECTS["electrode_rc"]}))
+    told: list[float] = []
+    result = control_check.run(
+        Setting(
+            folder=ResultFolder(tmp_path), data=None, command=("deatwin", "scenario", "control-check"), jobs=1, seed=0,
+            progress=lambda share, text: told.append(share),
+        )
+    )  # fmt: skip
+    # All but the rates, which two trials do not give.
+    assert [row["passed"] for row in result["measures"]][:5] == [True] * 5
+    assert [trial["number"] for trial in result["trials"]] == [0, 1]
+    assert told == sorted(told) and told[-1] == 1.0
+    written = json.loads((tmp_path / "run.json").read_text())["outputs"]
+    assert all((tmp_path / name).exists() for name in written)
+    assert {"trials", "control-check.json", "report.html", "figures/trials.csv"} <= set(written)
