@@ -18,12 +18,16 @@ from deatwin.control.checking.specification import Specification, Verdict
 from deatwin.control.checking.trial import STEP_SHARE, Trial
 from deatwin.control.checking.verdict import (
     Finding,
+    Runs,
     judge_band,
     judge_draws,
     judge_margins,
     judge_prediction,
     judge_raised,
     judge_runs,
+    judge_training,
+    judge_unknown_band,
+    judge_width,
     late_rms_error,
 )
 from deatwin.control.controllers.base import Controller
@@ -56,6 +60,9 @@ Design = Callable[..., Controller]
 
 STICKING = ("hysteresis", "coulomb_friction")
 """Effects that act as a spring on small motions and are nothing to the dynamics of large ones: the loop meets both."""
+_TAKEN = ("model", "plant")
+_FOREIGN = 3.0
+"""Times the residual that a model carries: a recording that leaves more is not of the actuator, or in another unit."""
 POINTS = 5
 """Operating points at which margins are judged, where none are given."""
 PLANTS = 20
@@ -143,6 +150,8 @@ def check(
         )
     known = _known(plant)
     everyone = {name: _known(other) for name, other in (others or {}).items()}
+    if unfit := [name for name in everyone if not name or name.split()[0] in _TAKEN]:
+        raise ControlError(f"another plant cannot be called {unfit[0]!r}: {', '.join(_TAKEN)} and nothing mean others")
     for one in (known, *everyone.values()):
         _require_pair(model, one.plant)
     linear = linearise(model, operating_input if controller is None else controller.operating_input)
@@ -159,6 +168,11 @@ def check(
             controller = chosen(seen, command_limits=limits)
         except (ControlError, ModelError) as error:
             return _refused(seen, "design", f"no controller could be designed: {error}")
+        if abs(controller.operating_input - seen.operating_input) > 1e-9 * (limits[1] - limits[0]):
+            raise ControlError(
+                f"the design is for the operating input {controller.operating_input:g}, not "
+                f"for {seen.operating_input:g}"
+            )
     subject = _Subject(
         model=model, linear=seen, controller=controller, plant=known, others=everyone, rng=rng, samples=samples,
         points=_points(model, controller, operating_inputs), specification=specification or Specification(),
@@ -192,24 +206,31 @@ class _Subject:
         plants = draw_plants(self.plant, self.rng, PLANTS) if self.plant.names else ()
         physics = self._plant_rows("plant", (self.plant.plant, *plants))
         findings = [*_judged(rows, h, spec), *_judged(physics, h, spec)]
-        if self.band_Hz is not None:
-            findings.append(judge_band(max(row.crossover_Hz for row in rows), self.band_Hz))
+        crossover = max(row.crossover_Hz for row in rows)
+        findings.append(judge_unknown_band() if self.band_Hz is None else judge_band(crossover, self.band_Hz))
         predicted = self._predicted(trial.step_reference, part(progress, 0.1, 0.2))
         if predicted is not None:
             findings.append(judge_draws(predicted, spec))
             predicted = predicted if predicted.diverged < 1.0 else None
+        if predicted is not None:
+            findings.append(judge_width(predicted, trial.amplitude, spec))
         runs = trial.runs("plant", self.plant.plant, part(progress, 0.2, 0.4))
         sine_predicted = self._sine_error(trial, part(progress, 0.4, 0.5))
         findings += judge_runs(runs, sine_predicted, spec.on_a_stand_in)
         if runs.steps.status.ok:
             findings += self._on_plant(trial, runs.steps, predicted, part(progress, 0.5, 0.7))
-            findings.append(judge_film((self.plant.plant, *plants[: FILMS - 1]), runs.steps.command, self.controller))
+            tried = (self.plant.plant, *plants[: FILMS - 1])
+            findings.append(judge_film("plant", tried, _commands(runs), self.controller))
+        if (training := judge_training(self.model, self.points.tolist(), _commands(runs))) is not None:
+            findings.append(training)
         seen, more = {}, list(physics)
         for number, (name, other) in enumerate(self.others.items()):
             table = self._plant_rows(name, (other.plant,))
             first, last = (0.7 + 0.3 * (number + i) / len(self.others) for i in (0, 1))
             steps = trial.runs(name, other.plant, part(progress, first, last))
             findings += [*_judged(table, h, spec), *judge_runs(steps, sine_predicted, spec.on_a_stand_in)]
+            if steps.steps.status.ok:
+                findings.append(judge_film(name, (other.plant,), _commands(steps), self.controller))
             seen[name], more = steps.steps, [*more, *table]
         if progress is not None:
             progress(1.0)
@@ -280,6 +301,11 @@ class _Subject:
         if predicted is not None:
             found.append(judge_prediction(predicted, steps, spec))
         return found
+
+
+def _commands(runs: Runs) -> Array:
+    """All commands of the runs."""
+    return np.concatenate([runs.steps.command, runs.sine.command])
 
 
 def _judged(rows: Sequence[MarginRow], sample_time: float, specification: Specification) -> list[Finding]:
@@ -375,4 +401,13 @@ def _known_band(model: NarxModel, recording: Recording | None) -> float | None:
 
 
 def _known_residual(model: NarxModel, recording: Recording | None) -> Residual | None:
-    return Residual.of_provenance(model.provenance) if recording is None else free_run_residual(model, recording)
+    carried = Residual.of_provenance(model.provenance)
+    if recording is None:
+        return carried
+    found = free_run_residual(model, recording)
+    if carried is not None and found.rms > _FOREIGN * carried.rms:
+        raise ModelError(
+            f"the model's free run leaves {found.rms:.3g} {model.output_units[0]} of the recording, and left "
+            f"{carried.rms:.3g} where it was identified: give a recording of the same actuator, in the same units"
+        )
+    return found

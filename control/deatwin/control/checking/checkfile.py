@@ -51,6 +51,7 @@ def to_document(check: Check) -> dict[str, Any]:
         "operating": {**asdict(check.operating), "status": check.operating.status.name.lower()},
         "controller": None if check.controller is None else controller_to_dict(check.controller),
         "margins": None if check.margins is None else _finite(asdict(check.margins)),
+        "least_margins": _finite(check.least_margins) if check.table else None,
         "table": [_finite(asdict(row)) for row in check.table],
         "measures": {name: {m: getattr(run, m) for m in _MEASURES[name]} for name, run in runs.items()},
         "findings": [_finite({**asdict(f), "verdict": f.verdict.value}) for f in check.findings],

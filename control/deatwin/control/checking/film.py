@@ -18,15 +18,19 @@ __all__ = ["judge_film"]
 _HOLD = 2.0  # s at the largest command
 
 
-def judge_film(plants: Sequence[Plant], commands: NDArray[np.float64], controller: Controller) -> Finding:
+def judge_film(
+    source: str, plants: Sequence[Plant], commands: NDArray[np.float64], controller: Controller
+) -> Finding:
     """Judge whether the film bears what the controller commands, and what it might command.
 
     Parameters
     ----------
+    source : str
+        Whose plants: ``plant``, or the name of another.
     plants : sequence of Plant
         The calibrated one, and draws of its parameters.
     commands : ndarray, shape (n,)
-        Of a run of the closed loop, in the input's unit.
+        Of the runs of the closed loop, in the input's unit.
     controller : Controller
         With the limits of the command.
 
@@ -46,18 +50,20 @@ def judge_film(plants: Sequence[Plant], commands: NDArray[np.float64], controlle
     rig = plants[0].rig
     rest = rig.start.rest_command
     used = sum(not (_rests(plant, commands, HEADROOM) and bears(plant, commands, rest)) for plant in plants)
-    who = f"of {len(plants)} plants inside the calibration's intervals" if len(plants) > 1 else "of 1 plant"
+    many = "plants inside the calibration's intervals" if len(plants) > 1 else "plant"
+    who = f"of {len(plants)} {many}" + ("" if source == "plant" else f" of {source}")
+    subject = "film" if source == "plant" else f"film ({source})"
     if used:
         text = f"{used} {who} would pull in, break down or lose tension with {100 * (HEADROOM - 1):.0f} % more voltage"
-        return Finding(subject="film", value=float(used), verdict=Verdict.FAIL, text=text)
+        return Finding(subject=subject, value=float(used), verdict=Verdict.FAIL, text=text)
     count = max(round(_HOLD / rig.sample_time), 2)
     ends = np.repeat([controller.command_max, controller.command_min], count)
     lost = sum(not (_rests(plant, ends, 1.0) and bears(plant, ends, rest, headroom=1.0)) for plant in plants)
     if lost:
         text = f"{lost} {who} would pull in, break down or lose tension at the controller's own limits"
-        return Finding(subject="film", value=float(lost), verdict=Verdict.MARGINAL, text=text)
+        return Finding(subject=subject, value=float(lost), verdict=Verdict.MARGINAL, text=text)
     text = f"none {who} pulls in, breaks down or loses tension, at the controller's limits either"
-    return Finding(subject="film", value=0.0, verdict=Verdict.PASS, text=text)
+    return Finding(subject=subject, value=0.0, verdict=Verdict.PASS, text=text)
 
 
 def _rests(plant: Plant, commands: NDArray[np.float64], headroom: float) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from math import inf, isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
@@ -83,16 +84,30 @@ class Check:
         return "; ".join(f.text for f in self.findings if f.verdict is self.verdict)
 
     @property
+    def least_margins(self) -> dict[str, float]:
+        """The least gain margin and phase margin (degrees) of the whole table, over draws where there are any."""
+        rows = self.table
+        return {
+            "gain": min((row.gain_low for row in rows), default=inf),
+            "phase_deg": min((row.phase_low_deg for row in rows), default=inf),
+        }
+
+    @property
     def sentence(self) -> str:
         """The check in one plain sentence; every number in it is a field of the file."""
         if self.controller is None or self.margins is None:
             return f"{self.verdict.value}: {self.reason}."
-        tuned, promised, at = self.controller, self.margins, self.operating
+        tuned, at, least = self.controller, self.operating, self.least_margins
+        margins = ", ".join(
+            f"{name} {value:.2g}{unit}" if isfinite(value) else f"{name} infinite"
+            for name, value, unit in (
+                ("gain margin", least["gain"], ""), ("phase margin", least["phase_deg"], "°")
+            )
+        )  # fmt: skip
         return (
             f"{self.verdict.value}: the {tuned.name} controller with a closed-loop time of "
             f"{tuned.closed_loop_time:.2g} s at {f'{at.input:.3g} {at.input_unit}'.rstrip()} (crossover "
-            f"{promised.crossover_Hz:.2g} Hz, gain margin {promised.gain_low:.2g}, phase margin "
-            f"{promised.phase_low_deg:.0f}°): {self.reason}."
+            f"{self.margins.crossover_Hz:.2g} Hz; at worst {margins}): {self.reason}."
         )
 
     def save(self, path: str | Path) -> None:

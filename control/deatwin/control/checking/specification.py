@@ -112,6 +112,8 @@ class Specification:
         Error on a slow sine, achieved against predicted.
     diverged : Limit
         Share of the draws of the model whose own closed loop diverges.
+    width : Limit
+        Half width of the predicted band over the step: a band wider than the step says too little to pass on.
     inside : Limit
         Share of a run inside the simultaneous band that the model predicted.
     limit_cycle : Limit
@@ -134,6 +136,7 @@ class Specification:
     saturated: Limit = Limit(good=0.05, poor=0.25, unit="%")
     tracking: Limit = Limit(good=1.5, poor=3.0)
     diverged: Limit = Limit(good=0.025, poor=0.1, unit="%")
+    width: Limit = Limit(good=1.0, poor=1e9)
     inside: Limit = Limit(good=0.99, poor=0.0, unit="%")
     limit_cycle: Limit = Limit(good=0.05, poor=0.3, unit="%")
     safe_region: Limit = Limit(good=2.0, poor=1.0, unit="%")
@@ -142,6 +145,8 @@ class Specification:
     def __post_init__(self) -> None:
         if not 0.0 <= self.reserve < 1.0:
             raise ControlError(f"reserve = {self.reserve}: it is a share, from 0 to below 1")
+        if min(self.gain.good, self.gain.poor) < 1.0:
+            raise ControlError(f"a gain margin is at least 1; its limits are {self.gain.good:g} and {self.gain.poor:g}")
 
     @property
     def on_a_stand_in(self) -> Specification:

@@ -7,11 +7,13 @@ from dataclasses import dataclass
 from math import inf, isfinite
 
 import numpy as np
+from numpy.typing import NDArray
 
 from deatwin.control.checking.rows import MarginRow
 from deatwin.control.checking.specification import Limit, Specification, Verdict
 from deatwin.control.loop.closed_loop import ClosedLoop
 from deatwin.control.loop.predicted import PredictedLoop
+from deatwin.ident.narx import NarxModel
 
 __all__ = [
     "Finding",
@@ -22,6 +24,9 @@ __all__ = [
     "judge_prediction",
     "judge_raised",
     "judge_runs",
+    "judge_training",
+    "judge_unknown_band",
+    "judge_width",
     "late_rms_error",
     "worst",
 ]
@@ -120,8 +125,7 @@ def judge_margins(
     """
     spec = specification
     least = min(rows, key=lambda row: row.stable_share)
-    share = f" with {100 * least.stable_share:.0f} % certainty"
-    text = f"the loop is stable{share}{_at(least)}" if least.stable_share < 1.0 else f"the loop is stable{_all(rows)}"
+    text = f"the loop is stable{_all(rows)}" if least.stable_share == 1.0 else _partly_stable(least)
     stability = _finding(_subject("stability", least), least.stable_share, spec.stable_share, text)
     if stability.verdict is not Verdict.PASS:
         return (stability,)  # margins of loops that are unstable would say the same once more
@@ -218,6 +222,75 @@ def judge_draws(predicted: PredictedLoop, specification: Specification) -> Findi
     return _finding("model in closed loop", predicted.diverged, specification.diverged, text)
 
 
+def judge_width(predicted: PredictedLoop, step: float, specification: Specification) -> Finding:
+    """Judge whether the prediction says enough: in a band that is wide enough anything lies inside.
+
+    Parameters
+    ----------
+    predicted : PredictedLoop
+        From the model.
+    step : float
+        Of the reference, in the output's unit.
+    specification : Specification
+        What is asked.
+
+    Returns
+    -------
+    Finding
+        At most marginal.
+    """
+    share = float(np.median(predicted.half_width)) / abs(step)
+    text = f"the band that the model predicts reaches {share:.2g} steps to either side"
+    return _finding("width of the prediction", share, specification.width, text)
+
+
+def judge_training(
+    model: NarxModel, points: Sequence[float], commands: NDArray[np.float64]
+) -> Finding | None:
+    """Judge whether the loop stays where the model was trained.
+
+    Parameters
+    ----------
+    model : NarxModel
+        Knows the range of its training data, or not.
+    points : sequence of float
+        Operating inputs at which it was linearised, in the input's unit.
+    commands : ndarray, shape (n,)
+        Of a run, in the input's unit.
+
+    Returns
+    -------
+    Finding or None
+        At most marginal; None where the range is not known.
+    """
+    if model.operating is None:
+        return None
+    low, high = float(model.operating.input_min[0]), float(model.operating.input_max[0])
+    least, most = min(*points, *commands), max(*points, *commands)
+    outside = least < low or most > high
+    text = (
+        f"the loop works from {least:.3g} to {most:.3g}, "
+        f"{'beyond' if outside else 'inside'} the training data, which go from {low:.3g} to {high:.3g}"
+    )
+    verdict = Verdict.MARGINAL if outside else Verdict.PASS
+    return Finding(subject="training data", value=None, verdict=verdict, text=text)
+
+
+def judge_unknown_band() -> Finding:
+    """The finding where nobody knows what the recording excited.
+
+    Returns
+    -------
+    Finding
+        Marginal.
+    """
+    text = (
+        "it is not known up to which frequency the recording excited the actuator: give the recording, or a model of "
+        "`deatwin identify`, which notes it"
+    )
+    return Finding(subject="excitation", value=None, verdict=Verdict.MARGINAL, text=text)
+
+
 def judge_prediction(predicted: PredictedLoop, achieved: ClosedLoop, specification: Specification) -> Finding:
     """Judge whether the physics plant did what the model had promised.
 
@@ -298,8 +371,18 @@ def _at(row: MarginRow) -> str:
     """Where a row of margins is worst, in words."""
     whose = _whose(row)
     low = f" at the 2.5 % quantile over draws of {whose}" if row.samples > 1 else f" on {whose}"
-    when = "" if row.time is None else f" {row.time:.0f} s after the start"
-    return f"{low}, at the input {row.operating_input:.3g}{when}"
+    return f"{low}, at the input {row.operating_input:.3g}{_when(row)}"
+
+
+def _partly_stable(row: MarginRow) -> str:
+    where = f"of {_whose(row)}, at the input {row.operating_input:.3g}{_when(row)}"
+    if row.samples > 1:
+        return f"the loop is stable in {100 * row.stable_share:.0f} % of the draws {where}"
+    return f"the loop {where}, is stable with {100 * row.stable_share:.0f} % certainty"
+
+
+def _when(row: MarginRow) -> str:
+    return "" if row.time is None else f" {row.time:.0f} s after the start"
 
 
 def _whose(row: MarginRow) -> str:

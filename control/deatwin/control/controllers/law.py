@@ -162,6 +162,29 @@ class Law:
         values = np.polyval(numerator[::-1], shift) / np.polyval(denominator[::-1], shift)
         return np.asarray(values, dtype=np.complex128)
 
+    def lost_digits(self, sample_time: float) -> float:
+        """Largest relative difference between the response of `feedback` and that of the states themselves.
+
+        Polynomials whose roots lie close together hold them by the last digits of their coefficients.
+
+        Parameters
+        ----------
+        sample_time : float
+            s.
+
+        Returns
+        -------
+        float
+            From a ten-thousandth of half the sampling rate to half the sampling rate.
+        """
+        angles = np.geomspace(1e-4, 1.0, 25) * np.pi
+        z = np.exp(1j * angles)[:, None, None]
+        moved = np.broadcast_to(-self.b[:, READING, None], (angles.size, self.c.size, 1))
+        states = np.linalg.solve(z * np.eye(self.c.size) - self.a, moved)
+        exact = states[:, :, 0] @ self.c - self.d[READING]
+        written = self.feedback_response(angles / sample_time, sample_time)
+        return float(np.max(np.abs(written - exact) / np.abs(exact)))
+
     @property
     def prefilter(self) -> Polynomials:
         """From the reference to the command."""

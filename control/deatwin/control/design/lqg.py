@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 _REACHED = 1.0 - np.exp(-1.0)  # of a step, in the time constant
 _LEAST, _STEP = np.log(1e-8), np.log(30.0)  # weight of the command's steps against the error, and how it is searched
 _LONGEST = 1e5  # samples in which an answer is waited for
+_DIGITS = 1e-6  # relative error of the transfer function up to which margins can be trusted
 _OBSERVER_SHARE = 0.5
 """The observer averages over this share of the closed-loop time, if nothing is known of drift and noise."""
 
@@ -139,6 +140,11 @@ def lqg(
     if not (isfinite(noise) and isfinite(moved) and min(noise, moved) > 0.0):
         raise ControlError(f"noise ({noise:g}) and drift ({moved:g}) must be positive and finite")
     law, windup = lqg_gains(linear, wanted, float(moved * np.sqrt(h) / noise)).law()
+    if law.lost_digits(h) > _DIGITS:
+        raise ControlError(
+            f"a closed-loop time of {wanted:.3g} s is {wanted / h:.0f} samples: the controller's slow poles lie so "
+            "close together that its transfer function loses its digits; sample more slowly, or ask for a shorter time"
+        )
     return LinearController(
         name="LQG", sample_time=h, operating_input=linear.operating_input, operating_output=linear.rest_output,
         command_min=float(command_limits[0]), command_max=float(command_limits[1]), closed_loop_time=float(wanted),

@@ -10,6 +10,8 @@ from deatwin.control.controllers.law import Law
 from deatwin.control.controllers.linear import LinearController
 from deatwin.control.errors import ControlError
 from deatwin.control.linear.model import LinearModel
+from deatwin.control.stability.margins import margins
+from deatwin.control.stability.polynomials import in_series
 
 __all__ = ["Limits", "PidGains", "pid"]
 
@@ -120,11 +122,23 @@ def pid(linear: LinearModel, gains: PidGains, command_limits: Limits, closed_loo
     -------
     LinearController
         At the sample time of the model.
+
+    Raises
+    ------
+    ControlError
+        If the loop would be unstable on the model itself.
     """
     h = linear.sample_time
+    law = gains.law(h)
+    top, bottom = law.feedback
+    if not margins(in_series(linear.numerator, top), in_series(linear.denominator, bottom), h).stable[0]:
+        raise ControlError(
+            f"with a closed-loop time of {closed_loop_time:.3g} s the loop would be unstable on the model itself: "
+            "ask for a longer one, or choose another design"
+        )
     return LinearController(
         name=gains.name, sample_time=h, operating_input=linear.operating_input,
         operating_output=linear.rest_output, command_min=float(command_limits[0]),
         command_max=float(command_limits[1]), closed_loop_time=float(closed_loop_time),
-        law=gains.law(h), windup=gains.windup(h),
+        law=law, windup=gains.windup(h),
     )  # fmt: skip

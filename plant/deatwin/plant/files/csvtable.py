@@ -206,7 +206,8 @@ def read_bytes(path: str | Path) -> bytes:
     except FileNotFoundError:
         folder = Path(path).parent
         beside = [entry.name for entry in folder.iterdir()] if folder.is_dir() else []
-        raise DataError(f"{path}: no such file{nearest(Path(path).name, beside)}") from None
+        # Stricter than usual: equal endings are no likeness.
+        raise DataError(f"{path}: no such file{nearest(Path(path).name, beside, likeness=0.8)}") from None
     except OSError as error:
         raise DataError(f"{path}: cannot be read: {error.strerror}") from None
 

@@ -244,8 +244,9 @@ def read_rig(path: str | Path) -> RigFile:
     try:
         data = tomllib.loads(Path(path).read_bytes().decode("utf-8-sig"))
     except OSError as error:
+        # Stricter than usual: equal endings are no likeness.
         beside = [entry.name for entry in Path(path).parent.glob("*.toml")]
-        hint = nearest(Path(path).name, beside) if isinstance(error, FileNotFoundError) else ""
+        hint = nearest(Path(path).name, beside, likeness=0.8) if isinstance(error, FileNotFoundError) else ""
         raise RigError(f"{path}: the rig file cannot be read: {error.strerror}{hint}") from None
     except UnicodeDecodeError as error:
         raise RigError(f"{path}: not UTF-8 text at byte {error.start}; save the rig file as UTF-8") from None

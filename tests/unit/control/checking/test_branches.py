@@ -18,6 +18,7 @@ from deatwin.control import (
     lambda_tuning,
     linearise,
 )
+from deatwin.control.loop.residual import RMS_KEY, TIME_KEY
 from deatwin.control.stability.excited import BAND_KEY
 from deatwin.ident.narx import NarxModel, ThetaTrajectory
 from deatwin.ident.narx.operating import OperatingRange
@@ -92,7 +93,7 @@ def test_an_exact_model_of_a_sound_loop_passes(passed):
         "stability", "gain margin", "phase margin", "delay margin", "disk margin", "stability (plant)",
         "gain margin (plant)", "phase margin (plant)", "delay margin (plant)", "disk margin (plant)", "excitation",
         "model in closed loop", "overshoot", "steady error", "ripple", "saturation", "tracking",
-        "gain margin on the plant", "limit cycle", "prediction", "film",
+        "gain margin on the plant", "limit cycle", "prediction", "width of the prediction", "film", "training data",
         *(f"{name} (model by its analytic band)" for name in ("stability", *MARGINS)),
     }  # fmt: skip
     # The exact model and the plant have the same margins, as far as the rig's integrator is exact.
@@ -329,10 +330,11 @@ def test_a_model_that_cannot_be_used_fails_with_its_reason_with_a_controller_too
         document_of(found, tmp_path)
 
 
-def test_what_is_not_known_is_not_judged(rig, fast, passed, tmp_path):
+def test_a_band_that_is_not_known_is_at_most_marginal_and_no_prediction_is_judged(rig, fast, passed, tmp_path):
     found = checked(exact(provenance={}), rig, controller=fast)
-    assert found.verdict is Verdict.PASS
-    assert not subjects(found) & {"excitation", "model in closed loop", "prediction"}
+    assert (found.verdict, found.worst_case.subject) == (Verdict.MARGINAL, "excitation")
+    assert "give the recording" in found.reason
+    assert not subjects(found) & {"model in closed loop", "prediction", "width of the prediction"}
     assert found.predicted is found.excited_band_Hz is None
     document = document_of(found, tmp_path)
     assert document["predicted"] is document["excited_band_Hz"] is None
@@ -415,3 +417,41 @@ def test_plots(passed):
     assert passed.plot().get_ylabel() == "output (mm)"
     assert passed.predicted.plot().get_xlabel() == "time (s)"
     assert passed.steps.plot().get_ylabel() == "output (mm)"
+
+
+def test_a_model_that_says_too_little_does_not_pass_for_it(rig, fast):
+    """Its residual, ten times the step, makes a band in which anything lies inside."""
+    vague = exact(provenance={**exact().provenance, RMS_KEY: "6.0", TIME_KEY: "0.2"})
+    found = checked(vague, rig, controller=fast)
+    assert (found.verdict, found.worst_case.subject) == (Verdict.MARGINAL, "width of the prediction")
+    assert found.worst_case.value > 1.0
+
+
+def test_a_loop_that_leaves_the_training_data_is_at_most_marginal(rig):
+    found = checked(exact(), rig, command_limits=(-10.0, 10.0), closed_loop_time=FAST)
+    judged = {f.subject: f for f in found.findings}["training data"]
+    assert judged.verdict is Verdict.MARGINAL
+    assert "beyond the training data, which go from -1 to 1" in judged.text
+
+
+def test_a_design_for_another_operating_input_is_refused(rig, fast):
+    with pytest.raises(ControlError, match=r"for the operating input 0\.5, not for 0"):
+        checked(exact(), rig, design=lambda linear, command_limits: replace(fast, operating_input=0.5))
+
+
+@pytest.mark.parametrize("name", ["", "plant", "model", "plant in large motions"])
+def test_another_plant_needs_a_name_of_its_own(rig, fast, name):
+    with pytest.raises(ControlError, match="cannot be called"):
+        checked(exact(), rig, controller=fast, others={name: rig})
+
+
+def test_a_recording_in_another_unit_is_noticed(rig, fast):
+    """What the model's free run leaves of it is far more than it left where it was identified."""
+    rng = np.random.default_rng(3)
+    command = rng.uniform(-1.0, 1.0, 500)
+    model = exact(provenance={**exact().provenance, RMS_KEY: "0.001", TIME_KEY: "0.2"})
+    sound = Recording.from_arrays(command, np.zeros(500), 0.02)
+    outputs = model.simulate(sound).outputs[0]
+    checked(model, rig, controller=fast, recording=Recording.from_arrays(command, outputs, 0.02))
+    with pytest.raises(ModelError, match="in the same units"):
+        checked(model, rig, controller=fast, recording=Recording.from_arrays(command, 1e3 * outputs, 0.02))

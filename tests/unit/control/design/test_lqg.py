@@ -148,3 +148,14 @@ def test_a_model_that_answers_at_once_is_refused():
     )  # fmt: skip
     with pytest.raises(ControlError, match="in_loop"):
         lqg(linear, command_limits=LIMITS)
+
+
+def test_a_controller_whose_polynomials_lose_their_digits_is_refused():
+    """A lag of 200 s sampled every 0.02 s: three poles within 1e-4 of each other beside 1."""
+    pole = np.exp(-0.02 / 200.0)
+    slow = LinearModel(
+        numerator=[0.0, 1.0 - pole], denominator=[1.0, -pole], covariance=np.zeros((3, 3)), sample_time=0.02,
+        operating_input=0.0, operating_output=0.0,
+    )  # fmt: skip
+    with pytest.raises(ControlError, match="loses its digits"):
+        lqg(slow, command_limits=(-1.0, 1.0), closed_loop_time=200.0)
