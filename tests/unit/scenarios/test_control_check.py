@@ -219,7 +219,8 @@ def six(**spoilt: ClosedLoop) -> tuple[FleetRun, ...]:
 def concealed(base: Verdict = FAIL, amended: Verdict = PASS, effect: str = "electrode_rc"):
     designs = tuple(
         SimpleNamespace(
-            source=source, controller=SimpleNamespace(name="PI"), runs=SimpleNamespace(steps=loop(5e-6)),
+            source=source, controller=SimpleNamespace(name="PI", closed_loop_time=0.4),
+            runs=SimpleNamespace(steps=loop(5e-6)),
             check=SimpleNamespace(verdict=verdict, reason="the phase margin is 22°"),
             truth=SimpleNamespace(verdict=verdict, text="steps overshoot by 51 % on the physics plant"),
         )
@@ -227,7 +228,7 @@ def concealed(base: Verdict = FAIL, amended: Verdict = PASS, effect: str = "elec
     )
     causes = [SimpleNamespace(effect=effect)]
     diagnosis = SimpleNamespace(verdict=SimpleNamespace(value="named"), causes=causes)
-    return SimpleNamespace(effect=effect, designs=designs, diagnosis=diagnosis)
+    return SimpleNamespace(effect=effect, designs=designs, at_other_times=(), diagnosis=diagnosis)
 
 
 def matters() -> Matters:

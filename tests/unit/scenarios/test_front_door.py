@@ -17,12 +17,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.io import savemat
+from typer.main import get_command
 
 from deatwin.ident.narx import NarxModel
 from deatwin.ident.narx.operating import OperatingRange
 from deatwin.plant.sources import load_plant
 from deatwin.scenarios import provenance
-from deatwin.scenarios.cli import main
+from deatwin.scenarios.cli import app, main
 from deatwin.scenarios.voice import complain
 
 ROOT = Path(__file__).parents[3]
@@ -102,6 +103,8 @@ FILES = {
     "one.csv": table(samples=1),
     "header.csv": HEADER + "\n",
     "headless.csv": table().partition("\n")[2],
+    "blanks.csv": table().replace(",", " "),
+    "nameless.csv": table("time_s,command_V"),
     "blank.csv": "",
     "film.csv": HEADER + "".join(f"\n{0.02 * k:.2f},{2000 + k},0.3" for k in range(40)),
     "few.csv": table(samples=8),
@@ -155,6 +158,16 @@ BYTES = {
     "utf16.csv": table().encode("utf-16")[:-1],
     "latin.toml": RIG.replace("VHB", "Élastomère").encode("latin-1"),
 }
+DATA = ("data/vhb4910", "data/emps", "data/silverbox")  # without recordings
+DESIGNED = {
+    "schema": "deatwin/check/1",
+    "operating": {"input_unit": "V", "output_unit": "mm"},
+    "controller": {
+        "kind": "linear", "name": "PI", "sample_time": 0.02, "operating_input": 2.0, "operating_output": 1.0,
+        "command_min": 1.0, "command_max": 4.0, "closed_loop_time": 0.5, "windup": [0.1],
+        "law": {"a": [[1.0]], "b": [[0.04, -0.04]], "c": [1.0], "d": [0.5, -0.5]},
+    },
+}  # fmt: skip
 NOBODY = 65534
 FRONT_DOOR = (
     "scenarios/deatwin/scenarios/*.py", "scenarios/deatwin/scenarios/commands/*.py", "plant/deatwin/plant/sources.py",
@@ -162,7 +175,16 @@ FRONT_DOOR = (
     "plant/deatwin/plant/files/*.py", "plant/deatwin/plant/files/formats/*.py",
 )  # fmt: skip
 ERRORS = {"DataError", "RigError", "ModelError", "SimulationError", "ControlError", "BadParameter"}
-NOT_FROM_THE_COMMAND_LINE: dict[str, str] = {}
+NOT_FROM_THE_COMMAND_LINE = {
+    "assemble.py: dt is": "typer refuses --dt first",
+    "csvtable.py: cannot be read as numbers": "the last resort of a reader that knows no such cell",
+    "table.py: it must be positive and finite": "readers pass over such a clock, or call the description damaged",
+    "recordings.py: columns must be one-dimensional": "commands write columns of one length",
+    "recordings.py: holds a comma": "commands write headers of their own",
+    "recordings.py: cannot be written": "the place is looked at first; afterwards only a full disk does this",
+    "simulate.py: the simulation stopped:": "known plants stop at a time and a command",
+}
+"""By module and words of the message: why no row can show it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -205,8 +227,8 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (desk / name).write_text(text, encoding="utf-8", newline="")
     for name, content in BYTES.items():
         (desk / name).write_bytes(content)
-    for name in ("folder", "folder.csv", "folder.toml", "folder.json", "locked"):
-        (desk / name).mkdir()
+    for name in ("folder", "folder.csv", "folder.toml", "folder.json", "locked", *DATA):
+        (desk / name).mkdir(parents=True)
     (desk / "locked").chmod(0o555)
     desk.chmod(0o755)
     write_models(desk)
@@ -224,6 +246,7 @@ def write_models(desk: Path) -> None:
     narx.save(desk / "narx.json")
     replace(narx, provenance={"excited_band_Hz": "wide"}).save(desk / "banded.json")
     load_plant(desk / "rig.toml").save(desk / "model.json")
+    (desk / "designed.json").write_text(json.dumps(DESIGNED), encoding="utf-8")
     for name, source, key, value in (
         ("terms.json", "narx.json", "terms", 3),
         ("effect.json", "model.json", "effects", ["crep"]),
@@ -236,6 +259,7 @@ def write_models(desk: Path) -> None:
 def write_recordings(desk: Path) -> None:
     """Recordings in other formats."""
     from nptdms import ChannelObject, TdmsWriter
+    from xarray import Dataset
 
     clock = 0.02 * np.arange(40)
     sound = {"time_s": clock, "command_V": 2 + np.sin(clock), "displacement_mm": np.cos(clock)}
@@ -252,6 +276,7 @@ def write_recordings(desk: Path) -> None:
         "clock.mat": {**timeless, "ts": 0.02},
     }.items():
         savemat(desk / name, content, oned_as="column")
+    Dataset({"time_s": ("row", clock), "command_V": ("none", [])}).to_netcdf(desk / "empty.nc", engine="h5netcdf")
     with TdmsWriter(desk / "clocks.tdms") as file:
         file.write_segment([
             ChannelObject("one", name, values, {"wf_increment": 0.02, "wf_start_offset": start})
@@ -355,6 +380,23 @@ def test_every_message_of_the_front_door_is_in_the_table() -> None:
     missing = []
     for path in sorted(path for pattern in FRONT_DOOR for path in ROOT.glob(pattern)):
         for line, pattern in messages(path):
-            if not any(re.search(pattern, text) for text in known):
-                missing.append(f"{path.name}:{line}: {pattern}")
+            text = pattern.replace("\\", "")
+            excused = any(
+                path.name == name and words in text
+                for name, words in (entry.split(": ", 1) for entry in NOT_FROM_THE_COMMAND_LINE)
+            )
+            if not excused and not any(re.search(pattern, row) for row in known):
+                missing.append(f"{path.name}:{line}: {text}")
     assert not missing, "\n".join(missing)
+
+
+def test_every_option_that_takes_a_value_is_given_wrongly_in_some_row() -> None:
+    given = {(row.arguments[0], word) for row in ROWS for word in row.arguments}
+    missing = [
+        f"{name} {option.opts[0]}"
+        for name, command in get_command(app).commands.items()  # type: ignore[attr-defined]
+        for option in command.params
+        if option.param_type_name == "option" and not getattr(option, "is_flag", False)
+        if (name, option.opts[0]) not in given
+    ]
+    assert not missing, ", ".join(missing)

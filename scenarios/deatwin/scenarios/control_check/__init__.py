@@ -115,9 +115,10 @@ def _designs(one: Concealed) -> dict[str, Any]:
         "effect": one.effect, "diagnosis": one.diagnosis.verdict.value,
         "causes": [cause.effect for cause in one.diagnosis.causes],
         "designs": [
-            {"source": d.source, "controller": d.controller.name, "verdict": d.check.verdict.value,
+            {"source": d.source, "closed_loop_time": d.controller.closed_loop_time,
+             "controller": d.controller.name, "verdict": d.check.verdict.value,
              "reason": d.check.reason, "truth": d.truth.verdict.value, "true_text": d.truth.text}
-            for d in one.designs
+            for d in (*one.designs, *one.at_other_times)
         ],
     }  # fmt: skip
 

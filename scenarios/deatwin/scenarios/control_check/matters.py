@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.control.checking.check import STICKING
 from deatwin.control.checking.rows import MarginRow, rows_of_family
 from deatwin.control.checking.trial import Trial
 from deatwin.control.controllers.base import Controller
@@ -24,12 +25,11 @@ from deatwin.ident.narx import Fixed, Frols, NarxModel, Semp, SvbNarx
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.errors import DeatwinError
 from deatwin.plant.excitation import band_limited_noise
-from deatwin.plant.fleet import specification
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Recording
 from deatwin.plant.rigs.base import ReadingTime
 from deatwin.scenarios.control_check.calibration import calibrated
-from deatwin.scenarios.control_check.rigs import linear_feedback, recorded
+from deatwin.scenarios.control_check.rigs import fabricated, linear_feedback, recorded
 
 __all__ = ["Achieved", "Interval", "Matter", "Matters", "compare_models"]
 
@@ -91,7 +91,7 @@ class Achieved:
     overshoot : float
         Of the steps, as a share.
     gain : float
-        Gain margin, as a factor.
+        Gain margin, as a factor: the lesser of those for small motions and for large ones, to which nothing sticks.
     rms : float
         Rms error on the steps, in the output's unit.
     """
@@ -164,12 +164,12 @@ def compare_models(rng: np.random.Generator) -> Matters:
     -------
     Matters
     """
-    plant = specification()
+    plant = fabricated(rng)
     recording = recorded(plant, band_limited_noise(rng, 120.0, plant.rig.sample_time, band=2.0), rng)
     truth = _Truth.of(plant)
     noise = int(rng.integers(2**32))
     found = [_of_narx(name, make, recording, truth, np.random.default_rng(noise)) for name, make in MODELS.items()]
-    found.append(_of_plant("physics plant", calibrated(recording), recording, truth, np.random.default_rng(noise)))
+    found.append(_of_plant("calibrated plant", calibrated(recording), recording, truth, np.random.default_rng(noise)))
     return Matters(models=tuple(found), output_rms=float(recording.outputs[0].std()))
 
 
@@ -206,10 +206,13 @@ class _Truth:
 
     def achieved(self, controller: Controller, steps: ClosedLoop) -> Achieved:
         law = controller.local(controller.operating_input)
+        reading = self.plant.rig.reading
+        loose = self.plant.without_effects(*(name for name in STICKING if name in self.plant.effect_names))
+        families = [linearise_plants((plant,), [OPERATING]).in_loop(reading) for plant in (self.plant, loose)]
         loop = law.feedback_response(self.omega, controller.sample_time) * self.response
         return Achieved(
             bandwidth_Hz=float(_bandwidth(self.omega, loop[None])[0]), overshoot=steps.overshoot,
-            gain=_gain_margin(self.omega, loop), rms=steps.rms_error,
+            gain=min(rows_of_family("plant", family, controller)[0].gain for family in families), rms=steps.rms_error,
         )  # fmt: skip
 
 
@@ -311,17 +314,3 @@ def _bandwidth(omega: Array, loops: Complex) -> Array:
         share = np.clip((np.log(np.sqrt(0.5)) - pair[0]) / (pair[1] - pair[0]), 0.0, 1.0)
         found[n] = np.exp(np.log(omega[k - 1]) + share * np.log(omega[k] / omega[k - 1]))
     return np.asarray(found / (2 * np.pi))
-
-
-def _gain_margin(omega: Array, loop: Complex) -> float:
-    """Of a measured loop: where its phase crosses -180 degrees, between the lines."""
-    phase = np.unwrap(np.angle(loop))
-    size = np.log(np.abs(loop))
-    margins = []
-    for k in range(omega.size - 1):
-        for target in np.pi * np.arange(-7, 8, 2):
-            low, high = sorted((phase[k], phase[k + 1]))
-            if low <= target < high:
-                share = (target - phase[k]) / (phase[k + 1] - phase[k])
-                margins.append(float(np.exp(-(size[k] + share * (size[k + 1] - size[k])))))
-    return min((m for m in margins if m > 1.0), default=float(np.exp(-size[-1])))

@@ -24,7 +24,7 @@ from deatwin.plant.fleet import TOLERANCES, specification
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
 
-__all__ = ["LIMITS", "METHODS", "Bench", "identified", "linear_feedback", "random_bench", "recorded"]
+__all__ = ["LIMITS", "METHODS", "Bench", "fabricated", "identified", "linear_feedback", "random_bench", "recorded"]
 
 WIDER = 2.0
 """Times the tolerances of the fleet, which is of one batch: these rigs are not."""
@@ -93,7 +93,7 @@ def random_bench(rng: np.random.Generator) -> Bench:
     Bench
     """
     concealed = _concealed(rng) if rng.uniform() < CONCEALED else ()
-    plant = _fabricated(rng).with_effects(*concealed)
+    plant = fabricated(rng).with_effects(*concealed)
     band = float(rng.uniform(0.8, 4.0))
     recording = recorded(plant, _excitation(plant, band, rng), rng)
     return Bench(plant=plant, concealed=tuple(e.name for e in concealed), recording=recording, band_Hz=band)
@@ -128,7 +128,18 @@ def _excitation(plant: Plant, band_Hz: float, rng: np.random.Generator) -> NDArr
     return band_limited_noise(rng, seconds, plant.rig.sample_time, band=band_Hz)
 
 
-def _fabricated(rng: np.random.Generator) -> Plant:
+def fabricated(rng: np.random.Generator) -> Plant:
+    """A rig that was to be the specification, with departures twice as wide as those of a fleet of one batch.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Source of the departures.
+
+    Returns
+    -------
+    Plant
+    """
     wished = specification()
     factors = {name: 1.0 + WIDER * t.share * rng.uniform(-1.0, 1.0) for name, t in TOLERANCES.items()}
     geometry = {n: f * getattr(wished.rig, n) for n, f in factors.items() if hasattr(wished.rig, n)}

@@ -162,18 +162,20 @@ def _concealed(every: Sequence[Concealed]) -> Table:
     rows = [
         [
             one.effect.replace("_", " "), one.diagnosis.verdict.value,
-            ", ".join(cause.effect.replace("_", " ") for cause in one.diagnosis.causes) or "–", designed.source,
-            designed.controller.name, designed.check.verdict.value, designed.check.reason,
+            ", ".join(cause.effect.replace("_", " ") for cause in one.diagnosis.causes) or "–",
+            designed.source,
+            f"{designed.controller.closed_loop_time:g} s", designed.controller.name,
+            designed.check.verdict.value, designed.check.reason,
             f"{designed.truth.verdict.value}: {designed.truth.text}",
         ]
         for one in every
-        for designed in one.designs
+        for designed in (*one.designs, *one.at_other_times)
     ]  # fmt: skip
     return Table(
         title="A concealed effect: designs from the base model and from the amended one",
         columns=[
-            "concealed", "diagnosis", "its causes", "designed from", "controller", "verdict of the check", "reason",
-            "what the true rig did",
+            "concealed", "diagnosis", "its causes", "designed from", "closed-loop time", "controller",
+            "verdict of the check", "reason", "what the true rig did",
         ],
         rows=rows,
     )  # fmt: skip

@@ -163,7 +163,7 @@ def test_the_picture_shows_locus_ellipses_and_minus_one():
 
 
 def test_a_crossing_where_nearly_nothing_is_left_of_the_loop_does_not_spoil_the_limit():
-    # L = (g + b z^-1) / (1 - p z^-1): at half the sampling rate (g - b)/(1 + p) is 1e-3 with ten times that as deviation,
+    # L = (g + b z^-1) / (1 - p z^-1): at half the sampling rate (g - b)/(1 + p) is 1e-3, its deviation ten times that,
     # whose logarithm knows no bound; the loop itself stays within 0.03 there.
     covariance = np.zeros((3, 3))
     covariance[1, 1] = 0.02**2

@@ -160,22 +160,19 @@ def read_description(text: str, path: str, *, start: float = 0.0) -> Declared:
     """
     try:
         content = json.loads(text)
-        if content["schema"] != SCHEMA:
-            raise DataError(
-                f'{path}: its description has the schema "{content["schema"]}"; "{SCHEMA}" can be read'
-            )
+        schema = content["schema"]
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        raise _damaged(path, error) from None
+    if schema != SCHEMA:
+        raise DataError(f'{path}: its description has the schema "{schema}"; "{SCHEMA}" can be read')
+    try:
         return Declared(
             timing=Timing(sample_time=float(content["sample_time"]), start=start),
             signals=tuple(_signal(entry) for entry in content["signals"]),
             provenance={str(key): str(value) for key, value in content["provenance"].items()},
         )
-    except DataError:
-        raise
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise DataError(
-            f"{path}: its description ({KEY}) is damaged ({error}); "
-            "take it out, and the headers tell what the columns are"
-        ) from None
+    except (ValueError, KeyError, TypeError, AttributeError) as error:  # DataError is a ValueError
+        raise _damaged(path, error) from None
 
 
 def all_provenance(own: Mapping[str, str], stored: Mapping[str, str]) -> dict[str, str]:
@@ -199,6 +196,12 @@ def all_provenance(own: Mapping[str, str], stored: Mapping[str, str]) -> dict[st
             key = f"origin.{key}"
         found[key] = value
     return found
+
+
+def _damaged(path: str, error: Exception) -> DataError:
+    return DataError(
+        f"{path}: its description ({KEY}) is damaged ({error}); take it out, and the headers tell what the columns are"
+    )
 
 
 def _signal(entry: Mapping[str, Any]) -> Signal:

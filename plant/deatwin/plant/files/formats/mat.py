@@ -127,7 +127,7 @@ def _timing(arrays: Mapping[str, np.ndarray], path: str) -> Timing | None:
     }
     stated = {name: scalars[name] for name in _SAMPLE_TIMES if name in scalars}
     stated |= {name: 1.0 / scalars[name] for name in _SAMPLE_RATES if scalars.get(name, 0.0) > 0.0}
-    timings = {name: Timing(sample_time=value) for name, value in stated.items() if value > 0.0}
+    timings = {name: Timing(sample_time=value) for name, value in stated.items() if 0.0 < value < np.inf}
     for name, timing in timings.items():
         first, value = next(iter(timings.items()))
         if not value.agrees(timing.sample_time):
