@@ -23,7 +23,6 @@ __all__ = [
     "Seed",
     "complete_effects",
     "fold_experiments",
-    "positive",
     "unfold_experiment",
 ]
 
@@ -45,24 +44,7 @@ OutputColumn = Annotated[
 AllowGaps = Annotated[bool, typer.Option("--allow-gaps", help="Split a record at its gaps and keep the clock.")]
 
 
-def positive(value: float | None) -> float | None:
-    """Refuse the value of an option that must be a positive number.
-
-    Parameters
-    ----------
-    value : float or None
-        As given; None where the option is left out.
-
-    Returns
-    -------
-    float or None
-        The same.
-
-    Raises
-    ------
-    typer.BadParameter
-        If it is zero, negative or not finite.
-    """
+def _positive(value: float | None) -> float | None:
     if value is not None and not 0.0 < value < math.inf:
         raise typer.BadParameter(f"{value:g} is not a positive number")
     return value
@@ -76,7 +58,7 @@ def _some_files(values: list[str] | None) -> list[str] | None:
 
 SampleTime = Annotated[
     float | None,
-    typer.Option("--dt", metavar="SECONDS", callback=positive, help="Sample time of files that hold no times."),
+    typer.Option("--dt", metavar="SECONDS", callback=_positive, help="Sample time of files that hold no times."),
 ]
 Experiments = Annotated[
     list[str] | None,

@@ -114,7 +114,7 @@ def _schema(source: str) -> str | None:
     """Of a JSON file; None where there is none, which loading it will complain about."""
     try:
         document = json.loads(Path(source).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):  # the last where it is nested too deeply
         return None
     schema = document.get("schema") if isinstance(document, dict) else None
     if schema not in (PLANT, NARX, CHECK):

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from deatwin.scenarios.options import Json, OutFolder, Quiet, positive
+from deatwin.scenarios.options import Json, OutFolder, Quiet
 from deatwin.scenarios.voice import Voice
 
 if TYPE_CHECKING:
@@ -34,10 +34,9 @@ Level = Annotated[float, typer.Option(help="Probability of the bands that are wr
 Amplitude = Annotated[
     float | None,
     typer.Option(
-        metavar="VALUE", callback=positive,
-        help="Largest deviation of the NOFRFs' test signal; by default inside the training range.",
+        metavar="VALUE", help="Largest deviation of the NOFRFs' test signal; by default inside the training range."
     ),
-]  # fmt: skip
+]
 
 
 def frequency(

@@ -161,7 +161,7 @@ def _concealed(rng: np.random.Generator) -> tuple[Effect, ...]:
 
 
 def identified(recording: Recording) -> NarxModel:
-    """A polynomial model for control: of least free-run error among those that are stable at all commands.
+    """A polynomial model for control: stable at all commands, if one is without a turn of its curve, of least error.
 
     Parameters
     ----------
@@ -181,8 +181,10 @@ def identified(recording: Recording) -> NarxModel:
     for method in METHODS:
         with suppress(ModelError):  # the free run of a first guess may diverge
             model = refine(method().fit(recording).model_, recording)
-            if linearise_many(model, np.linspace(*LIMITS, _STABLE_AT)).stable.all():
-                found.append((model.simulate(recording).rms_error, model))
+            at_rest = linearise_many(model, np.linspace(*LIMITS, _STABLE_AT))
+            if at_rest.stable.all():
+                turns = bool(np.ptp(np.sign(at_rest.static_gains)))  # then its curve has no inverse
+                found.append((turns, model.simulate(recording).rms_error, model))
     if not found:
         raise ModelError("no method found a model of this recording that is stable at all commands")
-    return min(found, key=lambda entry: entry[0])[1]
+    return min(found, key=lambda entry: entry[:2])[2]

@@ -13,7 +13,7 @@ from deatwin.plant.fleet import specification
 from deatwin.scenarios.control_check.concealed import EFFECTS, Concealed, conceal
 from deatwin.scenarios.control_check.matters import Matters, compare_models
 from deatwin.scenarios.control_check.record import Trials
-from deatwin.scenarios.control_check.tracking import FleetRun, Tracking, fleet_runs, nominal_plant, track
+from deatwin.scenarios.control_check.tracking import EXCITED, FleetRun, Tracking, fleet_runs, nominal_plant, track
 from deatwin.scenarios.control_check.trials import Outcome, try_one
 
 __all__ = ["SIZES", "Study", "carry_out"]
@@ -78,9 +78,9 @@ def carry_out(folder: Path, size: str, seed: int, jobs: int, tell: Tell) -> Stud
     streams = np.random.SeedSequence(seed).spawn(3 + len(EFFECTS))
     rngs = [np.random.default_rng(stream) for stream in streams]
     tell(0.0, "tracking on the nominal rig")
-    tracking = tuple(
-        track(name, plant, rng)
-        for name, plant, rng in (("nominal rig", nominal_plant(), rngs[0]), ("specification", specification(), rngs[0]))
+    tracking = (
+        track("nominal rig", nominal_plant(), rngs[0]),
+        track("specification", specification(), rngs[0], EXCITED),
     )
     tell(0.15 * rest, "the scheduled design on six actuators")
     six = fleet_runs(seed, rngs[1])

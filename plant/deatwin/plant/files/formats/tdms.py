@@ -114,7 +114,7 @@ def _declared(file: Any, channels: list[Any], path: str) -> Declared:
 
 
 def _timing(channel: Any) -> Timing | None:
-    """Return the clock of a waveform, or None; an increment of 0 is LabVIEW's default and says nothing, nor does inf."""
+    """Return the clock of a waveform, or None; an increment of 0 is LabVIEW's default and says nothing."""
     increment = float(channel.properties.get("wf_increment", 0.0))
     start = float(channel.properties.get("wf_start_offset", 0.0))
     says_it = 0.0 < increment < np.inf and np.isfinite(start)

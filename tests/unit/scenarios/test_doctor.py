@@ -1,0 +1,99 @@
+"""``deatwin doctor``: what is installed, what is missing and how it comes, what is slower without a compiler."""
+
+import json
+import re
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from deatwin.plant.integrator import compiled
+from deatwin.scenarios.cli import main
+from deatwin.scenarios.commands import doctor as command
+from deatwin.scenarios.commands.doctor import OPTIONAL, SLOWER
+
+ROOT = Path(__file__).parents[3]
+FOR_DEVELOPERS = {"test", "docs"}
+
+
+def told(capsys: pytest.CaptureFixture[str]) -> dict[str, Any]:
+    assert main(["doctor", "--json"]) == 0
+    found: dict[str, Any] = json.loads(capsys.readouterr().out)
+    return found
+
+
+def test_every_extra_is_named_with_the_packages_that_it_brings() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    extras = {
+        extra: {re.split(r"[\[><=]", text)[0] for text in packages}
+        for extra, packages in project["optional-dependencies"].items()
+        if extra not in FOR_DEVELOPERS
+    }
+    for part in OPTIONAL:
+        assert not part.extra or part.package in extras[part.extra] | {"distributed"}, part
+        assert part.command == f'pip install "deatwin[{part.extra}]"' or (not part.extra and "[" not in part.command)
+    assert {part.extra for part in OPTIONAL if part.extra} == set(extras)
+
+
+def test_what_is_absent_comes_with_its_command(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    part = command.Part(package="no_such_package", use="nothing at all", extra="files")
+    monkeypatch.setattr(command, "OPTIONAL", (part, command.Part(package="numpy", use="numbers")))
+    assert main(["doctor"]) == 0
+    said = capsys.readouterr().out
+    assert re.search(r'no_such_package +absent: pip install "deatwin\[files\]" \(nothing at all\)', said)
+    assert re.search(r"numpy +\d+\.\S+ \(numbers\)", said)
+    found = told(capsys)["optional"]
+    assert found["no_such_package"]["version"] is None and found["numpy"]["install"] == "pip install numpy"
+
+
+def test_a_compiler_is_named_or_asked_for(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setenv("DEATWIN_COMPILER", "")
+    assert main(["doctor"]) == 0
+    said = capsys.readouterr().out
+    assert re.search(r"compiler +none found on the path: install gcc or clang", said)
+    for what, times, script in SLOWER:
+        assert f"{what} {times} times" in said and script in said
+        assert (ROOT / "tests/benchmarks" / script).is_file()
+    assert told(capsys)["compiler"] is None
+    monkeypatch.delenv("DEATWIN_COMPILER")
+    assert told(capsys)["compiler"] == compiled.compiler()
+
+
+def test_the_cache_is_measured(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("DEATWIN_CACHE", str(tmp_path / "cache"))
+    (tmp_path / "cache").mkdir()
+    (tmp_path / "cache" / "a.so").write_bytes(bytes(1_500_000))
+    (tmp_path / "cache" / "b.so").write_bytes(bytes(1_000_000))
+    found = told(capsys)
+    assert (found["cache"], found["cache_files"], found["cache_bytes"]) == (str(tmp_path / "cache"), 2, 2_500_000)
+    assert main(["doctor"]) == 0
+    assert f"{tmp_path / 'cache'}: 2 files, 2.5 MB" in capsys.readouterr().out
+
+
+def test_a_cache_that_cannot_be_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("DEATWIN_CACHE", str(tmp_path / "file" / "cache"))
+    assert main(["doctor"]) == 0
+    assert "Not a directory: without it nothing is compiled" in capsys.readouterr().out
+
+
+def test_the_folder_of_public_recordings_is_looked_into(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("silverbox", "emps"):
+        (tmp_path / name).mkdir()
+    monkeypatch.setenv("DEATWIN_DATA", str(tmp_path))
+    assert told(capsys)["data"] == {"variable": "DEATWIN_DATA", "folder": str(tmp_path), "holds": ["emps", "silverbox"]}
+    monkeypatch.setenv("DEATWIN_DATA", str(tmp_path / "gone"))
+    assert main(["doctor"]) == 0
+    assert "gone: no such folder" in capsys.readouterr().out
+    monkeypatch.delenv("DEATWIN_DATA")
+    assert main(["doctor"]) == 0
+    assert "DEATWIN_DATA is not set" in capsys.readouterr().out
