@@ -37,7 +37,7 @@ OPERATING = 2.8
 BAND = (0.1, 0.8)
 """Of the reference, Hz."""
 EXCITED = 4.0
-"""Upper end of the noise for rigs with hysteresis, Hz: with the thesis' 1 Hz, the models' crossover is left to chance."""
+"""Upper end of the noise for rigs with hysteresis, Hz: the thesis' 1 Hz leaves the models' crossover to chance."""
 TONES = 8
 SECONDS = 60.0
 SETTLED = 5.0
