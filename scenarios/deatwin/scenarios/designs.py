@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import partial
@@ -33,6 +34,10 @@ class DesignName(StrEnum):
     HINF = "hinf"
     SHAPED = "shaped"
     SCHEDULED = "scheduled"
+
+
+SLOWER = (1.0, 0.7, 0.5, 0.35, 0.25)
+"""Shares of the usual bandwidth that are tried for an H-infinity design, whose bounds are stricter than a PI's."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -165,8 +170,14 @@ def _lqg(wanted: Wanted, linear: LinearModel, *, command_limits: Limits) -> Cont
 
 def _hinf(wanted: Wanted, linear: LinearModel, *, command_limits: Limits) -> Controller:
     from deatwin.control.design.hinf import hinf
+    from deatwin.control.errors import ControlError
 
-    return hinf(linear, command_limits=command_limits, bandwidth_Hz=wanted.bandwidth_Hz(linear))
+    fastest = wanted.bandwidth_Hz(linear)
+    if wanted.closed_loop_time is None:  # nobody asked for a time: the fastest that can be had
+        for share in SLOWER:
+            with suppress(ControlError):
+                return hinf(linear, command_limits=command_limits, bandwidth_Hz=share * fastest)
+    return hinf(linear, command_limits=command_limits, bandwidth_Hz=fastest)
 
 
 def _shaped(wanted: Wanted, linear: LinearModel, *, command_limits: Limits) -> Controller:

@@ -263,6 +263,12 @@ def test_the_same_case_is_the_same_bytes_and_another_run_has_other_noise(knocked
     assert first.tobytes() == knocked.record(advised, 0).recordings[0].outputs[0].tobytes()
     # Two runs of one apparatus differ by their noise alone.
     assert (first - second).std() == pytest.approx(np.sqrt(2) * knocked.noise, rel=0.3)
+    # An advised record has commands only, and neither readings nor names of them.
+    unread = np.empty((0, advised.recordings[0].n_samples))
+    bare = replace(advised.recordings[0], outputs=unread, output_names=(), output_units=())
+    made = knocked.record(Experiment(recordings=(bare,)), 0).recordings[0]
+    assert made.outputs[0].tobytes() == first.tobytes()
+    assert (made.output_names, made.output_units) == (("displacement",), ("m",))
 
 
 def test_the_key_has_every_effect_of_the_catalogue_once_and_nothing_twice():

@@ -133,8 +133,17 @@ class Apparatus:
         -------
         Experiment
         """
-        pairs = zip(experiment.recordings, readings, strict=True)
-        return Experiment(recordings=tuple(replace(r, outputs=self.noise.added(y, rng)[None]) for r, y in pairs))
+        # An advised record has commands only: it learns here what is read.
+        rig, pairs = self.plant.rig, zip(experiment.recordings, readings, strict=True)
+        return Experiment(
+            recordings=tuple(
+                replace(
+                    record, outputs=self.noise.added(reading, rng)[None], output_names=(rig.output_name,),
+                    output_units=(rig.output_unit,),
+                )
+                for record, reading in pairs
+            )
+        )  # fmt: skip
 
     def _integrated(self, drive: Drive, reads: np.ndarray) -> np.ndarray:
         plant = self.plant.with_effects(*(e for m in self.mechanisms for e in m.effects))
