@@ -1,6 +1,7 @@
 """A rig that is simulated in a moment, and recordings of it on the disk."""
 
 import json
+import logging
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -104,3 +105,12 @@ def on_bench(bench: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """The same, as the working folder."""
     monkeypatch.chdir(bench)
     yield bench
+
+
+@pytest.fixture(autouse=True)
+def as_loud_as_before() -> Iterator[None]:
+    """A command that is run in this process with --quiet or --json leaves the package's logger quiet."""
+    logger = logging.getLogger("deatwin")
+    level = logger.level
+    yield
+    logger.setLevel(level)

@@ -41,7 +41,7 @@ def step_reference(centre: float, amplitude: float, plateau: int, rise: int = 0)
     --------
     >>> step_reference(1.0, 0.5, 1).tolist()
     [1.0, 1.5, 1.0, 0.5, 1.0]
-    >>> step_reference(0.0, 1.0, 3, rise=1)[2:6].tolist()
+    >>> step_reference(0.0, 1.0, 3, rise=1)[2:6].round(6).tolist()
     [0.0, 0.5, 1.0, 1.0]
     """
     if not 0 <= rise < plateau:
