@@ -5,15 +5,12 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from deatwin.scenarios.options import Json, OutFolder, Quiet
 from deatwin.scenarios.voice import Voice
-
-if TYPE_CHECKING:
-    from deatwin.scenarios.folder import ResultFolder
 
 __all__ = ["frequency"]
 
@@ -70,20 +67,9 @@ def frequency(
         )  # fmt: skip
         folder = ResultFolder(out)
         write_responses(found, folder)
-    _remove_former(folder)
+    folder.remove_former(OPTIONAL.pattern)
     folder.text("run.json", json.dumps(record.finished([*folder.written, "run.json"]), indent=1) + "\n")
     for line in found.lines:
         voice.say(line)
     voice.say(folder.summary)
     voice.result({"out": str(out), **found.to_json()})
-
-
-def _remove_former(folder: ResultFolder) -> None:
-    """Remove what a former run of this command wrote, as its record tells, and this one has not."""
-    try:
-        former = json.loads((folder.path / "run.json").read_text(encoding="utf-8"))["outputs"]
-    except (OSError, ValueError, KeyError, TypeError):
-        return
-    for name in former:
-        if OPTIONAL.fullmatch(str(name)) and name not in folder.written:
-            (folder.path / name).unlink(missing_ok=True)
