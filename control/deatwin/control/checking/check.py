@@ -11,22 +11,28 @@ from numpy.typing import ArrayLike, NDArray
 
 from deatwin.control.checking.cycles import judge_cycles
 from deatwin.control.checking.film import judge_film
+from deatwin.control.checking.given import (
+    known_band,
+    known_residual,
+    require_inside,
+    require_limits,
+    require_pair,
+    trained_range,
+)
 from deatwin.control.checking.operating import OperatingPoint
 from deatwin.control.checking.result import Check
 from deatwin.control.checking.rows import MarginRow, row_of_band, rows_of_family
+from deatwin.control.checking.scope import judge_band, judge_training, judge_unknown_band
 from deatwin.control.checking.specification import Specification, Verdict
 from deatwin.control.checking.trial import STEP_SHARE, Trial
 from deatwin.control.checking.verdict import (
     Finding,
     Runs,
-    judge_band,
     judge_draws,
     judge_margins,
     judge_prediction,
     judge_raised,
     judge_runs,
-    judge_training,
-    judge_unknown_band,
     judge_width,
     late_rms_error,
 )
@@ -40,10 +46,9 @@ from deatwin.control.linear.plant import draw_plants, linearise_plants
 from deatwin.control.linear.varying import linearise_along
 from deatwin.control.loop.closed_loop import ClosedLoop
 from deatwin.control.loop.predicted import PredictedLoop, predict_loop
-from deatwin.control.loop.residual import Residual, free_run_residual
+from deatwin.control.loop.residual import Residual
 from deatwin.control.progress import Progress, part
 from deatwin.control.stability.bands import band_margins
-from deatwin.control.stability.excited import BAND_KEY, excited_band
 from deatwin.ident.frequency.checks import real_numbers
 from deatwin.ident.narx import NarxModel, ThetaTrajectory
 from deatwin.plant.calibrated import CalibratedPlant
@@ -61,8 +66,6 @@ Design = Callable[..., Controller]
 STICKING = ("hysteresis", "coulomb_friction")
 """Effects that act as a spring on small motions and are nothing to the dynamics of large ones: the loop meets both."""
 _TAKEN = ("model", "plant")
-_FOREIGN = 3.0
-"""Times the residual that a model carries: a recording that leaves more is not of the actuator, or in another unit."""
 POINTS = 5
 """Operating points at which margins are judged, where none are given."""
 PLANTS = 20
@@ -153,16 +156,16 @@ def check(
     if unfit := [name for name in everyone if not name or name.split()[0] in _TAKEN]:
         raise ControlError(f"another plant cannot be called {unfit[0]!r}: {', '.join(_TAKEN)} and nothing mean others")
     for one in (known, *everyone.values()):
-        _require_pair(model, one.plant)
+        require_pair(model, one.plant)
     linear = linearise(model, operating_input if controller is None else controller.operating_input)
-    _require_inside(model, [linear.operating_input])
+    require_inside(model, [linear.operating_input])
     if not linear.status.ok:
         return _refused(linear, "model", linear.status.value + (f" ({linear.detail})" if linear.detail else ""))
-    band = _known_band(model, recording)
+    band = known_band(model, recording)
     seen = linear.in_loop(known.plant.rig.reading)
     if controller is None:
-        limits = _trained_range(model) if command_limits is None else command_limits
-        _require_limits(limits, seen)
+        limits = trained_range(model) if command_limits is None else command_limits
+        require_limits(limits, seen)
         chosen = partial(lambda_tuning, closed_loop_time=closed_loop_time, band_Hz=band) if design is None else design
         try:
             controller = chosen(seen, command_limits=limits)
@@ -176,7 +179,7 @@ def check(
     subject = _Subject(
         model=model, linear=seen, controller=controller, plant=known, others=everyone, rng=rng, samples=samples,
         points=_points(model, controller, operating_inputs), specification=specification or Specification(),
-        residual=_known_residual(model, recording), band_Hz=band, trajectory=trajectory,
+        residual=known_residual(model, recording), band_Hz=band, trajectory=trajectory,
     )  # fmt: skip
     return subject.judged(progress)
 
@@ -333,81 +336,8 @@ def _points(model: NarxModel, controller: Controller, operating_inputs: ArrayLik
         points = np.unique(real_numbers(operating_inputs, "operating_inputs"))
         if points.size == 0 or not np.all(np.isfinite(points)):
             raise ControlError("operating_inputs must be one or more finite numbers")
-        _require_inside(model, points.tolist())
+        require_inside(model, points.tolist())
         return points
     c = controller
     room = STEP_SHARE * min(c.operating_input - c.command_min, c.command_max - c.operating_input)
     return np.linspace(c.operating_input - room, c.operating_input + room, POINTS)
-
-
-def _require_pair(model: NarxModel, plant: Plant) -> None:
-    rig = plant.rig
-    if abs(model.sample_time / rig.sample_time - 1.0) > 1e-6:
-        raise ModelError(
-            f"the model is sampled every {model.sample_time:g} s, the rig every {rig.sample_time:g} s; a "
-            "NARX model is not resampled: identify it at the rig's rate, or correct sample_rate_Hz in the "
-            "rig file"
-        )
-    if "deviations_from" in model.provenance:
-        raise ModelError(
-            f"the model is one of deviations from {model.provenance['deviations_from']}; give the model with "
-            "its operating point, as it was identified"
-        )
-    for signal, unit, known in (
-        ("input", model.input_units[0], rig.input_unit), ("output", model.output_units[0], rig.output_unit)
-    ):  # fmt: skip
-        if unit and unit != known:
-            raise ModelError(f"the model's {signal} is in {unit}, the rig's in {known}")
-
-
-def _require_inside(model: NarxModel, operating_inputs: Sequence[float]) -> None:
-    if model.operating is None:
-        return
-    low, high = float(model.operating.input_min[0]), float(model.operating.input_max[0])
-    for operating_input in operating_inputs:
-        if not low <= operating_input <= high:
-            raise ModelError(
-                f"the operating input {operating_input:g} lies outside of the training data, "
-                f"{low:g} to {high:g} {model.input_units[0]}"
-            )
-
-
-def _require_limits(limits: tuple[float, float], linear: LinearModel) -> None:
-    low, high = limits
-    if not low < linear.operating_input < high:
-        raise ControlError(
-            f"the operating input {linear.operating_input:g} must lie between the limits of the command, "
-            f"{low:g} and {high:g}"
-        )
-
-
-def _trained_range(model: NarxModel) -> tuple[float, float]:
-    if model.operating is None:
-        raise ModelError("the model does not know the range of its training data: give command_limits")
-    return float(model.operating.input_min[0]), float(model.operating.input_max[0])
-
-
-def _known_band(model: NarxModel, recording: Recording | None) -> float | None:
-    if recording is not None:
-        return excited_band(recording)
-    written = model.provenance.get(BAND_KEY)
-    try:
-        band = None if written is None else float(written)
-    except ValueError:
-        band = -1.0
-    if band is None or 0.0 < band < np.inf:
-        return band
-    raise ModelError(f"the model's provenance has {BAND_KEY} = {written!r}: it must be a positive number")
-
-
-def _known_residual(model: NarxModel, recording: Recording | None) -> Residual | None:
-    carried = Residual.of_provenance(model.provenance)
-    if recording is None:
-        return carried
-    found = free_run_residual(model, recording)
-    if carried is not None and found.rms > _FOREIGN * carried.rms:
-        raise ModelError(
-            f"the model's free run leaves {found.rms:.3g} {model.output_units[0]} of the recording, and left "
-            f"{carried.rms:.3g} where it was identified: give a recording of the same actuator, in the same units"
-        )
-    return found

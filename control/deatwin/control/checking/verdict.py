@@ -7,25 +7,20 @@ from dataclasses import dataclass
 from math import inf, isfinite
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.control.checking.rows import MarginRow
 from deatwin.control.checking.specification import Limit, Specification, Verdict
 from deatwin.control.loop.closed_loop import ClosedLoop
 from deatwin.control.loop.predicted import PredictedLoop
-from deatwin.ident.narx import NarxModel
 
 __all__ = [
     "Finding",
     "Runs",
-    "judge_band",
     "judge_draws",
     "judge_margins",
     "judge_prediction",
     "judge_raised",
     "judge_runs",
-    "judge_training",
-    "judge_unknown_band",
     "judge_width",
     "late_rms_error",
     "worst",
@@ -144,32 +139,6 @@ def judge_margins(
     return tuple(found)
 
 
-def judge_band(crossover_Hz: float, band_Hz: float) -> Finding:
-    """Judge whether the recording knew the frequencies that the controller works at.
-
-    Parameters
-    ----------
-    crossover_Hz : float
-        Highest of the model's loops, Hz.
-    band_Hz : float
-        Band that the recording excited, Hz.
-
-    Returns
-    -------
-    Finding
-        At most marginal outside the band.
-    """
-    place = f"the crossover at {crossover_Hz:.2f} Hz lies"
-    if crossover_Hz <= band_Hz:
-        text = f"{place} inside the band that the recording excited, up to {band_Hz:.2f} Hz"
-        return Finding(subject="excitation", value=crossover_Hz, verdict=Verdict.PASS, text=text)
-    text = (
-        f"{place} outside the band that the recording excited, up to {band_Hz:.2f} Hz: the margins there are "
-        f"extrapolated; a recording excited up to {2 * crossover_Hz:.2g} Hz would settle it"
-    )
-    return Finding(subject="excitation", value=crossover_Hz, verdict=Verdict.MARGINAL, text=text)
-
-
 def judge_runs(runs: Runs, sine_predicted: float, specification: Specification) -> tuple[Finding, ...]:
     """Judge the closed loop on a physics plant.
 
@@ -242,53 +211,6 @@ def judge_width(predicted: PredictedLoop, step: float, specification: Specificat
     share = float(np.median(predicted.half_width)) / abs(step)
     text = f"the band that the model predicts reaches {share:.2g} steps to either side"
     return _finding("width of the prediction", share, specification.width, text)
-
-
-def judge_training(
-    model: NarxModel, points: Sequence[float], commands: NDArray[np.float64]
-) -> Finding | None:
-    """Judge whether the loop stays where the model was trained.
-
-    Parameters
-    ----------
-    model : NarxModel
-        Knows the range of its training data, or not.
-    points : sequence of float
-        Operating inputs at which it was linearised, in the input's unit.
-    commands : ndarray, shape (n,)
-        Of a run, in the input's unit.
-
-    Returns
-    -------
-    Finding or None
-        At most marginal; None where the range is not known.
-    """
-    if model.operating is None:
-        return None
-    low, high = float(model.operating.input_min[0]), float(model.operating.input_max[0])
-    least, most = min(*points, *commands), max(*points, *commands)
-    outside = least < low or most > high
-    text = (
-        f"the loop works from {least:.3g} to {most:.3g}, "
-        f"{'beyond' if outside else 'inside'} the training data, which go from {low:.3g} to {high:.3g}"
-    )
-    verdict = Verdict.MARGINAL if outside else Verdict.PASS
-    return Finding(subject="training data", value=None, verdict=verdict, text=text)
-
-
-def judge_unknown_band() -> Finding:
-    """The finding where nobody knows what the recording excited.
-
-    Returns
-    -------
-    Finding
-        Marginal.
-    """
-    text = (
-        "it is not known up to which frequency the recording excited the actuator: give the recording, or a model of "
-        "`deatwin identify`, which notes it"
-    )
-    return Finding(subject="excitation", value=None, verdict=Verdict.MARGINAL, text=text)
 
 
 def judge_prediction(predicted: PredictedLoop, achieved: ClosedLoop, specification: Specification) -> Finding:

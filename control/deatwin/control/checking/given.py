@@ -1,0 +1,145 @@
+"""What a check is given: whether it belongs together, and what it tells of the recording."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import inf
+
+from deatwin.control.errors import ControlError
+from deatwin.control.linear.model import LinearModel
+from deatwin.control.loop.residual import Residual, free_run_residual
+from deatwin.control.stability.excited import BAND_KEY, excited_band
+from deatwin.ident.narx import NarxModel
+from deatwin.plant.errors import ModelError
+from deatwin.plant.model import Plant
+from deatwin.plant.recording import Recording
+
+__all__ = ["known_band", "known_residual", "require_inside", "require_limits", "require_pair", "trained_range"]
+
+_FOREIGN = 3.0
+"""Times the residual that a model carries: a recording that leaves more is not of the actuator, or in another unit."""
+
+
+def require_pair(model: NarxModel, plant: Plant) -> None:
+    """Raise ModelError unless model and plant belong together: sample time, units, no deviations.
+
+    Parameters
+    ----------
+    model : NarxModel
+        Identified.
+    plant : Plant
+        That stands for the actuator.
+    """
+    rig = plant.rig
+    if abs(model.sample_time / rig.sample_time - 1.0) > 1e-6:
+        raise ModelError(
+            f"the model is sampled every {model.sample_time:g} s, the rig every {rig.sample_time:g} s; a "
+            "NARX model is not resampled: identify it at the rig's rate, or correct sample_rate_Hz in the "
+            "rig file"
+        )
+    if "deviations_from" in model.provenance:
+        raise ModelError(
+            f"the model is one of deviations from {model.provenance['deviations_from']}; give the model with "
+            "its operating point, as it was identified"
+        )
+    for signal, unit, known in (
+        ("input", model.input_units[0], rig.input_unit), ("output", model.output_units[0], rig.output_unit)
+    ):  # fmt: skip
+        if unit and unit != known:
+            raise ModelError(f"the model's {signal} is in {unit}, the rig's in {known}")
+
+
+def require_inside(model: NarxModel, operating_inputs: Sequence[float]) -> None:
+    """Raise ModelError unless operating inputs lie inside the training data.
+
+    Parameters
+    ----------
+    model : NarxModel
+        Knows their range, or not.
+    operating_inputs : sequence of float
+        In the input's unit.
+    """
+    if model.operating is None:
+        return
+    low, high = float(model.operating.input_min[0]), float(model.operating.input_max[0])
+    for operating_input in operating_inputs:
+        if not low <= operating_input <= high:
+            raise ModelError(
+                f"the operating input {operating_input:g} lies outside of the training data, "
+                f"{low:g} to {high:g} {model.input_units[0]}"
+            )
+
+
+def require_limits(limits: tuple[float, float], linear: LinearModel) -> None:
+    """Raise ControlError unless the limits of the command hold the operating input.
+
+    Parameters
+    ----------
+    limits : (float, float)
+        Least and largest command, in its unit.
+    linear : LinearModel
+        About the operating input.
+    """
+    low, high = limits
+    if not low < linear.operating_input < high:
+        raise ControlError(
+            f"the operating input {linear.operating_input:g} must lie between the limits of the command, "
+            f"{low:g} and {high:g}"
+        )
+
+
+def trained_range(model: NarxModel) -> tuple[float, float]:
+    """Least and largest input of the training data, in its unit.
+
+    Parameters
+    ----------
+    model : NarxModel
+        ModelError where it does not know them.
+    """
+    if model.operating is None:
+        raise ModelError("the model does not know the range of its training data: give command_limits")
+    return float(model.operating.input_min[0]), float(model.operating.input_max[0])
+
+
+def known_band(model: NarxModel, recording: Recording | None) -> float | None:
+    """Band that the recording excited, Hz; None where nobody knows it.
+
+    Parameters
+    ----------
+    model : NarxModel
+        Its provenance may tell; ModelError where it tells no number.
+    recording : Recording or None
+        Goes before what the model tells.
+    """
+    if recording is not None:
+        return excited_band(recording)
+    written = model.provenance.get(BAND_KEY)
+    try:
+        band = None if written is None else float(written)
+    except ValueError:
+        band = -1.0
+    if band is None or 0.0 < band < inf:
+        return band
+    raise ModelError(f"the model's provenance has {BAND_KEY} = {written!r}: it must be a positive number")
+
+
+def known_residual(model: NarxModel, recording: Recording | None) -> Residual | None:
+    """Residual of the model's free run; None where nobody knows it.
+
+    Parameters
+    ----------
+    model : NarxModel
+        Its provenance may tell.
+    recording : Recording or None
+        Goes before what the model tells; ModelError where it leaves far more than that.
+    """
+    carried = Residual.of_provenance(model.provenance)
+    if recording is None:
+        return carried
+    found = free_run_residual(model, recording)
+    if carried is not None and found.rms > _FOREIGN * carried.rms:
+        raise ModelError(
+            f"the model's free run leaves {found.rms:.3g} {model.output_units[0]} of the recording, and left "
+            f"{carried.rms:.3g} where it was identified: give a recording of the same actuator, in the same units"
+        )
+    return found
