@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import Enum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
 
+from deatwin.plant.datasets import dataset
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.equations import Equations
 from deatwin.plant.errors import DataError, SimulationError
@@ -118,6 +119,18 @@ class ActuationCurve:
         ax.set_xlabel(f"{command} ({command_unit})")
         ax.set_ylabel(f"{reading} ({shown})")
         return ax
+
+    def to_xarray(self) -> Any:
+        """Return readings, watched signals and unknowns as an `xarray.Dataset` over the command; SI."""
+        (command, command_unit), (reading, reading_unit) = self.axes
+        others = {**self.unknowns, **self.signals}
+        return dataset(
+            {**{name: ("command", values) for name, values in others.items() if name not in (reading, "command")},
+             reading: ("command", self.readings, reading_unit)},
+            {"command": ("command", self.commands, command_unit)},
+            {"end": self.end.name, "advice": self.end.value, "command_name": command,
+             "breakdown_command": self.breakdown_command, "slack_command": self.slack_command},
+        )  # fmt: skip
 
 
 def actuation_curve(plant: Plant, commands: np.ndarray) -> ActuationCurve:

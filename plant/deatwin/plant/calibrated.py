@@ -10,6 +10,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from deatwin.plant.datasets import clock, dataset
 from deatwin.plant.documents import read_document, write_document
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment
@@ -44,6 +45,28 @@ class Prediction:
     status: RunStatus
     failed_at: float | None
     failed_command: float | None
+
+    def to_xarray(self, experiment: Experiment) -> Any:
+        """Return the readings and their standard deviation as an `xarray.Dataset` over all samples.
+
+        Parameters
+        ----------
+        experiment : Experiment
+            That was predicted; it has the clock and the units.
+
+        Returns
+        -------
+        xarray.Dataset
+            Along ``sample``, with the coordinates ``time`` in s and ``record``.
+        """
+        unit = experiment.recordings[0].output_units[0]
+        return dataset(
+            {"mean": ("sample", np.concatenate(self.mean), unit),
+             "deviation": ("sample", np.concatenate(self.deviation), unit)},
+            clock(experiment.recordings),
+            {"status": self.status.name, "advice": self.status.value, "failed_at_s": self.failed_at,
+             "failed_command": self.failed_command, "reading_name": experiment.recordings[0].output_names[0]},
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -140,6 +163,24 @@ class CalibratedPlant:
             "calibration": {"names": list(self.names), "covariance": self.covariance.tolist()},
             "provenance": dict(self.provenance),
         }
+
+    def to_xarray(self) -> Any:
+        """Return parameters and their covariance as an `xarray.Dataset`; its ``document`` is ``model.json``."""
+        known = self.plant.parameters.values()
+        pair = ("fitted", "other_fitted")
+        return dataset(
+            {
+                **{name: ("parameter", [getattr(p, name) for p in known]) for name in ("value", "lower", "upper")},
+                "unit": ("parameter", [p.unit for p in known]),
+                "covariance": (pair, self.covariance),
+                "scale": ("fitted", [self.plant.parameters[name].scale.value for name in self.names]),
+            },
+            {"parameter": ("parameter", [p.name for p in known]),
+             **{name: (name, np.array(self.names, dtype=str)) for name in pair}},
+            {"noise": self.noise, "model_error": self.model_error, "units": self.plant.rig.output_unit,
+             "effects": list(self.plant.effect_names)},
+            self.to_dict(),
+        )  # fmt: skip
 
     def save(self, path: Path | str) -> None:
         """Write ``model.json``.

@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import json
+import math
 import os
+import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
 from deatwin.plant.errors import DeatwinError, ModelError
 from deatwin.plant.files import write_text_atomic
+from deatwin.plant.intake import DOCUMENT_BYTES, DOCUMENT_VALUES, clipped, read_regular
+from deatwin.plant.schemacheck import shape_fault
 
-__all__ = ["read_document", "write_document"]
+__all__ = ["read_document", "read_json", "write_document"]
+
+# A number that may be too large for a float: only then are numbers read the slow way.
+_PERHAPS_HUGE = re.compile(rb"[0-9.][eE]\+?[0-9]{3}|[0-9]{309}")
 
 Content = TypeVar("Content")
 
@@ -53,26 +60,69 @@ def read_document(
     ModelError
         If the file is missing, not JSON, of another schema, or malformed.
     """
-    try:
-        document = json.loads(Path(path).read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise ModelError(f"{path}: there is no such file") from None
-    except OSError as error:
-        raise ModelError(f"{path}: cannot be read: {error.strerror}") from None
-    except RecursionError:
-        raise ModelError(f"{path}: not a readable JSON file (lists in lists, too deep)") from None
-    except ValueError as error:  # no UTF-8, or no JSON
-        raise ModelError(f"{path}: not a readable JSON file ({error})") from error
+    document = read_json(path)
     found = document.get("schema") if isinstance(document, dict) else None
     if found is None:
         raise ModelError(f"{path}: it names no schema; {schema!r} is needed")
     if found != schema:
-        raise ModelError(f"{path}: schema is {found!r}; {schema!r} is needed")
+        shown = repr(clipped(found)) if isinstance(found, str) else "no text"
+        raise ModelError(f"{path}: schema is {shown}; {schema!r} is needed")
     try:
-        return build(document)
+        content = build(document)
     except KeyError as error:
-        raise ModelError(f"{path}: the key {error} is missing") from error
+        raise ModelError(f"{path}: the key {clipped(error)} is missing") from error
     except DeatwinError as error:
-        raise ModelError(f"{path}: {error}") from error
-    except (TypeError, ValueError, AttributeError, IndexError) as error:
-        raise ModelError(f"{path}: not a valid {schema} file: {error}") from error
+        raise ModelError(f"{path}: {clipped(error, 1000)}") from error
+    except _MALFORMED as error:
+        fault = shape_fault(document, schema) or clipped(error, 200)
+        raise ModelError(f"{path}: not a valid {schema} file: {fault}") from error
+    if fault := shape_fault(document, schema):  # what was made of it would not show it at once
+        raise ModelError(f"{path}: not a valid {schema} file: {fault}")
+    return content
+
+
+_MALFORMED = (TypeError, ValueError, AttributeError, IndexError, ArithmeticError, MemoryError, RecursionError)
+"""What a document of the right schema may raise whose values are of the wrong kind, too large or too deep."""
+
+
+def read_json(path: str | os.PathLike[str]) -> Any:
+    """Read a JSON file of the user, of whatever content.
+
+    Parameters
+    ----------
+    path : str or path
+        File to read, in UTF-8.
+
+    Returns
+    -------
+    object
+        Its numbers are finite.
+
+    Raises
+    ------
+    ModelError
+        If the file is missing, no plain file, too large, or not JSON.
+    """
+    try:
+        content = read_regular(path, DOCUMENT_BYTES, lambda fault: ModelError(f"{path}: {fault}"))
+    except FileNotFoundError:
+        raise ModelError(f"{path}: there is no such file") from None
+    except OSError as error:
+        raise ModelError(f"{path}: cannot be read: {error.strerror}") from None
+    count = sum(map(content.count, (b",", b"[", b"{")))
+    if count > DOCUMENT_VALUES:
+        raise ModelError(f"{path}: it holds {count} numbers, texts and lists; at most {DOCUMENT_VALUES} can be read")
+    parse_float = _finite if _PERHAPS_HUGE.search(content) else None
+    try:
+        return json.loads(content.decode("utf-8-sig"), parse_float=parse_float, parse_constant=_finite)
+    except RecursionError:
+        raise ModelError(f"{path}: not a readable JSON file (lists in lists, too deep)") from None
+    except ValueError as error:  # no UTF-8, or no JSON
+        raise ModelError(f"{path}: not a readable JSON file ({clipped(error, 200)})") from error
+
+
+def _finite(text: str) -> float:
+    value = float(text)
+    if not math.isfinite(value):
+        raise ValueError(f"{clipped(text, 20)} is not a finite number")
+    return value

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
+from deatwin.plant.datasets import clock, dataset
 from deatwin.plant.errors import SimulationError
 from deatwin.plant.limits import Event, film_events
 from deatwin.plant.simulate import Run, RunStatus
 from deatwin.plant.timeline import Timeline
+
+if TYPE_CHECKING:
+    from deatwin.plant.recording import Experiment
 
 __all__ = ["Simulation"]
 
@@ -89,6 +93,34 @@ class Simulation:
         """Clock time from which on readings are not to be believed, s; infinite where all are sound."""
         return min((event.time for event in self.events), default=np.inf)
 
+    def to_xarray(self, experiment: Experiment) -> Any:
+        """Return commands, readings and watched signals as an `xarray.Dataset` over all samples.
+
+        Parameters
+        ----------
+        experiment : Experiment
+            That was simulated; it has the clock, the commands and the units.
+
+        Returns
+        -------
+        xarray.Dataset
+            Along ``sample``, with the coordinates ``time`` in s and ``record``; the watched signals in SI.
+        """
+        records = experiment.recordings
+        first, signals = records[0], {name: ("sample", _joined([w[name] for w in self.watched]))
+                                      for name in self.watched[0]}  # fmt: skip
+        return dataset(
+            {
+                **signals,
+                "command": ("sample", _joined([r.inputs[0] for r in records]), self.command_unit),
+                "reading": ("sample", _joined([y[0] for y in self.outputs]), first.output_units[0]),
+            },
+            clock(records),
+            {"status": self.status.name, "advice": self.status.value, "failed_at_s": self.failed_at,
+             "failed_command": self.failed_command, "reading_name": first.output_names[0],
+             "events": [f"{event.status.name} at {event.time:g} s" for event in self.events]},
+        )  # fmt: skip
+
     def require(self) -> Self:
         """This simulation, if it reached its end.
 
@@ -110,3 +142,7 @@ class Simulation:
         places = [event.place for event in self.events if event.status is self.status and event.place]
         where += "".join(f", {place}" for place in places)
         raise SimulationError(f"the simulation stopped{where}: {self.status.value}")
+
+
+def _joined(rows: Sequence[np.ndarray]) -> np.ndarray:
+    return np.concatenate(rows)

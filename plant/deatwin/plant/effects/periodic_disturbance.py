@@ -80,10 +80,13 @@ class PeriodicDisturbance(Effect):
         Returns
         -------
         tuple of Effect
-            At most three, each with amplitude and phase; frequencies up to half the sampling rate.
+            At most three, each with amplitude and phase; frequencies up to half the sampling rate, and inside the
+            range of this effect.
         """
-        upper = {p.name: p.upper for p in self.describe()}
+        ranges = {p.name: (p.lower, p.upper) for p in self.describe()}
+        slowest, fastest = ranges["frequency"]
         return tuple(
-            replace(self, amplitude=min(t.amplitude, upper["amplitude"]), frequency=t.frequency, phase=t.phase)
+            replace(self, amplitude=min(t.amplitude, ranges["amplitude"][1]), frequency=t.frequency, phase=t.phase)
             for t in tones(timepts, residual, count=3)
+            if slowest <= t.frequency <= fastest
         )

@@ -16,25 +16,30 @@ __all__ = ["SensorLag"]
 
 @dataclass(frozen=True, kw_only=True)
 class SensorLag(Effect):
-    r"""The reading follows the motion with a first-order lag.
+    r"""The reading follows the motion with a lag, of first order or with a second, faster or ringing one.
 
-    .. math:: \tau_s\dot y = x - y
+    .. math:: r\,\tau_s^2\ddot y + \tau_s\dot y + y = x
 
-    One state y (m), the lagged reading. Typical: 0.1 to 20 ms of averaging. Signature: as a `delay` with a roll-off
-    from :math:`1/(2\pi\tau_s)` on, and behind everything that is not linear, so that each harmonic lags by its own
-    frequency; the ball's ringing is damped in the reading only. Off at :math:`\tau_s = 0`, where y = x.
+    Two states (m): y, the lagged reading, and :math:`\tau_s\dot y`. r = 0 is a lag of first order, 1/4 two equal lags
+    one after another, 1/2 a Butterworth filter, above that it rings. Typical: 0.1 to 20 ms of averaging. Signature: as
+    a `delay` with a roll-off from :math:`1/(2\pi\tau_s)` on, and behind everything that is not linear, so that each
+    harmonic lags by its own frequency; the ball's ringing is damped in the reading only. Off at :math:`\tau_s = 0`,
+    where y = x.
 
     Parameters
     ----------
     time : float
-        :math:`\tau_s` in s.
+        :math:`\tau_s` in s, by which slow motions lag.
+    inertia : float
+        r.
 
     References
     ----------
-    First-order lag; an average over T lags as :math:`\tau_s = T/2` does at low frequency.
+    Lags of first and second order; an average over T lags as :math:`\tau_s = T/2` does at low frequency.
     """
 
     time: float = 0.01
+    inertia: float = 0.0
 
     name: ClassVar[str] = "sensor_lag"
     family: ClassVar[Family] = Family.SENSOR
@@ -43,12 +48,19 @@ class SensorLag(Effect):
     strength: ClassVar[str] = "time"
     order: ClassVar[int] = 20
     """After all that happens to the light, before the output clips."""
-    wording: ClassVar[str] = "The sensor lags with a time constant of {time}"
+    wording: ClassVar[str] = (
+        "The sensor lags with a time constant of {time}, and an inertia of {inertia} times its square"
+    )
 
     def describe(self) -> tuple[Parameter, ...]:
-        return (Parameter(name="time", value=self.time, unit="s", lower=0.0, upper=2.0),)
+        return (
+            Parameter(name="time", value=self.time, unit="s", lower=0.0, upper=2.0),
+            Parameter(name="inertia", value=self.inertia, unit="1", lower=0.0, upper=1.0),
+        )
 
     def rewrite(self, signal: Any, build: Builder) -> Any:
-        reading = build.state("lagged_reading", scale=1e-3)
-        build.rate(reading, signal - reading, mass=self.own("time", build))
+        time, inertia = self.own("time", build), self.own("inertia", build)
+        reading, rise = build.state("lagged_reading", scale=1e-3), build.state("lagged_rise", scale=1e-3)
+        build.rate(reading, rise, mass=time)
+        build.rate(rise, signal - reading - rise, mass=inertia * time)
         return reading

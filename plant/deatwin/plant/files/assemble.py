@@ -13,7 +13,7 @@ from deatwin.plant.files.columns import extra_columns, no_times, time_column
 from deatwin.plant.files.formats.description import all_provenance
 from deatwin.plant.files.formats.table import Table, Timing
 from deatwin.plant.files.formats.tdms import STARTED
-from deatwin.plant.recording import Recording
+from deatwin.plant.recording import Recording, label
 from deatwin.plant.rigs.rigfile import RigFile
 
 __all__ = ["on_one_clock", "recordings_of"]
@@ -92,7 +92,13 @@ def on_one_clock(recordings: Sequence[Recording]) -> tuple[Recording, ...]:
     dates = [recording.provenance.get(STARTED) for recording in recordings]
     if None in dates or len(set(dates)) < 2:
         return tuple(recordings)
-    began = np.array(dates, dtype="datetime64[us]")
+    try:
+        began = np.array(dates, dtype="datetime64[us]")
+        if np.isnat(began).any():
+            raise ValueError("no date")
+    except ValueError:
+        files = " and ".join(label(recording) for recording in recordings)
+        raise DataError(f"{files}: their {STARTED} are no dates; give the recordings one running clock") from None
     shifts = (began - began.min()) / np.timedelta64(1, "s")
     return tuple(
         replace(

@@ -3,6 +3,7 @@
 from deatwin.plant.errors import DataError, nearest
 from deatwin.plant.files.formats.table import Table
 from deatwin.plant.files.units import UNITS, split_unit
+from deatwin.plant.intake import clipped
 
 __all__ = ["COLUMNS", "data_columns", "extra_columns", "no_times", "time_column", "usual_unit"]
 
@@ -145,7 +146,7 @@ def extra_columns(table: Table, taken: set[int]) -> list[int]:
         if column in taken or table.names[column] in COLUMNS:
             continue
         if hint := nearest(header, absent, likeness=_MISSPELT):
-            raise DataError(f'{table.path}: unknown column "{header}"{hint}')
+            raise DataError(f'{table.path}: unknown column "{clipped(header)}"{hint}')
     return [column for column in found.values() if column not in taken]
 
 
@@ -157,7 +158,7 @@ def _usual_column(table: Table, name: str) -> int | None:
     unit, right = table.units[column], split_unit(COLUMNS[name])[1]
     if UNITS[unit].si != UNITS[right].si:
         raise DataError(
-            f'{table.path}: the column "{table.headers[column]}" has the unit {unit or "(none)"}; '
+            f'{table.path}: the column "{table.shown(column)}" has the unit {unit or "(none)"}; '
             f'it must be one like {right}, as in "{COLUMNS[name]}"'
         )
     return column

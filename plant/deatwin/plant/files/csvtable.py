@@ -16,6 +16,7 @@ from deatwin.plant.files.csvtext import decode, find_layout, is_number, names_an
 from deatwin.plant.files.formats.description import SCHEMA, read_description
 from deatwin.plant.files.formats.table import Declared, Table
 from deatwin.plant.files.units import UNITS, Unit, split_unit
+from deatwin.plant.intake import COLUMNS, RECORDING_BYTES, ROWS, TEXT_BYTES, clipped, read_regular
 
 __all__ = ["DESCRIPTION", "EXACT", "CsvTable", "decimal_relation", "power_of_ten", "read_bytes", "read_table", "reader"]
 
@@ -75,7 +76,7 @@ class CsvTable(Table):
             values = np.array(
                 [_si(cells, UNITS[self.units[column]]) for column, cells in zip(columns, texts, strict=True)]
             )
-        except ValueError:
+        except (ValueError, ArithmeticError):  # the latter where a number is beyond decimal ones
             raise self._bad_cell(columns) from None
         if not np.isfinite(values).all():
             raise self._bad_cell(columns)
@@ -84,7 +85,10 @@ class CsvTable(Table):
     def _cells(self) -> list[list[str]]:
         """Return the cells of all rows; none has more than the header."""
         if any('"' in line for line in self.lines):
-            rows = list(csv.reader(self.lines, delimiter=self.delimiter, skipinitialspace=True))
+            try:
+                rows = list(csv.reader(self.lines, delimiter=self.delimiter, skipinitialspace=True))
+            except csv.Error:
+                raise DataError(f"{self.path}: a quote that is not closed, or a cell without end") from None
         else:
             rows = [line.split(self.delimiter) for line in self.lines]
         if len(rows) != len(self.lines):
@@ -102,7 +106,7 @@ class CsvTable(Table):
         number, sure = None, False
         for column, cells in zip(columns, texts, strict=True):
             for sample, cell in enumerate(cells):
-                place = f'{self.where(sample)}, column "{self.headers[column]}": "{cell.strip()}"'
+                place = f'{self.where(sample)}, column "{self.shown(column)}": "{clipped(cell.strip())}"'
                 if "." in cell and is_number(cell.replace(",", "")):
                     raise DataError(
                         f"{place} has a decimal point, other numbers of the file have a comma; "
@@ -123,16 +127,16 @@ class CsvTable(Table):
         for sample, line in enumerate(self.lines):
             row = split_cells(line, self.delimiter)
             for column in columns:
-                place = f'{self.where(sample)}, column "{self.headers[column]}"'
+                place = f'{self.where(sample)}, column "{self.shown(column)}"'
                 if column >= len(row) and column >= line.count(self.delimiter) + 1:
                     return DataError(f"{place}: the row has {len(row)} cells, the header {len(self.headers)}")
                 cell = row[column] if column < len(row) else ""
                 if not cell:
                     return DataError(f"{place}: the cell is empty; it must be a number")
                 if not is_number(cell.replace(",", ".")):
-                    return DataError(f'{place}: "{cell}" is not a number')
+                    return DataError(f'{place}: "{clipped(cell)}" is not a number')
                 if not np.isfinite(float(cell.replace(",", "."))):
-                    return DataError(f"{place}: {cell} is not a finite number")
+                    return DataError(f"{place}: {clipped(cell)} is not a finite number")
         return DataError(f"{self.path}: the samples cannot be read as numbers")
 
 
@@ -158,7 +162,9 @@ def read_table(path: str | Path) -> CsvTable:
     DataError
         If the file is missing, empty, not text, without header or samples, or its delimiter is not certain.
     """
-    content, name = read_bytes(path), str(path)
+    content, name = read_bytes(path, TEXT_BYTES), str(path)
+    if (count := max(content.count(b"\n"), content.count(b"\r"))) > ROWS:
+        raise DataError(f"{name}: it has {count} lines; at most {ROWS} can be read: split it, or give NetCDF or TDMS")
     filled = [(row, line) for row, line in enumerate(decode(content, name).splitlines(), 1) if line.strip()]
     declared = Declared()
     if filled and filled[0][1].startswith(DESCRIPTION):
@@ -171,6 +177,8 @@ def read_table(path: str | Path) -> CsvTable:
     layout = find_layout(lines, rows, name)
     head = [split_cells(line, layout.delimiter) for line in lines[: layout.first]]
     headers, units = names_and_units(head, name)
+    if len(headers) > COLUMNS:
+        raise DataError(f"{name}: it has {len(headers)} columns; at most {COLUMNS} can be read")
     return CsvTable(
         path=name,
         sha256=hashlib.sha256(content).hexdigest(),
@@ -184,13 +192,15 @@ def read_table(path: str | Path) -> CsvTable:
     )
 
 
-def read_bytes(path: str | Path) -> bytes:
+def read_bytes(path: str | Path, limit: int = RECORDING_BYTES) -> bytes:
     """Return the bytes of a file of the user.
 
     Parameters
     ----------
     path : str or Path
         The file.
+    limit : int
+        Most bytes that it may have.
 
     Returns
     -------
@@ -199,10 +209,10 @@ def read_bytes(path: str | Path) -> bytes:
     Raises
     ------
     DataError
-        If it is missing or cannot be read.
+        If it is missing, no plain file, too large, or cannot be read.
     """
     try:
-        return Path(path).read_bytes()
+        return read_regular(path, limit, lambda fault: DataError(f"{path}: {fault}"))
     except FileNotFoundError:
         folder = Path(path).parent
         beside = [entry.name for entry in folder.iterdir()] if folder.is_dir() else []

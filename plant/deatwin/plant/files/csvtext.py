@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.units import find_unit, split_unit
+from deatwin.plant.intake import clipped
 
 __all__ = ["Layout", "decode", "find_layout", "is_number", "names_and_units", "split_cells"]
 
@@ -117,7 +118,10 @@ def split_cells(line: str, delimiter: str) -> list[str]:
     -------
     list of str
     """
-    cells = [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))]
+    try:
+        cells = [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))]
+    except csv.Error:  # a cell too long for the reader, which no number and no name is
+        cells = [cell.strip() for cell in line.split(delimiter)]
     while len(cells) > 1 and not cells[-1]:
         cells.pop()
     return cells
@@ -169,7 +173,8 @@ def names_and_units(head: list[list[str]], path: str) -> tuple[list[str], list[s
         for k, cell in enumerate(head[-1]):
             if units[k] and cell and find_unit(cell) != units[k]:
                 raise DataError(
-                    f'{path}, column "{headers[k]}": its name says {units[k]}, the line below {cell}; correct one'
+                    f'{path}, column "{clipped(headers[k])}": its name says {units[k]}, the line below '
+                    f"{clipped(cell)}; correct one"
                 )
             units[k] = units[k] or find_unit(cell)
     return headers, units

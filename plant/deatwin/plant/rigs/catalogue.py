@@ -13,6 +13,13 @@ __all__ = ["rig_kind"]
 GROUP = "deatwin.rigs"
 
 
+@lru_cache
+def _point_named(name: str) -> type[Rig] | None:
+    """The rig whose entry point has its name, without loading those of others, which may be slow or broken."""
+    kinds = [point.load() for point in entry_points(group=GROUP, name=name)]
+    return next((kind for kind in kinds if kind.kind == name), None)
+
+
 @lru_cache(maxsize=1)
 def _kinds() -> dict[str, type[Rig]]:
     kinds = [point.load() for point in entry_points(group=GROUP)]
@@ -41,6 +48,9 @@ def rig_kind(name: str) -> type[Rig]:
     >>> rig_kind("diaphragm").__name__
     'Diaphragm'
     """
+    named = _point_named(name)
+    if named is not None:
+        return named
     try:
         return _kinds()[name]
     except KeyError:

@@ -19,7 +19,6 @@
 | sensor | zero | "displacement at zero volts" | required |
 """
 
-import math
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -27,6 +26,8 @@ from pathlib import Path
 from typing import Any, Self
 
 from deatwin.plant.errors import RigError, nearest
+from deatwin.plant.intake import RIG_BYTES, clipped, read_regular
+from deatwin.plant.rigs.rigkeys import RIG_KEYS, Keys, kind_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,9 +112,9 @@ class RigFile:
             If a section or key is unknown or missing, or a value has the wrong type or lies out of range.
         """
         for section in data:
-            if section not in _SECTIONS:
-                raise RigError(f"{source}: unknown section [{section}]{nearest(section, _SECTIONS)}")
-        specs = {section: _read_section(section, data.get(section), source) for section in _SECTIONS}
+            if section not in RIG_KEYS:
+                raise _unknown_section(section, source)
+        specs = {section: _read_section(section, data.get(section), source) for section in RIG_KEYS}
         rig = cls(**specs, source=source)
         _check_order(rig)
         return rig
@@ -132,95 +133,11 @@ class RigFile:
                 for name, key in keys.items()
                 if (value := getattr(getattr(self, section), key.field)) is not None
             }
-            for section, (_, keys) in _SECTIONS.items()
+            for section, keys in RIG_KEYS.items()
         }
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Number:
-    """A number of the file: its field, its range in the file's unit, and file units in one SI unit."""
-
-    field: str
-    lower: float
-    upper: float
-    per_si: float = 1.0
-    required: bool = True
-
-    def read(self, value: object, place: str) -> float:
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise RigError(f"{place}: {_toml(value)} is {_kind(value)}; it must be a number")
-        if not math.isfinite(value) or not self.lower <= value <= self.upper:
-            raise RigError(
-                f"{place}: {value} is out of range; it must be from {self.lower:g} to {self.upper:g}"
-            )
-        return value / self.per_si
-
-    def to_file(self, value: float) -> float:
-        return float(f"{value * self.per_si:.12g}")  # 12 digits drop what the conversion added
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Text:
-    """A text of the file: its field, and the texts that are allowed; any where none are named."""
-
-    field: str
-    choices: tuple[str, ...] = ()
-    required: bool = True
-
-    def read(self, value: object, place: str) -> str:
-        if not isinstance(value, str):
-            raise RigError(f"{place}: {_toml(value)} is {_kind(value)}; it must be a text in quotes")
-        if self.choices and value not in self.choices:
-            allowed = " or ".join(f'"{choice}"' for choice in self.choices)
-            raise RigError(f'{place}: "{value}" is not known; it must be {allowed}')
-        if not value.strip():
-            raise RigError(f"{place}: the text is empty")
-        return value
-
-    def to_file(self, value: str) -> str:
-        return value
-
-
-_Keys = Mapping[str, _Number | _Text]
-_SECTIONS: dict[str, tuple[type, _Keys]] = {
-    "film": (
-        FilmSpec,
-        {
-            "material": _Text(field="material"),
-            "thickness_mm": _Number(field="thickness", lower=0.001, upper=10.0, per_si=1e3),
-            "prestretch": _Number(field="prestretch", lower=1.0, upper=10.0),
-            "frame_diameter_mm": _Number(field="frame_diameter", lower=1.0, upper=1e3, per_si=1e3),
-            "electrode_diameter_mm": _Number(field="electrode_diameter", lower=0.1, upper=1e3, per_si=1e3),
-            "ball": _Text(field="ball", choices=("bonded", "sliding"), required=False),
-        },
-    ),
-    "load": (
-        LoadSpec,
-        {
-            "mass_g": _Number(field="mass", lower=0.0, upper=1e3, per_si=1e3),
-            "contact_diameter_mm": _Number(field="contact_diameter", lower=0.01, upper=1e3, per_si=1e3),
-        },
-    ),
-    "drive": (
-        DriveSpec,
-        {
-            "gain": _Number(field="gain", lower=1.0, upper=1e5),
-            "start_ramp_s": _Number(field="start_ramp", lower=0.0, upper=86400.0),
-            "start_hold_s": _Number(field="start_hold", lower=0.0, upper=86400.0),
-            "command_min_V": _Number(field="command_min", lower=-1e3, upper=1e3, required=False),
-            "command_max_V": _Number(field="command_max", lower=-1e3, upper=1e3, required=False),
-        },
-    ),
-    "sensor": (
-        SensorSpec,
-        {
-            "sample_rate_Hz": _Number(field="sample_rate", lower=1e-3, upper=1e6),
-            "noise_um": _Number(field="noise", lower=0.0, upper=1e4, per_si=1e6),
-            "resolution_um": _Number(field="resolution", lower=0.0, upper=1e4, per_si=1e6, required=False),
-            "zero": _Text(field="zero", choices=("displacement at zero volts",)),
-        },
-    ),
-}
+_SPECS: Mapping[str, type] = {"film": FilmSpec, "load": LoadSpec, "drive": DriveSpec, "sensor": SensorSpec}
 
 
 def read_rig(path: str | Path) -> RigFile:
@@ -242,7 +159,8 @@ def read_rig(path: str | Path) -> RigFile:
         If the file is missing or not TOML, or as `RigFile.from_dict`.
     """
     try:
-        data = tomllib.loads(Path(path).read_bytes().decode("utf-8-sig"))
+        content = read_regular(path, RIG_BYTES, lambda fault: RigError(f"{path}: {fault}"))
+        data = tomllib.loads(content.decode("utf-8-sig"))
     except OSError as error:
         # Stricter than usual: equal endings are no likeness.
         beside = [entry.name for entry in Path(path).parent.glob("*.toml")]
@@ -250,8 +168,10 @@ def read_rig(path: str | Path) -> RigFile:
         raise RigError(f"{path}: the rig file cannot be read: {error.strerror}{hint}") from None
     except UnicodeDecodeError as error:
         raise RigError(f"{path}: not UTF-8 text at byte {error.start}; save the rig file as UTF-8") from None
-    except tomllib.TOMLDecodeError as error:
-        raise RigError(f"{path}: not TOML: {error}") from None
+    except RigError:
+        raise
+    except ValueError as error:  # TOMLDecodeError, or a whole number of thousands of digits
+        raise RigError(f"{path}: not TOML: {clipped(error, 200)}") from None
     except RecursionError:
         raise RigError(f"{path}: not a rig file: lists in lists, too deep") from None
     return RigFile.from_dict(data, source=str(path))
@@ -259,18 +179,18 @@ def read_rig(path: str | Path) -> RigFile:
 
 def _read_section(section: str, values: object, source: str) -> Any:
     """Return the specification that a section of the file describes."""
-    spec, keys = _SECTIONS[section]
+    keys = RIG_KEYS[section]
     if values is None:
         raise RigError(f"{source}: the section [{section}] is missing; it must hold {_required(keys)}")
     if not isinstance(values, Mapping):
-        raise RigError(f"{source}: {section} is {_kind(values)}; it must be a section [{section}]")
+        raise RigError(f"{source}: {section} is {kind_of(values)}; it must be a section [{section}]")
     for name in values:
         if name not in keys:
-            raise RigError(f'{source}, [{section}]: unknown key "{name}"{_right_key(name, section)}')
+            raise RigError(f'{source}, [{section}]: unknown key "{clipped(name)}"{_right_key(name, section)}')
     for name, key in keys.items():
         if key.required and name not in values:
-            raise RigError(f'{source}, [{section}]: the key "{name}" is missing')
-    return spec(
+            raise RigError(f'{source}, [{section}]: the key "{name}" is missing; it must be {key.allowed}')
+    return _SPECS[section](
         **{
             keys[name].field: keys[name].read(value, f"{source}, [{section}] {name}")
             for name, value in values.items()
@@ -278,13 +198,22 @@ def _read_section(section: str, values: object, source: str) -> Any:
     )
 
 
+def _unknown_section(name: str, source: str) -> RigError:
+    """Return the error of a section that is not known, or of a key above all sections."""
+    for section, keys in RIG_KEYS.items():
+        if name in keys:
+            return RigError(f'{source}: the key "{name}" stands outside of the sections; it belongs into [{section}]')
+    hint = nearest(name[:100], RIG_KEYS) or f"; known are {', '.join(RIG_KEYS)}"
+    return RigError(f"{source}: unknown section [{clipped(name)}]{hint}")
+
+
 def _right_key(name: str, section: str) -> str:
     """Return what to offer for an unknown key: its own section, else the nearest name, else all."""
-    for other, (_, keys) in _SECTIONS.items():
+    for other, keys in RIG_KEYS.items():
         if name in keys:
             return f"; it belongs into [{other}]"
-    keys = _SECTIONS[section][1]
-    return nearest(name, keys) or f"; known are {', '.join(keys)}"
+    keys = RIG_KEYS[section]
+    return nearest(name[:100], keys) or f"; known are {', '.join(keys)}"
 
 
 def _check_order(rig: RigFile) -> None:
@@ -311,29 +240,5 @@ def _check_order(rig: RigFile) -> None:
         )
 
 
-def _required(keys: _Keys) -> str:
+def _required(keys: Keys) -> str:
     return ", ".join(name for name, key in keys.items() if key.required)
-
-
-def _kind(value: object) -> str:
-    """Return what TOML calls a value."""
-    kinds = {
-        bool: "a truth value",
-        int: "a number",
-        float: "a number",
-        str: "a text",
-        list: "a list",
-        dict: "a table",
-    }
-    return kinds.get(type(value), "a date or time")
-
-
-def _toml(value: object) -> str:
-    """Return a value as it stands in a TOML file, near enough for an error text."""
-    return (
-        str(value).lower()
-        if isinstance(value, bool)
-        else f'"{value}"'
-        if isinstance(value, str)
-        else str(value)
-    )

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.formats.table import Declared, Table, Timing
 from deatwin.plant.files.units import UNITS, find_unit, split_unit
+from deatwin.plant.intake import COLUMNS, clipped
 
 __all__ = ["ArrayTable", "array_table", "spelt_unit"]
 
@@ -69,7 +70,7 @@ class ArrayTable(Table):
         for column in columns:
             if self.timings[column] != first:
                 raise DataError(
-                    f'{self.path}: "{self.headers[columns[0]]}" and "{self.headers[column]}" have different '
+                    f'{self.path}: "{self.shown(columns[0])}" and "{self.shown(column)}" have different '
                     f"clocks ({_said(first)}; {_said(self.timings[column])}); the channels of a recording "
                     "need the same"
                 )
@@ -85,20 +86,20 @@ class ArrayTable(Table):
         """
         length = len(self.columns[columns[0]])
         for column in columns:
-            values, place = self.columns[column], f'{self.path}, column "{self.headers[column]}"'
+            values, place = self.columns[column], f'{self.path}, column "{self.shown(column)}"'
             if values.dtype.kind not in "fiub":
                 raise DataError(f"{place}: it holds {values.dtype} values; real numbers are needed")
             if not len(values):
                 raise DataError(f"{place}: it is empty")
             if len(values) != length:
                 raise DataError(
-                    f'{place}: {len(values)} samples, but "{self.headers[columns[0]]}" has {length}; '
+                    f'{place}: {len(values)} samples, but "{self.shown(columns[0])}" has {length}; '
                     "the columns of a recording need the same number"
                 )
             if not (finite := np.isfinite(values.astype(np.float64))).all():
                 sample = int(np.argmin(finite))
                 raise DataError(
-                    f'{self.where(sample)}, column "{self.headers[column]}": {values[sample]} '
+                    f'{self.where(sample)}, column "{self.shown(column)}": {values[sample]} '
                     "is not a finite number"
                 )
         return np.array([self._si(column) for column in columns])
@@ -145,12 +146,14 @@ def array_table(
     """
     if not columns:
         raise DataError(f"{path}: no vectors of numbers in it; a recording needs its signals as vectors")
+    if len(columns) > COLUMNS:
+        raise DataError(f"{path}: it has {len(columns)} columns; at most {COLUMNS} can be read")
     names, found = [], []
     for header in columns:
         (name, suffix), stated = split_unit(header), spelt_unit(units.get(header, ""))
         if suffix and stated and suffix != stated:
             raise DataError(
-                f'{path}, column "{header}": its name says {suffix}, its unit attribute {stated}; correct one'
+                f'{path}, column "{clipped(header)}": its name says {suffix}, its unit attribute {stated}; correct one'
             )
         names.append(name)
         found.append(stated or suffix)

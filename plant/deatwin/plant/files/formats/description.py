@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.formats.table import Declared, Signal, Timing
 from deatwin.plant.files.units import UNITS, split_unit
+from deatwin.plant.intake import clipped
 from deatwin.plant.recording import Recording
 
 __all__ = [
@@ -160,19 +161,22 @@ def read_description(text: str, path: str, *, start: float = 0.0) -> Declared:
     """
     try:
         content = json.loads(text)
-        schema = content["schema"]
-    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        schema = str(content["schema"])
+    except _DAMAGED as error:
         raise _damaged(path, error) from None
     if schema != SCHEMA:
-        raise DataError(f'{path}: its description has the schema "{schema}"; "{SCHEMA}" can be read')
+        raise DataError(f'{path}: its description has the schema "{clipped(schema)}"; "{SCHEMA}" can be read')
     try:
         return Declared(
             timing=Timing(sample_time=float(content["sample_time"]), start=start),
             signals=tuple(_signal(entry) for entry in content["signals"]),
             provenance={str(key): str(value) for key, value in content["provenance"].items()},
         )
-    except (ValueError, KeyError, TypeError, AttributeError) as error:  # DataError is a ValueError
+    except _DAMAGED as error:  # DataError is a ValueError
         raise _damaged(path, error) from None
+
+
+_DAMAGED = (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError)
 
 
 def all_provenance(own: Mapping[str, str], stored: Mapping[str, str]) -> dict[str, str]:
@@ -200,7 +204,8 @@ def all_provenance(own: Mapping[str, str], stored: Mapping[str, str]) -> dict[st
 
 def _damaged(path: str, error: Exception) -> DataError:
     return DataError(
-        f"{path}: its description ({KEY}) is damaged ({error}); take it out, and the headers tell what the columns are"
+        f"{path}: its description ({KEY}) is damaged ({clipped(error, 200)}); take it out, and the headers tell what "
+        "the columns are"
     )
 
 

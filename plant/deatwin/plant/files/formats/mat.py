@@ -8,6 +8,7 @@ into the provenance. Formats: MathWorks, "MAT-File Level 5 File Format"; 7.3 has
 
 import hashlib
 import io
+import math
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -26,8 +27,10 @@ from deatwin.plant.files.formats.description import (
     rows_of,
     signals_of,
 )
-from deatwin.plant.files.formats.optional import require
+from deatwin.plant.files.formats.optional import reading, require
 from deatwin.plant.files.formats.table import Declared, Timing
+from deatwin.plant.files.formats.unpacked import require_plain_hdf5, require_sound_level_5
+from deatwin.plant.intake import clipped
 from deatwin.plant.recording import Recording
 
 __all__ = ["read_mat", "write_mat"]
@@ -37,6 +40,7 @@ _USER_BLOCK = 512  # bytes before the HDF5 signature of a file of version 7.3
 _SAMPLE_TIMES = ("ts", "dt", "sample_time", "ts_s", "dt_s", "sample_time_s")
 _SAMPLE_RATES = ("fs", "sample_rate", "fs_hz", "sample_rate_hz")
 _TIME = "time_s"
+_UNUSED = ("cell", "object", "function", "opaque", "sparse", "unknown")  # classes of variables
 
 
 def read_mat(path: str | Path) -> ArrayTable:
@@ -58,12 +62,8 @@ def read_mat(path: str | Path) -> ArrayTable:
     """
     content, name = read_bytes(path), str(path)
     newer = _HDF5 in (content[: len(_HDF5)], content[_USER_BLOCK : _USER_BLOCK + len(_HDF5)])
-    try:
-        found = dict(_of_hdf5(content, name) if newer else _of_level_5(content))
-    except DataError:
-        raise
-    except Exception as error:  # what the libraries raise on damaged files has no common base
-        raise DataError(f"{name}: cannot be read as a MATLAB file: {error}") from None
+    with reading(name, "MATLAB"):
+        found = dict(_of_hdf5(content, name) if newer else _of_level_5(content, name))
     return _table(name, hashlib.sha256(content).hexdigest(), found)
 
 
@@ -132,17 +132,22 @@ def _timing(arrays: Mapping[str, np.ndarray], path: str) -> Timing | None:
         first, value = next(iter(timings.items()))
         if not value.agrees(timing.sample_time):
             raise DataError(
-                f"{path}: {first} states a sample time of {value.sample_time:g} s, {name} one of "
+                f"{path}: {clipped(first)} states a sample time of {value.sample_time:g} s, {clipped(name)} one of "
                 f"{timing.sample_time:g} s; correct one"
             )
     return next(iter(timings.values()), None)
 
 
-def _of_level_5(content: bytes) -> Iterator[tuple[str, Any]]:
+def _of_level_5(content: bytes, path: str) -> Iterator[tuple[str, Any]]:
     """Yield names and values of a file of version 5; fields of structs as ``struct.field``."""
-    from scipy.io import loadmat
+    from scipy.io import loadmat, whosmat
 
-    for name, value in loadmat(io.BytesIO(content)).items():
+    require_sound_level_5(content, path)
+    listed = whosmat(io.BytesIO(content))
+    # Cells are not used: what they declare need not be made room for.
+    left = {name for name, shape, kind in listed if kind in _UNUSED or (kind == "struct" and math.prod(shape) != 1)}
+    wanted = [name for name, _, _ in listed if name not in left]
+    for name, value in loadmat(io.BytesIO(content), variable_names=wanted).items():
         if not name.startswith("__"):
             yield from _unpacked(name, value)
 
@@ -164,6 +169,7 @@ def _of_hdf5(content: bytes, path: str) -> Iterator[tuple[str, Any]]:
     """Yield names and values of a file of version 7.3; fields of structs as ``struct.field``."""
     h5py = require("h5py", f"{path}: a MATLAB file of version 7.3")
     with h5py.File(io.BytesIO(content), "r") as file:
+        require_plain_hdf5(file, path)
         found: list[tuple[str, Any]] = []
         file.visititems(lambda name, node: found.append((name, node)))
         for name, node in found:

@@ -18,8 +18,9 @@ from deatwin.plant.files.conversion import as_dataset
 from deatwin.plant.files.csvtable import read_bytes
 from deatwin.plant.files.formats.arrays import ArrayTable, array_table
 from deatwin.plant.files.formats.description import KEY, read_description
-from deatwin.plant.files.formats.optional import require
+from deatwin.plant.files.formats.optional import reading, require
 from deatwin.plant.files.formats.table import Declared
+from deatwin.plant.files.formats.unpacked import Metered, require_plain_hdf5
 from deatwin.plant.recording import Recording
 
 __all__ = ["read_netcdf", "write_netcdf"]
@@ -58,16 +59,19 @@ def read_netcdf(path: str | Path) -> ArrayTable:
     if content[:3] not in _ENGINES:
         raise DataError(f"{name}: not a NetCDF file")
     xarray, engine = _xarray(f"{name}: a NetCDF file"), _ENGINES[content[:3]]
-    try:
-        with xarray.open_dataset(io.BytesIO(content), engine=engine, decode_times=False) as dataset:
+    # HDF5 files of other programs may have no named dimensions.
+    options = {"phony_dims": "access"} if engine == "h5netcdf" else {}
+    with reading(name, "NetCDF"):
+        if engine == "h5netcdf":
+            with require("h5py", name).File(io.BytesIO(content), "r") as file:
+                require_plain_hdf5(file, name)
+        with xarray.open_dataset(Metered(content, name), engine=engine, decode_times=False, **options) as dataset:
             found = {
                 str(key): (np.array(variable.values), str(variable.attrs.get("units", "")))
                 for key, variable in dataset.variables.items()
                 if variable.ndim == 1
             }
             attributes = {str(key): value for key, value in dataset.attrs.items() if isinstance(value, str)}
-    except Exception as error:  # what the engines raise on damaged files has no common base
-        raise DataError(f"{name}: cannot be read as a NetCDF file: {error}") from None
     columns, units = {}, {}
     for header, (values, unit) in found.items():
         columns[header], units[header] = _in_seconds(values, unit)

@@ -1,11 +1,16 @@
 """Packages that only some formats need, imported where they are used."""
 
 import importlib
+import logging
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from deatwin.plant.errors import DataError
+from deatwin.plant.intake import reason
 
-__all__ = ["require"]
+__all__ = ["reading", "require"]
 
 
 def require(package: str, purpose: str, *, install: str = '"deatwin[files]"') -> Any:
@@ -42,3 +47,56 @@ def require(package: str, purpose: str, *, install: str = '"deatwin[files]"') ->
         return importlib.import_module(package)
     except ModuleNotFoundError as error:
         raise DataError(f"{purpose} needs the package {error.name}; pip install {install}") from None
+
+
+@contextmanager
+def reading(path: str, format_name: str, *, logger: str = "", harmless: tuple[str, ...] = ()) -> Iterator[None]:
+    """Make one clear error of whatever a library raises on a damaged file, or warns of.
+
+    Parameters
+    ----------
+    path : str
+        The file.
+    format_name : str
+        As in "a TDMS file".
+    logger : str
+        Package whose loggers say that a file is damaged, besides warnings.
+    harmless : tuple of str
+        How messages begin that are no reason to refuse a file; they are not shown either.
+
+    Raises
+    ------
+    DataError
+        What these libraries raise on damaged files has no common base. A file that they doubt is not read in part.
+    """
+    doubts: list[str] = []
+    known = list(logging.root.manager.loggerDict) if logger else []
+    logs = [logging.getLogger(name) for name in known if name.split(".")[0] == logger]
+    before = [(log, log.handlers, log.propagate) for log in logs]
+    for log in logs:
+        log.handlers, log.propagate = [_Keeper(doubts)], False
+    try:
+        with warnings.catch_warnings(record=True) as warned:
+            warnings.simplefilter("always")
+            yield
+        doubts += [str(one.message) for one in warned if issubclass(one.category, UserWarning)]
+        if serious := [text for text in doubts if not text.startswith(harmless)]:
+            raise ValueError(serious[0])
+    except DataError:
+        raise
+    except Exception as error:
+        raise DataError(f"{path}: cannot be read as a {format_name} file: {reason(error)}") from None
+    finally:
+        for log, handlers, propagate in before:
+            log.handlers, log.propagate = handlers, propagate
+
+
+class _Keeper(logging.Handler):
+    """Keeps what is logged."""
+
+    def __init__(self, kept: list[str]) -> None:
+        super().__init__(logging.WARNING)
+        self._kept = kept
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self._kept.append(record.getMessage())

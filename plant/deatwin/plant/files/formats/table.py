@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 
 from deatwin.plant.errors import DataError, nearest
 from deatwin.plant.files.units import UNITS
+from deatwin.plant.intake import clipped
 
 __all__ = ["Declared", "Signal", "Table", "Timing"]
 
 _SAME_CLOCK = 1e-3  # relative difference of two sample times that are one
+_LISTED = 20  # headers that an error text names
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -197,7 +199,7 @@ class Table(ABC):
         DataError
             If there is none, or more than one.
         """
-        if re.fullmatch(r"#[1-9]\d*", wanted) and wanted not in self.headers:
+        if re.fullmatch(r"#[1-9][0-9]{0,8}", wanted) and wanted not in self.headers:
             if int(wanted[1:]) > len(self.headers):
                 raise DataError(f"{self.path}: no column {wanted}; the file has {len(self.headers)} columns")
             return int(wanted[1:]) - 1
@@ -205,12 +207,12 @@ class Table(ABC):
         found = found or [k for k, name in enumerate(self.names) if name == wanted]
         if not found:
             raise DataError(
-                f'{self.path}: no column "{wanted}"; the file has {self.listing()}'
+                f'{self.path}: no column "{clipped(wanted)}"; the file has {self.listing()}'
                 f"{nearest(wanted, self.headers)}"
             )
         if len(found) > 1:
             raise DataError(
-                f'{self.path}: the column "{wanted}" stands {len(found)} times; name one by its place, '
+                f'{self.path}: the column "{clipped(wanted)}" stands {len(found)} times; name one by its place, '
                 f"for example #{found[0] + 1}"
             )
         return found[0]
@@ -251,5 +253,21 @@ class Table(ABC):
         return Signal(role=role, name=self.names[column], unit=UNITS[self.units[column]].si, header=header)
 
     def listing(self) -> str:
-        """Return the headers as one text."""
-        return ", ".join(f'"{header}"' for header in self.headers)
+        """Return the headers as one text, of many the first ones."""
+        names = [f'"{self.shown(column)}"' for column in range(len(self.headers))]
+        more = len(names) - _LISTED
+        return ", ".join(names) if more < 1 else f"{', '.join(names[:_LISTED])} and {more} more"
+
+    def shown(self, column: int) -> str:
+        """Return a header as an error text shows it.
+
+        Parameters
+        ----------
+        column : int
+            Its number, counted from 0.
+
+        Returns
+        -------
+        str
+        """
+        return clipped(self.headers[column])

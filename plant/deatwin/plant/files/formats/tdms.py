@@ -25,14 +25,16 @@ from deatwin.plant.files.formats.description import (
     rows_of,
     signals_of,
 )
-from deatwin.plant.files.formats.optional import require
+from deatwin.plant.files.formats.optional import reading, require
 from deatwin.plant.files.formats.table import Declared, Timing
+from deatwin.plant.intake import in_words
 from deatwin.plant.recording import Recording
 
 __all__ = ["STARTED", "read_tdms", "write_tdms"]
 
 STARTED = "wf_start_time"
 _GROUP = "recording"
+_BROKEN_OFF = ("Last segment", "Data size")  # a broken acquisition holds what was written until then
 _UNITS = ("unit_string", "NI_UnitDescription")
 
 
@@ -55,12 +57,13 @@ def read_tdms(path: str | Path) -> ArrayTable:
     """
     content, name = read_bytes(path), str(path)
     nptdms = require("nptdms", f"{name}: a TDMS file")
-    try:
+    with reading(name, "TDMS", logger="nptdms", harmless=_BROKEN_OFF):
+        _require_held(nptdms.TdmsFile.read_metadata(io.BytesIO(content)), len(content), name)
         file = nptdms.TdmsFile.read(io.BytesIO(content))
         found = [channel for group in file.groups() for channel in group.channels() if len(channel)]
         values = [_seconds(np.asarray(channel[:])) for channel in found]
-    except Exception as error:  # what the library raises on damaged files has no common base
-        raise DataError(f"{name}: cannot be read as a TDMS file: {error}") from None
+        timings = [_timing(channel) for channel in found]
+        declared = _declared(file, found, name)
     common = Counter(channel.name for channel in found)
     headers = [c.name if common[c.name] == 1 else f"{c.group_name}/{c.name}" for c in found]
     return array_table(
@@ -68,8 +71,8 @@ def read_tdms(path: str | Path) -> ArrayTable:
         hashlib.sha256(content).hexdigest(),
         dict(zip(headers, values, strict=True)),
         {header: _unit(channel) for header, channel in zip(headers, found, strict=True)},
-        declared=_declared(file, found, name),
-        timings={header: _timing(channel) for header, channel in zip(headers, found, strict=True)},
+        declared=declared,
+        timings=dict(zip(headers, timings, strict=True)),
     )
 
 
@@ -101,6 +104,13 @@ def write_tdms(path: str | Path, recording: Recording) -> None:
     root = nptdms.RootObject({KEY: describe(recording, signals)})
     with nptdms.TdmsWriter(path) as writer:
         writer.write_segment([root, nptdms.GroupObject(_GROUP), *channels])
+
+
+def _require_held(file: Any, held: int, path: str) -> None:
+    """Refuse a file that declares more samples than it has bytes, or more than can be read."""
+    count = sum(len(channel) for group in file.groups() for channel in group.channels())
+    if count > held:
+        raise DataError(f"{path}: it declares {count} samples and has {in_words(held)}; it is damaged")
 
 
 def _declared(file: Any, channels: list[Any], path: str) -> Declared:

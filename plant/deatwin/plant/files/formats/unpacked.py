@@ -1,0 +1,189 @@
+"""What a binary file unpacks to, found before anything is unpacked: a small file may hold very much.
+
+A gigabyte of zeros is a megabyte of zlib, and an HDF5 dataset that was never written takes no room at all. Datasets
+whose samples lie in other files are refused: a recording must not name files that its reader never chose.
+"""
+
+import io
+import math
+import zlib
+from typing import Any, Literal
+
+import numpy as np
+
+from deatwin.plant.errors import DataError
+from deatwin.plant.files.formats.optional import require
+from deatwin.plant.intake import RECORDING_BYTES, clipped, in_words
+
+__all__ = ["Metered", "require_plain_hdf5", "require_sound_level_5"]
+
+_MOST_PACKED = 1032  # bytes that zlib makes of one, at most (RFC 1951: 258 bytes of 2 bits)
+_PIECE = 1 << 20
+_HEAD = 64  # bytes that hold the flags of an array
+_COMPRESSED = 15  # type of an element
+_INTEGERS = (5, 6)  # types that dimensions may have
+_OF_ARRAYS = (1, 2, 3)  # classes of arrays whose entries are arrays: cell, struct, object
+_ORDERS: dict[bytes, Literal["little", "big"]] = {b"IM": "little", b"MI": "big"}
+
+
+def too_much(path: str, count: float) -> DataError:
+    """Return the error of a file that unpacks to more than can be read.
+
+    Parameters
+    ----------
+    path : str
+        The file, for the error text.
+    count : float
+        Bytes that it holds unpacked, as far as was looked.
+
+    Returns
+    -------
+    DataError
+    """
+    most = in_words(RECORDING_BYTES)
+    return DataError(f"{path}: it unpacks to {in_words(count)} or more; at most {most} can be read")
+
+
+class Metered(io.BytesIO):
+    """Bytes of a file that are not read again and again: a header may name the same samples many times.
+
+    Parameters
+    ----------
+    content : bytes
+        The file.
+    path : str
+        Its name, for error texts.
+    """
+
+    def __init__(self, content: bytes, path: str) -> None:
+        super().__init__(content)
+        self._path, self._read = path, 0
+        self._most = 3 * len(content) + 1_000_000  # a header is read twice, and so may be samples
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        """Return the next bytes, unless too many were read before.
+
+        Parameters
+        ----------
+        size : int or None
+            Most bytes; all by default.
+
+        Returns
+        -------
+        bytes
+        """
+        found = super().read(size)
+        self._read += len(found)
+        if self._read > self._most:
+            raise DataError(f"{self._path}: it declares more samples than it holds; it is damaged")
+        return found
+
+
+def require_plain_hdf5(file: Any, path: str) -> None:
+    """Refuse an HDF5 file that unpacks to too much, or whose samples lie in other files.
+
+    Parameters
+    ----------
+    file : h5py.File
+        Open.
+    path : str
+        Its name, for error texts.
+
+    Raises
+    ------
+    DataError
+    """
+    h5py, count = require("h5py", path), 0
+
+    def look(name: str, link: Any) -> DataError | None:
+        nonlocal count
+        if isinstance(link, h5py.ExternalLink):
+            return _elsewhere(path, name)
+        if isinstance(link, h5py.SoftLink):
+            return None
+        node = file[name]
+        if not isinstance(node, h5py.Dataset) or node.shape is None:
+            return None
+        if node.is_virtual or node.external:
+            return _elsewhere(path, name)
+        size = node.dtype.itemsize
+        chunk = size
+        for length in node.chunks or ():
+            chunk *= length
+        for length in node.shape:
+            size *= length
+        count += max(size, chunk)
+        return too_much(path, count) if count > RECORDING_BYTES else None
+
+    if fault := file.visititems_links(look):  # what is raised inside, HDF5 loses
+        raise fault
+
+
+def _elsewhere(path: str, name: str) -> DataError:
+    return DataError(f'{path}: "{clipped(name)}" lies in another file; a recording must hold its samples itself')
+
+
+def require_sound_level_5(content: bytes, path: str) -> None:
+    """Refuse a MATLAB file of version 5 that unpacks to too much, or with structs of more entries than it holds.
+
+    Format: MathWorks, "MAT-File Level 5 File Format". Faults of other kinds are left to the reader.
+
+    Parameters
+    ----------
+    content : bytes
+        The file.
+    path : str
+        Its name, for error texts.
+
+    Raises
+    ------
+    DataError
+    """
+    order: Literal["little", "big"] | None = _ORDERS.get(content[126:128])
+    if order is None:
+        return  # version 4, or no MATLAB file
+    surely_small = len(content) * _MOST_PACKED <= RECORDING_BYTES
+    count, place = 0, 128
+    while place + 8 <= len(content):
+        kind, size = (int.from_bytes(content[k : k + 4], order) for k in (place, place + 4))
+        held = content[place + 8 : place + 8 + size]
+        if kind == _COMPRESSED:
+            if not surely_small:
+                count += _unpacked_size(held, count, path)
+            head = zlib.decompressobj().decompress(held, _HEAD)
+            if _of_structs(head[8:], order):
+                _require_entries(zlib.decompressobj().decompress(held, RECORDING_BYTES), order, path)
+        elif _of_structs(held, order):
+            _require_entries(held, order, path)
+        place += 8 + size
+
+
+def _unpacked_size(packed: bytes, before: int, path: str) -> int:
+    """Return how many bytes an element unpacks to: piece by piece, keeping none."""
+    count, stream = 0, zlib.decompressobj()
+    while packed and not stream.eof:
+        count += len(stream.decompress(packed, _PIECE))
+        packed = stream.unconsumed_tail
+        if before + count > RECORDING_BYTES:
+            raise too_much(path, before + count)
+    return count
+
+
+def _of_structs(matrix: bytes, order: Literal["little", "big"]) -> bool:
+    """Return whether an array is one of arrays, by the class in its flags, which stand behind their own tag."""
+    return int.from_bytes(matrix[8:12], order) & 0xFF in _OF_ARRAYS
+
+
+def _require_entries(matrix: bytes, order: Literal["little", "big"], path: str) -> None:
+    """Refuse cells and structs with more entries than there is room for: SciPy makes room for what they declare.
+
+    They are found wherever such flags and dimensions stand, since what is nested is reached through lengths that
+    may be wrong as well. Every entry has a tag of 8 bytes at least.
+    """
+    words = np.frombuffer(matrix[: len(matrix) // 4 * 4], dtype="<u4" if order == "little" else ">u4")
+    flags, kinds, sizes = words[:-4:2] & 0xFF, words[2:-2:2], words[3:-1:2]
+    fitting = np.isin(flags, _OF_ARRAYS) & np.isin(kinds, _INTEGERS) & (sizes % 4 == 0) & (sizes >= 8) & (sizes <= 256)
+    for place in np.flatnonzero(fitting).tolist():
+        lengths = words[2 * place + 4 : 2 * place + 4 + int(sizes[place]) // 4]
+        if math.prod(lengths.tolist()) * 8 > len(matrix):
+            raise DataError(f"{path}: it declares more entries of a cell or struct than it holds; it is damaged")

@@ -1,0 +1,157 @@
+"""What is taken in from files of the user: plain files only, and no more than a computer can hold.
+
+Every reader takes its bytes from here. A pipe or a device has no end and may never answer; a small file may unpack
+to more than the memory: both are refused before they are read. The limits are here and nowhere else, and
+docs/how-to/files-and-export.md states them.
+"""
+
+import os
+import stat
+from collections.abc import Callable
+
+__all__ = [
+    "COLUMNS",
+    "DOCUMENT_BYTES",
+    "DOCUMENT_VALUES",
+    "RECORDING_BYTES",
+    "RIG_BYTES",
+    "ROWS",
+    "TEXT_BYTES",
+    "clipped",
+    "in_words",
+    "read_regular",
+    "reason",
+]
+
+RECORDING_BYTES = 2_000_000_000
+"""Of a recording of any format, packed and unpacked: 83 million samples of a time and two signals."""
+TEXT_BYTES = 1_000_000_000
+"""Of a recording as text, whose numbers take several times as much while they are read."""
+ROWS = 20_000_000
+"""Of a recording as text: 111 hours at 50 Hz."""
+COLUMNS = 10_000
+"""Of a recording."""
+DOCUMENT_BYTES = 500_000_000
+"""Of a model, a diagnosis, a check: JSON."""
+DOCUMENT_VALUES = 20_000_000
+"""Numbers, texts and lists in such a file."""
+RIG_BYTES = 1_000_000
+"""Of a rig file: TOML."""
+
+_KINDS = {
+    stat.S_IFIFO: "a pipe",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+    stat.S_IFSOCK: "a socket",
+}
+
+
+def read_regular(path: str | os.PathLike[str], limit: int, refuse: Callable[[str], Exception]) -> bytes:
+    """Return the bytes of a plain file that is not too large.
+
+    Parameters
+    ----------
+    path : str or path
+        The file.
+    limit : int
+        Most bytes that it may have.
+    refuse : callable
+        Takes what is wrong, without the file's name, and returns the error to raise.
+
+    Returns
+    -------
+    bytes
+
+    Raises
+    ------
+    OSError
+        As `open` and `read` raise it, IsADirectoryError for a folder.
+    """
+    try:
+        # A pipe without a writer would wait for one; the flag is not known everywhere, and not needed there.
+        descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+    except FileNotFoundError:
+        if os.path.islink(path):
+            raise refuse(f"a link to {os.readlink(path)}, which is not there") from None
+        raise
+    except ValueError:  # a null character in the name
+        raise refuse("no name of a file") from None
+    with open(descriptor, "rb") as file:
+        found = os.fstat(file.fileno())
+        if stat.S_ISDIR(found.st_mode):
+            raise IsADirectoryError(21, "Is a directory")
+        if not stat.S_ISREG(found.st_mode):
+            raise refuse(f"{_KINDS.get(stat.S_IFMT(found.st_mode), 'no file')}; give a plain file")
+        content = file.read(found.st_size + 1) if found.st_size <= limit else b""  # it may be growing
+    if max(found.st_size, len(content)) > limit:
+        raise refuse(f"the file has {in_words(found.st_size)}; at most {in_words(limit)} can be read")
+    return content
+
+
+def in_words(count: float) -> str:
+    """Return a number of bytes with a unit.
+
+    Parameters
+    ----------
+    count : float
+        Bytes.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> in_words(2_000_000_000), in_words(10_737_418_240), in_words(1_000_000), in_words(12)
+    ('2 GB', '10.7 GB', '1 MB', '12 bytes')
+    """
+    for size, unit in ((1e9, "GB"), (1e6, "MB"), (1e3, "kB")):
+        if count >= size:
+            return f"{count / size:.3g} {unit}"
+    return f"{count:.0f} bytes"
+
+
+def clipped(text: object, length: int = 80) -> str:
+    """Return what a file holds as an error text may show it: printable, and not all of a long one.
+
+    Parameters
+    ----------
+    text : object
+        Usually a text.
+    length : int, default 80
+        Most characters shown.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> clipped("one"), clipped("x" * 100, 5), clipped("a\\x1b[31m")
+    ('one', 'xxxxx…', 'a\\\\x1b[31m')
+    """
+    whole = str(text)
+    shown = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in whole[:length])
+    return shown + ("…" if len(whole) > length else "")
+
+
+def reason(error: Exception) -> str:
+    """Return why a library could not read a file, for an error text.
+
+    Parameters
+    ----------
+    error : Exception
+        What it raised.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> reason(ValueError("no such block")), reason(MemoryError()), reason(KeyError())
+    ('no such block', 'it needs more memory than there is', 'KeyError')
+    """
+    if isinstance(error, MemoryError):
+        return "it needs more memory than there is"
+    return clipped(error, 200) or type(error).__name__

@@ -1,0 +1,245 @@
+"""The keys of a rig file: one table that reads them, writes them, and is their JSON Schema (rigschema.py)."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from deatwin.plant.errors import RigError
+from deatwin.plant.intake import clipped
+
+__all__ = ["RIG_KEYS", "Keys", "NumberKey", "TextKey", "kind_of"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class NumberKey:
+    """A number of the file.
+
+    Parameters
+    ----------
+    field : str
+        Of the specification that it becomes.
+    lower, upper : float
+        Range, both ends included, in the file's unit.
+    per_si : float
+        File units in one SI unit.
+    required : bool
+        Whether it must be there.
+    slips : tuple of (str, float, float)
+        Units that it may be given in by mistake, with factor and shift to the file's own.
+    about : str
+        For the schema.
+    """
+
+    field: str
+    lower: float
+    upper: float
+    per_si: float = 1.0
+    required: bool = True
+    slips: tuple[tuple[str, float, float], ...] = ()
+    about: str = ""
+
+    @property
+    def allowed(self) -> str:
+        """What may stand there."""
+        return f"a number from {self.lower:g} to {self.upper:g}"
+
+    def read(self, value: object, place: str) -> float:
+        """Return the value of a file in SI, or refuse it.
+
+        Parameters
+        ----------
+        value : object
+            As TOML was read.
+        place : str
+            File, section and key, for the error text.
+
+        Returns
+        -------
+        float
+
+        Raises
+        ------
+        RigError
+        """
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise RigError(f"{place}: {_toml(value)} is {kind_of(value)}; it must be {self.allowed}")
+        if not self.lower <= value <= self.upper:  # nan is not
+            raise RigError(
+                f"{place}: {_toml(value)} is out of range; it must be from {self.lower:g} to {self.upper:g}"
+                f"{self._slip(value)}"
+            )
+        return value / self.per_si
+
+    def _slip(self, value: float) -> str:
+        """Return what to write where the value is in another unit and would be in range, as 0.0005 m for 0.5 mm."""
+        for unit, factor, shift in self.slips if abs(value) < 1e12 else ():
+            meant = float(f"{value * factor + shift:.6g}")
+            if value and self.lower <= meant <= self.upper:
+                return f"; if that is {unit}, write {meant:g}"
+        return ""
+
+    def to_file(self, value: float) -> float:
+        """Return an SI value as the file has it.
+
+        Parameters
+        ----------
+        value : float
+
+        Returns
+        -------
+        float
+        """
+        return float(f"{value * self.per_si:.12g}")  # 12 digits drop what the conversion added
+
+
+@dataclass(frozen=True, kw_only=True)
+class TextKey:
+    """A text of the file.
+
+    Parameters
+    ----------
+    field : str
+        Of the specification that it becomes.
+    choices : tuple of str
+        What is allowed; any text where empty.
+    required : bool
+        Whether it must be there.
+    about : str
+        For the schema.
+    """
+
+    field: str
+    choices: tuple[str, ...] = ()
+    required: bool = True
+    about: str = ""
+
+    @property
+    def allowed(self) -> str:
+        """What may stand there."""
+        return " or ".join(f'"{choice}"' for choice in self.choices) or "a text in quotes"
+
+    def read(self, value: object, place: str) -> str:
+        """Return the value of a file in SI, or refuse it.
+
+        Parameters
+        ----------
+        value : object
+            As TOML was read.
+        place : str
+            File, section and key, for the error text.
+
+        Returns
+        -------
+        str
+
+        Raises
+        ------
+        RigError
+        """
+        if not isinstance(value, str):
+            raise RigError(f"{place}: {_toml(value)} is {kind_of(value)}; it must be {self.allowed}")
+        if self.choices and value not in self.choices:
+            raise RigError(f"{place}: {_toml(value)} is not known; it must be {self.allowed}")
+        if not value.strip():
+            raise RigError(f"{place}: the text is empty")
+        return value
+
+    def to_file(self, value: str) -> str:
+        """Return an SI value as the file has it.
+
+        Parameters
+        ----------
+        value : str
+
+        Returns
+        -------
+        str
+        """
+        return value
+
+
+# Units that a value may have been given in by mistake, with factor and shift to the file's own.
+_MM = (("in m", 1e3, 0.0), ("in um", 1e-3, 0.0))
+_UM = (("in mm", 1e3, 0.0), ("in nm", 1e-3, 0.0))
+_MG = (("in mg", 1e-3, 0.0),)
+_KV = (("in kV a volt", 1e3, 0.0),)
+_MS = (("in ms", 1e-3, 0.0),)
+_MV = (("in mV", 1e-3, 0.0),)
+_STRETCH = (("a strain", 1.0, 1.0), ("a strain in %", 0.01, 1.0))
+
+Keys = Mapping[str, NumberKey | TextKey]
+RIG_KEYS: Mapping[str, Keys] = {
+    "film": {
+        "material": TextKey(field="material", about="a name in the table of materials"),
+        "thickness_mm": NumberKey(
+            field="thickness", lower=0.001, upper=10.0, per_si=1e3, slips=_MM, about="before stretching"
+        ),
+        "prestretch": NumberKey(
+            field="prestretch", lower=1.0, upper=10.0, slips=_STRETCH,
+            about="equal-biaxial: a stretch, so 350 % of strain is 4.5",
+        ),
+        "frame_diameter_mm": NumberKey(field="frame_diameter", lower=1.0, upper=1e3, per_si=1e3, slips=_MM),
+        "electrode_diameter_mm": NumberKey(field="electrode_diameter", lower=0.1, upper=1e3, per_si=1e3, slips=_MM),
+        "ball": TextKey(
+            field="ball", choices=("bonded", "sliding"), required=False,
+            about="left out where it is not known: both are fitted",
+        ),
+    },
+    "load": {
+        "mass_g": NumberKey(field="mass", lower=0.0, upper=1e3, per_si=1e3, slips=_MG, about="of the ball"),
+        "contact_diameter_mm": NumberKey(field="contact_diameter", lower=0.01, upper=1e3, per_si=1e3, slips=_MM),
+    },
+    "drive": {
+        "gain": NumberKey(field="gain", lower=1.0, upper=1e5, slips=_KV, about="film volts a command volt"),
+        "start_ramp_s": NumberKey(
+            field="start_ramp", lower=0.0, upper=86400.0, slips=_MS,
+            about="before time 0 the first command was ramped on from 0 V in this time",
+        ),
+        "start_hold_s": NumberKey(
+            field="start_hold", lower=0.0, upper=86400.0, slips=_MS, about="and held for this time"
+        ),
+        "command_min_V": NumberKey(
+            field="command_min", lower=-1e3, upper=1e3, required=False, slips=_MV, about="what the drive may give"
+        ),
+        "command_max_V": NumberKey(
+            field="command_max", lower=-1e3, upper=1e3, required=False, slips=_MV, about="what the drive may give"
+        ),
+    },
+    "sensor": {
+        "sample_rate_Hz": NumberKey(field="sample_rate", lower=1e-3, upper=1e6),
+        "noise_um": NumberKey(field="noise", lower=0.0, upper=1e4, per_si=1e6, slips=_UM, about="rms"),
+        "resolution_um": NumberKey(
+            field="resolution", lower=0.0, upper=1e4, per_si=1e6, required=False, slips=_UM, about="0 if left out"
+        ),
+        "zero": TextKey(field="zero", choices=("displacement at zero volts",)),
+    },
+}  # fmt: skip
+
+
+def kind_of(value: object) -> str:
+    """Return what TOML calls a value.
+
+    Parameters
+    ----------
+    value : object
+
+    Returns
+    -------
+    str
+    """
+    kinds = {
+        bool: "a truth value",
+        int: "a number",
+        float: "a number",
+        str: "a text",
+        list: "a list",
+        dict: "a table",
+    }
+    return kinds.get(type(value), "a date or time")
+
+
+def _toml(value: object) -> str:
+    """Return a value as it stands in a TOML file, near enough for an error text."""
+    text = str(value)
+    if isinstance(value, bool):
+        return text.lower()
+    return f'"{clipped(text)}"' if isinstance(value, str) else clipped(text)
