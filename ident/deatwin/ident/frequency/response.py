@@ -16,6 +16,7 @@ from deatwin.ident.frequency.dc import Equilibrium
 from deatwin.ident.frequency.frozen import Frozen
 from deatwin.ident.frequency.uncertainty.gain_phase import interval_radius
 from deatwin.ident.narx.operating import read_only
+from deatwin.plant.files.formats.optional import require
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -303,7 +304,7 @@ class FrequencyResponse(Frozen):
 
     def to_xarray(self) -> Any:
         """Return values and covariance as an `xarray.Dataset`, with real and imaginary parts apart."""
-        import xarray
+        xarray = require("xarray", "a dataset")
 
         dims = ("point",) if self.omega.ndim == 1 else ("point", "tone")
         attributes = {"units": self.unit}

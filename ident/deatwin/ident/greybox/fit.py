@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
+from typing import Any
 
 import numpy as np
 
 from deatwin.ident.greybox.minimum import EVALUATIONS, TOLERANCE, minimise
+from deatwin.plant.datasets import dataset
 from deatwin.plant.errors import DataError
 from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter
@@ -177,6 +179,27 @@ class Calibration:
         limits = sorted(scale.to_coordinate(end) for end in (parameter.lower, parameter.upper))
         ends = sorted(scale.to_value(min(max(centre + side * half, limits[0]), limits[1])) for side in (-1, 1))
         return ends[0], ends[1]
+
+    def to_xarray(self) -> Any:
+        """Return fitted values with 95 % intervals, covariance, residuals and Jacobian as an `xarray.Dataset`; SI."""
+        found = [self.plant.parameters[name] for name in self.names]
+        ends = np.array([self.interval(name) for name in self.names]).reshape(-1, 2)
+        pair, unit = ("parameter", "other_parameter"), self.plant.rig.output_unit
+        return dataset(
+            {
+                "value": ("parameter", [p.value for p in found]),
+                "low": ("parameter", ends[:, 0]),
+                "high": ("parameter", ends[:, 1]),
+                "unit": ("parameter", np.array([p.unit for p in found], dtype=str)),
+                "scale": ("parameter", np.array([p.scale.value for p in found], dtype=str)),
+                "covariance": (pair, self.covariance),
+                "residual": ("sample", self.residuals, unit),
+                "jacobian": (("sample", "parameter"), self.jacobian, unit),
+            },
+            {name: (name, np.array(self.names, dtype=str)) for name in pair},
+            {"status": self.status.name, "advice": self.status.value, "at_bound": list(self.at_bound),
+             "evaluations": self.evaluations, "rms": self.rms, "effects": list(self.plant.effect_names)},
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -61,18 +61,21 @@ def minimise(
     Returns
     -------
     Minimum or None
-        None if the plant cannot be simulated at its starting values.
+        None if the plant cannot be simulated at its starting values, nor just inside the range of those on a bound.
     """
     cost = _Memory(problem)
     start, (lower, upper) = problem.start(), problem.bounds()
     if cost(start) is None:
         return None
     margin = 1e-9 * np.maximum(1.0, np.abs(upper - lower))
-    solution = least_squares(
-        cost.residuals, np.clip(start, lower + margin, upper - margin), jac=cost.jacobian,
-        bounds=(lower, upper), x_scale="jac", method="trf", ftol=tolerance, xtol=1e-6, gtol=1e-12,
-        max_nfev=evaluations,
-    )  # fmt: skip
+    try:
+        solution = least_squares(
+            cost.residuals, np.clip(start, lower + margin, upper - margin), jac=cost.jacobian,
+            bounds=(lower, upper), x_scale="jac", method="trf", ftol=tolerance, xtol=1e-6, gtol=1e-12,
+            max_nfev=evaluations,
+        )  # fmt: skip
+    except _NowhereToGo:
+        return None
     found = cost(solution.x)
     if found is None:
         return None
@@ -80,6 +83,10 @@ def minimise(
         coordinates=solution.x, residuals=found[0], jacobian=found[1], settled=solution.status > 0,
         evaluations=cost.evaluations,
     )  # fmt: skip
+
+
+class _NowhereToGo(Exception):
+    """The solver begins at a point that cannot be simulated."""
 
 
 class _Memory:
@@ -111,5 +118,5 @@ class _Memory:
     def jacobian(self, x: np.ndarray) -> np.ndarray:
         found = self(x)
         if found is None:
-            raise RuntimeError("the solver accepted a point that cannot be simulated")
+            raise _NowhereToGo  # the start, moved inside its bounds: any other point would have been too bad
         return -found[1]

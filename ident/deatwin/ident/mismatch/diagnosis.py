@@ -237,6 +237,12 @@ class Diagnosis:
         axes.set_title(f"{self.verdict.value.replace('_', ' ')}{': ' if names else ''}{names}")
         return axes
 
+    def to_xarray(self) -> Any:
+        """Return tables and readings as an `xarray.Dataset`; see `deatwin.ident.mismatch.datasets.dataset_of`."""
+        from deatwin.ident.mismatch.datasets import dataset_of
+
+        return dataset_of(self)
+
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
         """The diagnosis that `to_dict` described.

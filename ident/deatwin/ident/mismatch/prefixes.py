@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 import re
 
-__all__ = ["prefixed"]
+__all__ = ["prefixed", "resolving"]
 
 PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
+LEAST_DIGITS, MOST_DIGITS = 3, 9
 PREFIXED = ("Pa", "s", "m", "N", "V", "A", "Hz", "J", "ohm")
 
 
@@ -38,3 +39,28 @@ def prefixed(value: float, unit: str) -> tuple[float, str]:
         power = min(power, 0)  # nobody writes kiloseconds
     power = min(max(power, min(PREFIXES)), max(PREFIXES))
     return 10.0**power, PREFIXES[power] + unit
+
+
+def resolving(low: float, high: float) -> int:
+    """Significant digits that tell the ends of an interval apart: three, or to the first digit of its width.
+
+    Parameters
+    ----------
+    low, high : float
+        Ends, in any one unit.
+
+    Returns
+    -------
+    int
+        From 3 to 9; 3 where the interval is empty or not finite.
+
+    Examples
+    --------
+    >>> resolving(50.2, 59.3), resolving(24.98, 25.04), resolving(151.39, 151.47), resolving(2.0, 2.0)
+    (3, 4, 5, 3)
+    """
+    width, size = high - low, max(abs(low), abs(high))
+    if not (width > 0.0 and math.isfinite(size)):
+        return LEAST_DIGITS
+    needed = math.floor(math.log10(size)) - math.floor(math.log10(width)) + 1
+    return min(max(needed, LEAST_DIGITS), MOST_DIGITS)

@@ -1,6 +1,8 @@
 """The conclusion in one plain sentence; the verdict decides which words are allowed.
 
-Every number in it is a field of ``diagnosis.json``, rounded as it is shown; shares are shown in per cent.
+Every number in it is a field of ``diagnosis.json``, rounded as it is shown; shares are shown in per cent. The one
+exception is a bound: a risk of less than a thousandth is said to be below 0.1 %, since a prediction that small is not
+worth its digits.
 """
 
 from __future__ import annotations
@@ -11,13 +13,16 @@ from typing import Any
 import numpy as np
 
 from deatwin.ident.mismatch.diagnosis import Cause, Diagnosis, Interval, Verdict
+from deatwin.ident.mismatch.prefixes import resolving
 from deatwin.plant.effects.catalogue import effect_named
 
-__all__ = ["number", "say"]
+__all__ = ["number", "risk", "say"]
 
 SMALL_SHARE = 0.5
 """A single cause that explains less than this much of the mismatch is not the whole story."""
 MOST_FAULTS = 3
+LEAST_RISK = 1e-3
+"""Of a wrong explanation: below it the bound is said, not the value."""
 COUNTED = {2: "Two", 3: "Three"}
 
 
@@ -41,6 +46,27 @@ def number(value: float, digits: int = 3) -> str:
     ('55.8', '0.0029', '1230', '2.0')
     """
     return np.format_float_positional(value, precision=digits, unique=False, fractional=False).rstrip(".")
+
+
+def risk(share: float) -> str:
+    """A predicted probability of a wrong explanation as the sentence shows it, in per cent without the sign.
+
+    Parameters
+    ----------
+    share : float
+        From 0 to 1.
+
+    Returns
+    -------
+    str
+        Two significant digits, or the bound where it is less than a thousandth.
+
+    Examples
+    --------
+    >>> risk(0.3014), risk(0.001), risk(1e-269)
+    ('30', '0.10', 'below 0.1')
+    """
+    return number(100 * share, 2) if share >= LEAST_RISK else f"below {100 * LEAST_RISK:g}"
 
 
 def say(diagnosis: Diagnosis) -> str:
@@ -190,17 +216,10 @@ def _physics(cause: Cause, diagnosis: Diagnosis) -> str:
 
 def _with_interval(parameter: Interval) -> str:
     shown = parameter.shown
-    value, low, high = (number(shown[which], _resolving(parameter)) for which in ("value", "low", "high"))
+    digits = resolving(parameter.low, parameter.high)
+    value, low, high = (number(shown[which], digits) for which in ("value", "low", "high"))
     unit = shown["unit"].removeprefix("1")  # the 1 of 1/K is no number
     return f"{value} {unit} ({low} to {high})".replace("  ", " ")
-
-
-def _resolving(parameter: Interval) -> int:
-    """Digits that tell the ends of the interval apart: three, and more for the time of an event."""
-    width = parameter.high - parameter.low
-    if width <= 0 or parameter.value == 0:
-        return 3
-    return int(np.clip(1 - np.floor(np.log10(width / abs(parameter.value))), 3, 6))
 
 
 def _next(diagnosis: Diagnosis) -> str:
@@ -213,7 +232,7 @@ def _next(diagnosis: Diagnosis) -> str:
         return "" if measure is None else f"; no input that the rig bears tells them apart, so measure {measure}"
     mass = advised.get("added_mass_g")
     load = "" if mass is None else f" with {number(mass)} g added"
-    before, after = (number(100 * advised[which], 2) for which in ("confusion_before", "confusion_after"))
+    before, after = (risk(advised[which]) for which in ("confusion_before", "confusion_after"))
     return (
         f"; {number(advised['seconds'])} s of the input in {advised['file']}{load} would lower the risk of confusing "
         f"them from {before} to {after} %"

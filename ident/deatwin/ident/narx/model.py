@@ -319,18 +319,18 @@ class NarxModel:
         """
         first = self._check(recording)
         outputs, failed = free_run(
-            self.table,
-            self.theta,
-            recording.inputs,
-            recording.outputs,
-            divergence_limit(self.operating, recording.outputs),
-            self.equations,
-        )
+            self.table, self.theta, recording.inputs, recording.outputs,
+            divergence_limit(self.operating, recording.outputs), self.equations,
+        )  # fmt: skip
         if failed is None:
             return self._response(recording, outputs, first)
-        return self._response(
-            recording, outputs, first, ResponseStatus.DIVERGED, float(recording.timepts[failed])
-        )
+        return self._response(recording, outputs, first, ResponseStatus.DIVERGED, float(recording.timepts[failed]))
+
+    def to_xarray(self) -> Any:
+        """Return the model as an `xarray.Dataset`; see `deatwin.ident.narx.datasets.model_dataset`."""
+        from deatwin.ident.narx.datasets import model_dataset
+
+        return model_dataset(self)
 
     def save(self, path: str | Path) -> None:
         """Write the model as JSON ("deatwin/narx/1"), beside the target first and then renamed.

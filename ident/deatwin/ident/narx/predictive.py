@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import Enum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from deatwin.ident.narx.free_run import March
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.posterior import ThetaPosterior, quantile
 from deatwin.ident.narx.response import divergence_limit
+from deatwin.plant.datasets import dataset
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
@@ -116,6 +117,17 @@ class PredictiveBand:
         axes.set_ylabel(f"output ({unit})" if unit else "output")
         axes.legend()
         return axes
+
+    def to_xarray(self) -> Any:
+        """Return the band, its middle and the measured outputs as an `xarray.Dataset` over output and time."""
+        dims, unit = ("output", "time"), self.units[0] if len(set(self.units)) == 1 else ""
+        names = {"middle": "outputs", "lower": "lower", "upper": "upper", "measured": "measured"}
+        return dataset(
+            {name: (dims, getattr(self, field), unit) for name, field in names.items()},
+            {"time": ("time", self.timepts, "s"), "unit": ("output", list(self.units))},
+            {"first": self.first, "level": self.level, "draws": self.draws, "diverged": self.diverged,
+             "status": self.status.name, "advice": self.status.value},
+        )  # fmt: skip
 
 
 def one_step_band(model: NarxModel, recording: Recording, *, level: float = 0.95) -> PredictiveBand:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.narx.operating import OperatingRange
+from deatwin.plant.datasets import dataset
 from deatwin.plant.drawing import axes_or_new
 
 if TYPE_CHECKING:
@@ -102,6 +103,21 @@ class NarxResponse:
         axes.set_ylabel(f"output ({', '.join(units)})" if units else "output")
         axes.legend()
         return axes
+
+    def to_xarray(self) -> Any:
+        """Return computed and measured outputs as an `xarray.Dataset` over output and time."""
+        dims, unit = ("output", "time"), _one(self.units)
+        return dataset(
+            {"computed": (dims, self.outputs, unit), "measured": (dims, self.measured, unit)},
+            {"time": ("time", self.timepts, "s"), "unit": ("output", list(self.units))},
+            {"first": self.first, "status": self.status.name, "advice": self.status.value,
+             "failed_at_s": self.failed_at_s},
+        )  # fmt: skip
+
+
+def _one(units: tuple[str, ...]) -> str:
+    """The unit of all outputs; empty where they differ."""
+    return units[0] if len(set(units)) == 1 else ""
 
 
 def divergence_limit(operating: OperatingRange | None, measured: Array) -> float:

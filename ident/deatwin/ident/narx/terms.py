@@ -29,6 +29,8 @@ Rule = Callable[["Term"], bool]
 
 MOST_TERMS = 20_000
 """Candidates beyond which the Gram matrix alone would need gigabytes."""
+MOST_CHANNELS, MOST_LAG, MOST_POWER = 1000, 100_000, 100
+"""Numbers in a written term beyond which it is a mistake, and a model of it would need gigabytes."""
 
 
 @total_ordering
@@ -112,10 +114,14 @@ class Term:
             match = _FACTOR.match(text, position)
             if match is None:
                 raise ModelError(
-                    f"cannot read the term {text!r} from {text[position:]!r} on; "
+                    f"cannot read the term {text[:80]!r} from {text[position : position + 20]!r} on; "
                     "write terms as 1, y(k-1) or y(k-1)u(k-2)^2"
                 )
             kind, channel, lag, power = match.groups()
+            limits = (channel, MOST_CHANNELS, "channel"), (lag, MOST_LAG, "lag"), (power, MOST_POWER, "power")
+            for number, most, what in limits:
+                if len(number or "") > 6 or int(number or 0) > most:
+                    raise ModelError(f"term {text[:80]!r}: a {what} is above {most}")
             variable = Variable(kind, int(channel or 0), int(lag or 0))
             if kind != "u" and variable.lag < 1:
                 held = "output" if kind == "y" else "noise"

@@ -19,6 +19,7 @@ from deatwin.ident.narx.response import NarxResponse
 from deatwin.ident.narx.terms import Term, Variable
 from deatwin.plant.documents import read_document, write_document
 from deatwin.plant.errors import ModelError
+from deatwin.plant.files.formats.optional import require
 from deatwin.plant.recording import Recording
 
 if TYPE_CHECKING:
@@ -226,7 +227,7 @@ class ThetaTrajectory:
 
     def to_xarray(self) -> Any:
         """Return theta and theta_cov as an `xarray.Dataset` over term and time."""
-        import xarray
+        xarray = require("xarray", "a dataset")
 
         names = [str(term) for term in self.terms]
         return xarray.Dataset(

@@ -200,6 +200,12 @@ class Validation:
             ax.set_xlabel("" if test is not drawn[-1] else ax.get_xlabel())
         return panels
 
+    def to_xarray(self) -> Any:
+        """Return the validation as an `xarray.Dataset`; see `deatwin.ident.narx.datasets.validation_dataset`."""
+        from deatwin.ident.narx.datasets import validation_dataset
+
+        return validation_dataset(self)
+
     def __str__(self) -> str:
         lines = [f"{self.n_samples} samples: {self.status.value}"]
         for record, time in self.diverged:

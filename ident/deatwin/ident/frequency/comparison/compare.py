@@ -16,6 +16,7 @@ from deatwin.ident.frequency.comparison.equality import Equality, equality, holm
 from deatwin.ident.frequency.linear import operating_input_of
 from deatwin.ident.narx.model import NarxModel
 from deatwin.plant.errors import ModelError
+from deatwin.plant.files.formats.optional import require
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -193,7 +194,7 @@ class Comparison:
 
     def to_xarray(self) -> Any:
         """Return p-values, sizes and agreements as an `xarray.Dataset` over pairs and columns."""
-        import xarray
+        xarray = require("xarray", "a dataset")
 
         shape = (len(self.pairs), len(self.columns))
         orders, low, high = zip(*self.columns, strict=True)

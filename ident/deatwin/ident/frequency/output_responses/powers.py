@@ -14,6 +14,7 @@ from deatwin.ident.frequency.output_responses.ranges import checked_sample_time
 from deatwin.ident.frequency.spectrum import excited_lines, line_frequencies, one_period, spectrum_of
 from deatwin.plant.drawing import axes_or_new, written_unit
 from deatwin.plant.errors import ModelError
+from deatwin.plant.files.formats.optional import require
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -119,7 +120,7 @@ class InputSpectrum(Frozen):
 
     def to_xarray(self) -> Any:
         """Return U_n, what it would be in phase, and where it is reached, as an `xarray.Dataset` over frequency."""
-        import xarray
+        xarray = require("xarray", "a dataset")
 
         return xarray.Dataset(
             {

@@ -19,6 +19,7 @@ from deatwin.ident.frequency.response import FrequencyResponse
 from deatwin.ident.frequency.spectrum import representable
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError
+from deatwin.plant.files.formats.optional import require
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -247,7 +248,7 @@ class Nofrf(Frozen):
 
         Covariances are in those of the orders, as ``response.to_xarray()``.
         """
-        import xarray
+        xarray = require("xarray", "a dataset")
 
         shape = self.highest, self.inputs[0].omega.size
         g, truncation = np.full(shape, np.nan, dtype=np.complex128), np.full(shape, np.nan)

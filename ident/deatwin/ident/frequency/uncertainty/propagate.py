@@ -54,8 +54,9 @@ class UncertaintyStatus(Enum):
         "bands are the range of the ellipse there, and the phase is undefined where it contains 0"
     )
     BENT = (
-        "the response is not linear in the parameters over their uncertainty at some frequencies (linear_law is "
-        "False): ellipses and bands are wrong there; sample the posterior instead, or identify on more data"
+        "the response is not linear in the parameters over their uncertainty at some frequencies "
+        "(those without linear_law): ellipses and bands are wrong there; sample the posterior instead, or identify on "
+        "more data"
     )
     LOST = (
         "the parameters are so uncertain that for some of them the operating point has no equilibrium or another "
@@ -151,7 +152,7 @@ class Propagated(Uncertain):
         largest = float(np.max(index, initial=0.0))
         lost = f"; {self.lost:.0%} of the probed parameters lost the operating point" if self.lost else ""
         return (
-            f"{self.label}: {self.status.value} (nonlinearity up to {largest:.2g}, limit {LIMIT:g}, above it at "
+            f"{self.status.value} (nonlinearity up to {largest:.2g}, limit {LIMIT:g}, above it at "
             f"{failing} of {index.size} frequencies{lost})"
         )
 
@@ -292,7 +293,7 @@ def propagate(model: Model, quantity: Quantity, *, level: float = 0.95) -> Propa
         response=response, level=level, dof=dof_of(model), nonlinearity=read_only(nonlinearity), lost=lost
     )
     if found.status in (UncertaintyStatus.BENT, UncertaintyStatus.LOST):
-        warnings.warn(found.advice, UncertaintyWarning, stacklevel=2)
+        warnings.warn(f"{found.label}: {found.advice}", UncertaintyWarning, stacklevel=2)
     return found
 
 

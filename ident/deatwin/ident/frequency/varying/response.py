@@ -17,6 +17,7 @@ from deatwin.ident.frequency.response import Band, FrequencyResponse
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.operating import read_only
 from deatwin.plant.errors import ModelError
+from deatwin.plant.files.formats.optional import require
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -251,7 +252,7 @@ class VaryingResponse(Frozen):
 
     def to_xarray(self) -> Any:
         """Return an `xarray.Dataset` over time and point: values, covariance, error, equilibria and statuses."""
-        import xarray
+        xarray = require("xarray", "a dataset")
 
         model = next(model for model in self.models if model is not None)
         dims, output = ("time", "point"), {"units": model.output_units[0]}

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from deatwin.ident.frequency.checks import probability, real_number
 from deatwin.ident.narx.panels import panels_or_new
 from deatwin.plant.errors import DataError
+from deatwin.plant.files.formats.optional import require
 from deatwin.plant.recording import Recording
 
 if TYPE_CHECKING:
@@ -139,7 +140,7 @@ class SlidingStatistics:
 
     def to_xarray(self) -> Any:
         """Return mean and gain with their bands as an `xarray.Dataset` over time."""
-        import xarray
+        xarray = require("xarray", "a dataset")
 
         units = {"mean": self.output_unit, "gain": self.gain_unit}
         return xarray.Dataset(

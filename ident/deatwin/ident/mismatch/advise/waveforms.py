@@ -49,8 +49,8 @@ class Limits:
     lowest, highest : float
         Bounds.
     bottom : float
-        Lower end of the range in which the plant works: above `lowest` where the drive can give another polarity
-        that recordings did not use.
+        Lower end of the range in which the plant works: rest where the drive can give another polarity that
+        recordings did not use.
     rest : float
         Command at rest.
     """
@@ -95,7 +95,7 @@ Maker = Callable[[Limits, float, float, np.random.Generator], np.ndarray]
 
 
 def limits_of(plant: Plant, parts: Sequence[Part]) -> Limits:
-    """What a rig's drive may give; where it does not say, what recordings have used.
+    """What a rig's drive may give; where it does not say, what recordings have used, and rest, where all begin.
 
     Parameters
     ----------
@@ -110,8 +110,8 @@ def limits_of(plant: Plant, parts: Sequence[Part]) -> Limits:
     """
     used = np.concatenate([record.inputs[0] for part in parts for record in part.experiment.recordings])
     rest = plant.rig.start.rest_command
-    lowest, highest = plant.rig.command_range or (float(used.min()), float(used.max()))
-    bottom = max(lowest, float(used.min())) if used.min() >= rest else lowest
+    lowest, highest = plant.rig.command_range or (min(rest, float(used.min())), max(rest, float(used.max())))
+    bottom = max(lowest, rest) if used.min() >= rest else lowest
     return Limits(lowest=lowest, highest=highest, bottom=min(bottom, highest), rest=rest)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from deatwin.ident.mismatch.excess import practical_size
 from deatwin.ident.mismatch.gate.noise import NoiseFloor, noise_level
 from deatwin.ident.mismatch.gate.repeats import Repeatability, find_repeats, repeatability
 from deatwin.plant.amplitudes import amplitude_unit
+from deatwin.plant.datasets import columns, dataset, squared
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -194,6 +195,25 @@ class Detection:
             },
             "origin": self.evidence.to_dict(size),
         }  # fmt: skip
+
+    def to_xarray(self) -> Any:
+        """Return statistics, spectra and correlations of the residual as an `xarray.Dataset`."""
+        curves, density = self.curves, f"{squared(self.output_unit)}/Hz" if self.output_unit else ""
+        rows = [{"size": size, "effect": name} for name, size in self.smallest.items()]
+        return dataset(
+            {
+                **columns("statistic", map(asdict, self.statistics)),
+                **columns("detectable", rows, {"size": self.output_unit}),
+                "spectrum": ("frequency", curves.spectrum, density),
+                "cumulated": ("line", curves.cumulated),
+                "expected": ("line", curves.expected),
+                "correlation": ("regressor", curves.correlations),
+            },
+            {"frequency": ("frequency", curves.frequency, "Hz"), "line": ("line", curves.lines, "Hz"),
+             "regressor": ("regressor", np.array(curves.regressors, dtype=str))},
+            {"p_value": self.p_value, "size": self.size, "practical": self.practical, "noise": self.noise,
+             "model_error": self.model_error, "moved": self.moved, "units": self.output_unit},
+        )  # fmt: skip
 
     def plot(self, ax: Sequence[Axes] | None = None) -> Sequence[Axes]:
         """Draw spectrum, cumulated periodogram and correlations of the residual with what chance allows.

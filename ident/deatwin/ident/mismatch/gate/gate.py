@@ -6,14 +6,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from deatwin.ident.greybox.fit import Part
+from deatwin.ident.mismatch.datasets import samples
 from deatwin.ident.soundness import at_limit, neighbours_deviation, noise_of_bends, resolution, runs
 from deatwin.plant.amplitudes import written_amplitude
 from deatwin.plant.checks import require_excitation, require_samples
+from deatwin.plant.datasets import dataset
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import DataError
 from deatwin.plant.model import Plant
@@ -126,6 +128,21 @@ class Gate:
                     found.append(f"{_called(record, number)}: {what} in {int(bad.sum())} samples "
                                  f"between {where[0]:.2f} and {where[-1]:.2f} s")  # fmt: skip
         return found
+
+    def to_xarray(self) -> Any:
+        """Return the readings and which of them are sound as an `xarray.Dataset` over all samples."""
+        records = [record for one in self.experiments for record in one.recordings]
+        kinds = ("stuck", "outliers", "clipped", "jumps", "sound")
+        marks = {name: np.concatenate([m for masks in getattr(self, name) for m in masks]) for name in kinds}
+        measured = np.concatenate([record.outputs[0] for record in records])
+        return dataset(
+            {
+                "measured": ("sample", measured, records[0].output_units[0]),
+                **{name: ("sample", mask) for name, mask in marks.items()},
+            },
+            samples(self.experiments),
+            {"soundness": self.soundness.name, "advice": self.soundness.value},
+        )
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the readings with what was found in them; experiments one after another.

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from deatwin.ident.mismatch.datasets import places
 from deatwin.ident.mismatch.locate.frequency import Bands, locate_frequency
 from deatwin.ident.mismatch.locate.lines import Lines, locate_lines
 from deatwin.ident.mismatch.locate.place import Places, locate_place
@@ -16,6 +17,7 @@ from deatwin.ident.mismatch.locate.response import ResponseDifference, locate_re
 from deatwin.ident.mismatch.locate.time import Times, locate_time
 from deatwin.ident.mismatch.locate.track import Unit, readings, tracks
 from deatwin.plant.amplitudes import amplitude_unit, written_amplitude
+from deatwin.plant.datasets import dataset
 from deatwin.plant.recording import Recording
 
 if TYPE_CHECKING:
@@ -75,6 +77,10 @@ class Location:
             "response": None if self.response is None else [asdict(difference) for difference in self.response],
         }
 
+    def to_xarray(self) -> Any:
+        """Return times, bands, regions and places as tables in an `xarray.Dataset`, amplitudes in the unit reported."""
+        return dataset(places(self.to_dict(), self.unit[0]), {}, {"period_s": self.time.period_s})
+
     def plot(self) -> list[Axes]:
         """Draw time, frequency, operating region and place in a figure of four panels.
 
@@ -85,10 +91,11 @@ class Location:
         from matplotlib import pyplot
 
         axes = pyplot.subplots(2, 2, figsize=(11, 7), layout="constrained")[1].ravel().tolist()
-        self.time.plot(axes[0], unit=self.unit)
+        unit = written_amplitude(self.unit[0])[0]
+        self.time.plot(axes[0], unit=(unit, self.unit[1]))
         self.frequency.plot(axes[1])
         self.region.plot(axes[2])
-        axes[2].set_ylabel(f"mean residual ({self.unit[0]})")
+        axes[2].set_ylabel(f"mean residual ({unit})")
         self.place.plot(axes[3])
         return list(axes)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -14,6 +14,7 @@ from deatwin.ident.mismatch.excess import Excess, excess_over_floor
 from deatwin.ident.mismatch.floor import with_model_error
 from deatwin.ident.mismatch.gate.noise import noise_level
 from deatwin.ident.mismatch.losses import block_losses, evidence
+from deatwin.ident.mismatch.naming.contribution import contribution
 from deatwin.ident.soundness import resolution
 from deatwin.plant.model import Plant
 
@@ -34,12 +35,15 @@ class Candidate:
         Residuals on the unseen part, SI.
     noise : float
         Standard deviation of the sensor's noise by which it is judged, SI.
+    contribution : ndarray, shape (m,)
+        What the effects by themselves do to the readings of the fitted part, SI; may be empty without effects.
     """
 
     effects: tuple[str, ...]
     calibration: Calibration
     unseen: np.ndarray
     noise: float
+    contribution: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     @cached_property
     def fitted_test(self) -> Excess:
@@ -80,20 +84,6 @@ class Candidate:
         """
         return self.fitted_test.within_floor and not self.unseen_test.mismatch
 
-    @cached_property
-    def acts(self) -> bool:
-        """Whether every added effect is known to be there, and in which direction.
-
-        The 95 % interval of a strength that may have either sign leaves out 0; one that cannot be negative is not 0. Of
-        that the interval says little, since far from 0 a strength may be anything from large to huge.
-        """
-        fit = self.calibration
-        added = [effect for effect in fit.plant.effects if effect.name in self.effects]
-        names = [f"{effect.name}.{effect.strength}" for effect in added]
-        intervals = [fit.interval(name) for name in names if name in fit.names]
-        values = [fit.plant.parameters[name].value for name in names]
-        return not any(low < 0.0 < high for low, high in intervals) and 0.0 not in values
-
     @property
     def losses(self) -> np.ndarray:
         """Block losses over both parts."""
@@ -126,7 +116,10 @@ def judge(bench: Bench, calibration: Calibration, noise: float) -> Candidate | N
     if residuals is None:
         return None
     added = tuple(e for e in calibration.plant.effect_names if e not in bench.nominal.effect_names)
-    return Candidate(effects=added, calibration=calibration, unseen=residuals, noise=noise)
+    return Candidate(
+        effects=added, calibration=calibration, unseen=residuals, noise=noise,
+        contribution=contribution(bench, calibration, added),
+    )  # fmt: skip
 
 
 def free_run_residuals(plant: Plant, parts: Sequence[Part]) -> np.ndarray | None:

@@ -31,9 +31,10 @@ EVIDENCE_RATIO = 20.0
 """An explanation stands alone where no rival is within this ratio (Kass & Raftery 1995: strong evidence)."""
 RIVAL_SHARE = 0.5
 """A rival is also kept while its error differs from the best by less than this share of the model error."""
-SUFFICIENT = ((0.8, 1.5), (0.95, 3.0))
+SUFFICIENT = ((0.8, 0.95), (1.5, 3.0))
 """A model error is not known to the digit, and the law of a mechanism not to the last term: an explanation that takes
-away such a share of the mismatch's energy suffices if it leaves no more than so many times that error."""
+away so large a share of the mismatch's energy suffices if it leaves no more than so many times that error; between the
+two shares the limit rises evenly."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -145,9 +146,16 @@ def nothing_tried(base: Candidate) -> Naming:
 
 
 def decide(
-    tried: Sequence[Candidate], stage: Sequence[Candidate], noise: float, good: Callable[[Candidate], bool]
+    tried: Sequence[Candidate],
+    stage: Sequence[Candidate],
+    noise: float,
+    good: Callable[[Candidate], bool],
+    possible: Callable[[Candidate], bool],
 ) -> Naming:
     """The best of one stage, and the ones that cannot be ruled out beside it.
+
+    The best must explain the recordings by itself, in absolute terms. A rival need not: what is nearly as likely, or
+    likelier, is not ruled out by a limit that the best keeps by a hair.
 
     Parameters
     ----------
@@ -158,7 +166,9 @@ def decide(
     noise : float
         Standard deviation of the sensor's noise, SI.
     good : callable
-        Whether a candidate is an explanation at all.
+        Whether a candidate explains the recordings.
+    possible : callable
+        Whether it could be a rival.
 
     Returns
     -------
@@ -169,16 +179,18 @@ def decide(
     ranked = sorted(stage, key=lambda c: -c.evidence)
     weights = np.exp([c.evidence - ranked[0].evidence for c in ranked])
     probabilities = {c.effects: float(w / weights.sum()) for c, w in zip(ranked, weights, strict=True)}
-    possible = [c for c in ranked if good(c)]
-    best = possible[0] if possible else None
-    rivals = tuple(c for c in possible[1:] if best is not None and cannot_rule_out(c, best))
+    best = next((c for c in ranked if good(c)), None)
+    others = [c for c in ranked if c is not best and (good(c) or possible(c))]
+    rivals = tuple(c for c in others if best is not None and (cannot_rule_out if good(c) else is_as_likely)(c, best))
     return Naming(candidates=tuple(tried), best=best, rivals=rivals, probabilities=probabilities, noise=noise)
 
 
 def with_distances(
-    naming: Naming, stage: Sequence[Candidate], bench: Bench, good: Callable[[Candidate], bool]
+    naming: Naming, stage: Sequence[Candidate], bench: Bench, possible: Callable[[Candidate], bool]
 ) -> Naming:
     """Also keep as rivals the explanations that these inputs cannot tell from the best, whoever won.
+
+    What is worse by more than the plant's own error has been told apart, though it need not have been.
 
     Parameters
     ----------
@@ -188,8 +200,8 @@ def with_distances(
         Those that competed.
     bench : Bench
         Recordings.
-    good : callable
-        Whether a candidate is an explanation at all.
+    possible : callable
+        Whether a candidate could be a rival.
 
     Returns
     -------
@@ -198,10 +210,13 @@ def with_distances(
     best = naming.best
     if best is None:
         return naming
-    others = [c for c in stage if c.effects != best.effects and good(c)]
+    others = [c for c in stage if c.effects != best.effects and possible(c)]
     tasks = [(best.calibration, c.calibration, bench.fitted, naming.noise) for c in others]
     found = run_jobs(separation, tasks, workers=bench.jobs)
-    near = [c for c, d2 in zip(others, found, strict=True) if d2 < TOLD_APART and c not in naming.rivals]
+    near = [
+        c for c, d2 in zip(others, found, strict=True)
+        if d2 < TOLD_APART and c not in naming.rivals and _apart(c, best) <= _model_error(best)
+    ]  # fmt: skip
     distances = tuple(
         Distance(effects=("+".join(best.effects), "+".join(c.effects)), d2=d2)
         for c, d2 in zip(others, found, strict=True)
@@ -249,7 +264,8 @@ def suffices(candidate: Candidate, base: Candidate) -> bool:
         return True
     error = candidate.fitted_test.model_error
     left, share = max(candidate.fitted_test.size, candidate.unseen_test.size), explained(candidate, base)
-    return any(share > least and left < most * error for least, most in SUFFICIENT)
+    shares, limits = SUFFICIENT
+    return share > shares[0] and bool(left < np.interp(share, shares, limits) * error)
 
 
 def cannot_rule_out(rival: Candidate, best: Candidate) -> bool:
@@ -265,7 +281,30 @@ def cannot_rule_out(rival: Candidate, best: Candidate) -> bool:
     bool
         True if the evidence for the best is not strong, or if the two differ by less than the plant's own error.
     """
-    if best.evidence - rival.evidence < np.log(EVIDENCE_RATIO):
+    if is_as_likely(rival, best):
         return True
-    apart = np.sqrt(max(rival.losses.mean() - best.losses.mean(), 0.0))
-    return bool(apart < RIVAL_SHARE * best.calibration.plant.rig.model_error)
+    return _apart(rival, best) < RIVAL_SHARE * _model_error(best)
+
+
+def _apart(rival: Candidate, best: Candidate) -> float:
+    """Rms by which a rival leaves more than the best, SI; 0 where it does not."""
+    return float(np.sqrt(max(rival.losses.mean() - best.losses.mean(), 0.0)))
+
+
+def _model_error(best: Candidate) -> float:
+    return float(best.calibration.plant.rig.model_error)
+
+
+def is_as_likely(rival: Candidate, best: Candidate) -> bool:
+    """Whether the evidence for the best over a rival is not strong.
+
+    Parameters
+    ----------
+    rival, best : Candidate
+        Both fitted to the same recordings.
+
+    Returns
+    -------
+    bool
+    """
+    return bool(best.evidence - rival.evidence < np.log(EVIDENCE_RATIO))

@@ -15,6 +15,7 @@ from deatwin.ident.mismatch.naming.candidate import Candidate, noise_seen
 from deatwin.ident.mismatch.naming.decide import Naming, cannot_rule_out, decide, explained, suffices, with_distances
 from deatwin.ident.mismatch.naming.screen import Footprint, Lead, footprints, leads
 from deatwin.ident.mismatch.naming.shortlist import shortlist
+from deatwin.ident.mismatch.naming.siblings import siblings
 from deatwin.ident.mismatch.naming.trial import Trial, run_trials, with_fitted
 from deatwin.plant.model import Plant
 
@@ -35,6 +36,9 @@ TRIFLE = 0.05
 MOST = 0.5
 """Share of the mismatch's energy that an explanation takes away: a base plant that is nearly adequate becomes so with
 any effect."""
+ACTING = 0.5
+"""Share of the fall of the rms residual, that the effects of an explanation must do by themselves at least; where the
+fit without them has found its minimum it is all, by the triangle inequality."""
 BENT = 1.5
 """Largest ratio by which an explanation may raise the model error by which all are judged."""
 Finished = Callable[[float], None]
@@ -164,7 +168,27 @@ class _Search:
         promising = (*self._good_alone(names), *found[:BESIDE]) if names else shortlist(self.bench, unbent, found)
         chosen = {lead.effect.name: lead for lead in promising}
         self.leads = chosen | self.leads
-        trials = _trials(unbent, fit, chosen.values())
+        stage = self._new(_trials(unbent, fit, chosen.values()), finished)
+        return stage + self._siblings(names, stage)
+
+    def _siblings(self, names: Names, stage: Sequence[Names]) -> list[Names]:
+        """Try what acts as the best of a stage does, and was not tried."""
+        best = self.best_of(stage)
+        if best is None or not self._takes_most(self.tried[best]):
+            return []
+        found, fit = self.tried[best].calibration, self.tried[names].calibration
+        tried = {name for other in stage for name in other}
+        others = [e for e in self.bench.effects if e.name not in tried and e.name not in fit.plant.effect_names]
+        added = tuple(name for name in best if name not in names)
+        alike = siblings(self.bench, found, added, others)
+        self.leads = {lead.effect.name: lead for lead in alike} | self.leads
+        bare, unbent = found.plant.without_effects(*added), fit.plant
+        return self._new([
+            Trial(start=bare.with_effects(lead.estimate), bent=unbent.with_effects(lead.effect), without=fit)
+            for lead in alike
+        ])  # fmt: skip
+
+    def _new(self, trials: Sequence[Trial], finished: Finished | None = None) -> list[Names]:
         return self._try([t for t in trials if self._names(t) not in self.tried], finished)
 
     def _good_alone(self, names: Names) -> list[Lead]:
@@ -218,8 +242,9 @@ class _Search:
         full, base = self.tried[names], self.tried[()]
         floor = full.calibration.plant.rig.model_error**2
         least = max(floor, TRIFLE * float(base.losses.mean() - base.noise**2))
-        for old in names:
-            without = self._reduced(names, tuple(name for name in names if name != old))
+        rests = [tuple(name for name in names if name != old) for old in names]
+        for rest in sorted(rests, key=lambda rest: rest not in self.tried):  # what is known already may spare a fit
+            without = self._reduced(names, rest)
             if without is not None and without.losses.mean() - full.losses.mean() < least:
                 return False
         return True
@@ -251,16 +276,29 @@ class _Search:
         return naming
 
     def _counts(self, candidate: Candidate) -> bool:
-        """Whether a candidate's effects are there, and take away most of what is more than noise."""
+        """Whether a candidate takes away most of what is more than noise, and its effects act.
+
+        A fit with an effect may be better than one without for no merit of the effect: the fit without it had not found
+        its minimum. Then the effect does less by itself than the residual fell; from a minimum it cannot. An interval
+        of its strength would not tell, since a strength may be tied to a time of the effect.
+        """
+        fell = self.tried[()].fitted_test.rms - candidate.fitted_test.rms
+        does = float(np.sqrt(np.mean(candidate.contribution**2)))
+        return self._takes_most(candidate) and does > ACTING * fell
+
+    def _takes_most(self, candidate: Candidate) -> bool:
         base = self.tried[()]
         missing, gained = float(base.losses.mean() - self.noise**2), float((base.losses - candidate.losses).mean())
-        return candidate.acts and gained > MOST * missing
+        return gained > MOST * missing
+
+    def _is_padded(self, names: Names) -> bool:
+        """Whether what would be an explanation has an effect that adds nothing to it."""
+        return len(names) > 1 and self._takes_most(self.tried[names]) and not self.each_counts(names)
 
     def _decided(self, stage: Sequence[Names], good: Callable[[Candidate], bool]) -> Naming:
-        counting = [n for n in stage if not good(self.tried[n]) or len(n) == 1 or self.each_counts(n)]
-        competing = [self.tried[names] for names in counting]
-        naming = decide(tuple(self.tried.values()), competing, self.noise, good)
-        return with_distances(naming, competing, self.bench, good)
+        competing = [self.tried[n] for n in stage if not self._is_padded(n)]
+        naming = decide(tuple(self.tried.values()), competing, self.noise, good, self._takes_most)
+        return with_distances(naming, competing, self.bench, self._takes_most)
 
     def _try(self, trials: Sequence[Trial], finished: Finished | None = None) -> list[Names]:
         found = run_trials(self.bench, trials, self.noise, finished)

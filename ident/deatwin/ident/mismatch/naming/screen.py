@@ -14,7 +14,7 @@ from deatwin.ident.parallel import run_jobs
 from deatwin.plant.effects.base import Effect, Place
 from deatwin.plant.parameters import Scale
 
-__all__ = ["Footprint", "Lead", "detectable_size", "footprints", "leads"]
+__all__ = ["Footprint", "Lead", "detectable_size", "footprints", "leads", "off_jacobian"]
 
 SHAPES = 3
 """Values of each shape parameter at which an effect is screened,"""
@@ -143,6 +143,23 @@ def detectable_size(known: Sequence[Footprint], base: Calibration, name: str) ->
     lefts = [np.linalg.norm(_off(f.change, basis)) for f in known if f.effect.name == name]
     share = max((float(left / size) for left, size in zip(lefts, sizes, strict=True) if size > 0), default=0.0)
     return base.plant.rig.model_error / share if share > 1e-6 else None
+
+
+def off_jacobian(signal: np.ndarray, fit: Calibration) -> np.ndarray:
+    """What is left of a signal when a plant's parameters take up all they can, to first order.
+
+    Parameters
+    ----------
+    signal : ndarray, shape (m,)
+        Along the fitted part, SI.
+    fit : Calibration
+        Of the plant.
+
+    Returns
+    -------
+    ndarray, shape (m,)
+    """
+    return _off(signal, _basis(fit))
 
 
 def _lead(footprint: Footprint, residual: np.ndarray, basis: np.ndarray) -> Lead:

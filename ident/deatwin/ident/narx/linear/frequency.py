@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.narx.linear.polynomials import Orders, Polynomials
+from deatwin.plant.datasets import PARTS, dataset
 
 __all__ = ["LinearFrequencyResponse", "frequency_response", "transfer", "transfer_gradient"]
 
@@ -36,6 +38,19 @@ class LinearFrequencyResponse:
     def __post_init__(self) -> None:
         for array in (self.omega, self.values, self.covariance):
             array.setflags(write=False)
+
+    def to_xarray(self) -> Any:
+        """Return values and covariance as an `xarray.Dataset` over input and point, real and imaginary parts apart."""
+        return dataset(
+            {
+                "": (("input", "point"), self.values),
+                "covariance": (("input", "point", "part", "other_part"), self.covariance),
+                "omega": ("point", self.omega, "rad/s"),
+            },
+            {"frequency_Hz": ("point", self.omega / (2 * np.pi), "Hz"), "part": ("part", list(PARTS)),
+             "other_part": ("other_part", list(PARTS))},
+            {},
+        )  # fmt: skip
 
 
 def frequency_response(

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,6 +21,7 @@ from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.operating import read_only
 from deatwin.ident.narx.response import NarxResponse, ResponseStatus
 from deatwin.ident.narx.terms import Term, Variable
+from deatwin.plant.datasets import dataset, squared
 from deatwin.plant.documents import read_document, write_document
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
@@ -282,6 +283,35 @@ class LinearModel:
             output_units=self.output_units,
             provenance=self.provenance,
         )
+
+    def to_xarray(self) -> Any:
+        """Return polynomials and covariance as an `xarray.Dataset`; ``document`` is the file that `save` writes.
+
+        Returns
+        -------
+        xarray.Dataset
+            Polynomials over ``power`` of q^-1, with zeros after their end; B and F over ``input`` too.
+        """
+        length = max(p.size for p in (self.a, self.c, self.d, *self.b, *self.f))
+
+        def whole(polynomial: Array) -> Array:
+            return np.pad(polynomial, (0, length - polynomial.size))
+
+        by_input = {name: np.array([whole(p) for p in getattr(self, name)]) for name in ("b", "f")}
+        return dataset(
+            {
+                **{name: ("power", whole(getattr(self, name))) for name in ("a", "c", "d")},
+                **{name: (("input", "power"), values) for name, values in by_input.items()},
+                "theta": ("coefficient", self.theta),
+                "theta_cov": (("coefficient", "other_coefficient"), self.theta_cov),
+                "noise_variance": ((), self.noise_variance, squared(self.output_units[0])),
+                "offset": ((), self.offset, self.output_units[0]),
+            },
+            {"power": ("power", np.arange(length)), "input": ("input", list(self.input_names)),
+             "input_unit": ("input", list(self.input_units))},
+            {"sample_time": self.sample_time, "output_name": self.output_names[0], "output_unit": self.output_units[0]},
+            to_document(self),
+        )  # fmt: skip
 
     def save(self, path: str | Path) -> None:
         """Write the model as JSON ("deatwin/linear/1"), beside the target first and then renamed.

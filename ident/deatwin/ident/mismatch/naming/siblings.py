@@ -1,0 +1,89 @@
+"""Which effects act as the one that explains most: they must be tried, whatever they promised."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from deatwin.ident.greybox.fit import Calibration, Problem, simulated
+from deatwin.ident.mismatch.bench import Bench
+from deatwin.ident.mismatch.naming.contribution import contribution
+from deatwin.ident.mismatch.naming.screen import Footprint, Lead, footprints, leads, off_jacobian
+from deatwin.ident.parallel import run_jobs
+from deatwin.plant.effects.base import Effect
+
+__all__ = ["siblings"]
+
+ALIKE = 0.5
+"""Share of what an effect does to the readings, that another could do to first order, to be tried as well."""
+MOST = 3
+"""So many at most."""
+WEAK = 0.1
+"""Share of its typical strength at which an effect is simulated first: a typical lag is no small one."""
+
+
+def siblings(bench: Bench, explanation: Calibration, added: Sequence[str], effects: Sequence[Effect]) -> list[Lead]:
+    """What could do, to first order, most of what an added effect does to the readings.
+
+    In a small mismatch the noise decides which effects promise most of the residual, and where the plant was bent far
+    to imitate the mismatch, none does. What an effect does to the plant that was fitted with it has neither fault.
+
+    Parameters
+    ----------
+    bench : Bench
+        Recordings and number of workers.
+    explanation : Calibration
+        Of the plant with the added effects, on the fitted part.
+    added : sequence of str
+        Their names.
+    effects : sequence of Effect
+        That could be tried in their place.
+
+    Returns
+    -------
+    list of Lead
+        The most alike first, each with the strength at which it is.
+    """
+    bare, does = _bare(bench, explanation), contribution(bench, explanation, added)
+    if bare is None or not effects or not np.isfinite(does).all():
+        return []
+    done = replace(bare, residuals=off_jacobian(does, bare))
+    weak = [replace(e, **{e.strength: WEAK * getattr(e, e.strength)}) for e in effects]
+    rough = leads(footprints(bench, bare, weak, done), done)
+    found = run_jobs(_at_its_strength, [(bench, bare, lead, done) for lead in rough], workers=bench.jobs)
+    alike = [lead for lead in found if lead is not None and lead.share > ALIKE]
+    return sorted(alike, key=lambda lead: -lead.share)[:MOST]
+
+
+def _bare(bench: Bench, explanation: Calibration) -> Calibration | None:
+    """The plant of an explanation without any added effect, not fitted anew; None where it cannot be simulated.
+
+    Others are looked at in that one, though some effects may stay: a plant for each other beside those would be built
+    for a glance.
+    """
+    plant = explanation.plant.without_effects(
+        *(name for name in explanation.plant.effect_names if name not in bench.nominal.effect_names)
+    )
+    kept = [k for k, name in enumerate(explanation.names) if name in plant.parameters]
+    names = tuple(explanation.names[k] for k in kept)
+    problem = Problem(plant=plant, parts=tuple(part.until_last() for part in bench.fitted), names=names)
+    found = problem.evaluate(problem.start())
+    if found is None:
+        return None
+    residuals, jacobian = found
+    return replace(
+        explanation, plant=plant, names=names, covariance=explanation.covariance[np.ix_(kept, kept)],
+        residuals=residuals, jacobian=jacobian,
+    )  # fmt: skip
+
+
+def _at_its_strength(bench: Bench, bare: Calibration, lead: Lead, done: Calibration) -> Lead | None:
+    """The same at the strength at which it is most alike."""
+    strength = abs(getattr(lead.estimate, lead.estimate.strength))
+    readings = simulated(bare.plant.with_effects(lead.estimate), [part.until_last() for part in bench.fitted])
+    if strength == 0.0 or readings is None:
+        return None
+    change = readings - (np.concatenate([part.measured for part in bench.fitted]) - bare.residuals)
+    return leads([Footprint(effect=lead.estimate, change=change / strength)], done)[0]
