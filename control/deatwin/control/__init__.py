@@ -49,7 +49,7 @@ from deatwin.control.stability.describing import (
     describing_function,
     describing_function_of_run,
 )
-from deatwin.control.stability.excited import excited_band
+from deatwin.control.stability.excited import Excitation, excitation, excited_band
 from deatwin.control.stability.limit_cycles import LimitCycle, LimitCycles, limit_cycles
 from deatwin.control.stability.margins import Margins, margins
 from deatwin.control.stability.polynomials import in_series
@@ -63,6 +63,7 @@ __all__ = [
     "Controller",
     "DeadZone",
     "DescribingFunction",
+    "Excitation",
     "Finding",
     "Frd",
     "GainSchedule",
@@ -103,6 +104,7 @@ __all__ = [
     "describing_function_of_run",
     "draw",
     "draw_plants",
+    "excitation",
     "excited_band",
     "free_run_residual",
     "from_control",

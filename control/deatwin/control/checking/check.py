@@ -12,9 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 from deatwin.control.checking.cycles import judge_cycles
 from deatwin.control.checking.film import judge_film
 from deatwin.control.checking.given import (
-    known_band,
+    known_excitation,
     known_residual,
+    require_controller,
     require_inside,
+    require_laws,
     require_limits,
     require_pair,
     trained_range,
@@ -24,7 +26,7 @@ from deatwin.control.checking.result import Check
 from deatwin.control.checking.rows import MarginRow, row_of_band, rows_of_family
 from deatwin.control.checking.scope import judge_band, judge_training, judge_unknown_band
 from deatwin.control.checking.specification import Specification, Verdict
-from deatwin.control.checking.trial import STEP_SHARE, Trial
+from deatwin.control.checking.trial import STEP_SHARE, Trial, require_short_runs
 from deatwin.control.checking.verdict import (
     Finding,
     Runs,
@@ -46,13 +48,14 @@ from deatwin.control.linear.plant import draw_plants, linearise_plants
 from deatwin.control.linear.varying import linearise_along
 from deatwin.control.loop.closed_loop import ClosedLoop
 from deatwin.control.loop.predicted import PredictedLoop, predict_loop
-from deatwin.control.loop.residual import Residual
+from deatwin.control.loop.residual import DivergedError, Residual
 from deatwin.control.progress import Progress, part
 from deatwin.control.stability.bands import band_margins
-from deatwin.ident.frequency.checks import real_numbers
+from deatwin.control.stability.excited import Excitation
+from deatwin.ident.frequency.checks import real_numbers, whole_number
 from deatwin.ident.narx import NarxModel, ThetaTrajectory
 from deatwin.plant.calibrated import CalibratedPlant
-from deatwin.plant.errors import ModelError
+from deatwin.plant.errors import DeatwinError, ModelError
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Recording
 from deatwin.plant.rigs.base import ReadingTime
@@ -135,22 +138,21 @@ def check(
     Returns
     -------
     Check
-        Where no controller can be designed, it fails with the reason.
+        Where no controller can be designed, or the model's free run diverges on the recording, it fails with the
+        reason.
 
     Raises
     ------
     ModelError
         If model and plants do not belong together, or the operating input lies outside the training data.
     ControlError
-        If the limits of the command make no sense, or the controller has another sample time.
+        If the limits of the command make no sense, the controller is none, has another sample time or so long a
+        closed-loop time that its runs have no end, or the design or the controller's `local` raises what is no error
+        of deatwin's (chained) or returns something else.
     """
-    if samples < 1:
-        raise ModelError(f"samples = {samples}; it must be at least 1")
-    if controller is not None and abs(controller.sample_time / model.sample_time - 1.0) > 1e-6:
-        raise ControlError(
-            f"the controller works every {controller.sample_time:g} s, the model is sampled every "
-            f"{model.sample_time:g} s"
-        )
+    samples = whole_number(samples, "samples")
+    if controller is not None:
+        require_controller(controller, model)
     known = _known(plant)
     everyone = {name: _known(other) for name, other in (others or {}).items()}
     if unfit := [name for name in everyone if not name or name.split()[0] in _TAKEN]:
@@ -161,9 +163,13 @@ def check(
     require_inside(model, [linear.operating_input])
     if not linear.status.ok:
         return _refused(linear, "model", linear.status.value + (f" ({linear.detail})" if linear.detail else ""))
-    band = known_band(model, recording)
+    try:
+        excited, residual = known_excitation(model, recording), known_residual(model, recording)
+    except DivergedError as error:
+        return _refused(linear, "model", str(error))
     seen = linear.in_loop(known.plant.rig.reading)
     if controller is None:
+        band = None if excited is None else excited.highest_Hz
         limits = trained_range(model) if command_limits is None else command_limits
         require_limits(limits, seen)
         chosen = partial(lambda_tuning, closed_loop_time=closed_loop_time, band_Hz=band) if design is None else design
@@ -171,15 +177,26 @@ def check(
             controller = chosen(seen, command_limits=limits)
         except (ControlError, ModelError) as error:
             return _refused(seen, "design", f"no controller could be designed: {error}")
+        except DeatwinError:
+            raise
+        except Exception as error:
+            raise ControlError(f"the design {_name(chosen)} raised {type(error).__name__}: {error}") from error
+        if not isinstance(controller, Controller):
+            raise ControlError(
+                f"the design {_name(chosen)} returned {type(controller).__name__}; it must return a Controller"
+            )
         if abs(controller.operating_input - seen.operating_input) > 1e-9 * (limits[1] - limits[0]):
             raise ControlError(
                 f"the design is for the operating input {controller.operating_input:g}, not "
                 f"for {seen.operating_input:g}"
             )
+    require_short_runs(controller)
+    points = _points(model, controller, operating_inputs)
+    require_laws(controller, [controller.operating_input, *points])
     subject = _Subject(
         model=model, linear=seen, controller=controller, plant=known, others=everyone, rng=rng, samples=samples,
-        points=_points(model, controller, operating_inputs), specification=specification or Specification(),
-        residual=known_residual(model, recording), band_Hz=band, trajectory=trajectory,
+        points=points, specification=specification or Specification(),
+        residual=residual, excited=excited, trajectory=trajectory,
     )  # fmt: skip
     return subject.judged(progress)
 
@@ -198,8 +215,12 @@ class _Subject:
     points: Array
     specification: Specification
     residual: Residual | None
-    band_Hz: float | None
+    excited: Excitation | None
     trajectory: ThetaTrajectory | None
+
+    @property
+    def band_Hz(self) -> float | None:
+        return None if self.excited is None else self.excited.highest_Hz
 
     def judged(self, progress: Progress | None) -> Check:
         """Margins first, then the prediction, then the physics."""
@@ -209,8 +230,8 @@ class _Subject:
         plants = draw_plants(self.plant, self.rng, PLANTS) if self.plant.names else ()
         physics = self._plant_rows("plant", (self.plant.plant, *plants))
         findings = [*_judged(rows, h, spec), *_judged(physics, h, spec)]
-        crossover = max(row.crossover_Hz for row in rows)
-        findings.append(judge_unknown_band() if self.band_Hz is None else judge_band(crossover, self.band_Hz))
+        crossovers = [row.crossover_Hz for row in rows]
+        findings.append(judge_unknown_band() if self.excited is None else judge_band(crossovers, self.excited))
         predicted = self._predicted(trial.step_reference, part(progress, 0.1, 0.2))
         if predicted is not None:
             findings.append(judge_draws(predicted, spec))
@@ -319,6 +340,13 @@ def _judged(rows: Sequence[MarginRow], sample_time: float, specification: Specif
         for source in sources
         for finding in judge_margins([row for row in rows if row.source == source], sample_time, specification)
     ]
+
+
+def _name(design: Design) -> str:
+    """What a user calls a design: the function's name, or the class of an object that is called."""
+    while isinstance(design, partial):
+        design = design.func
+    return str(getattr(design, "__name__", type(design).__name__))
 
 
 def _refused(linear: LinearModel, subject: str, text: str) -> Check:

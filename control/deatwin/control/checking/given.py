@@ -2,19 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from math import inf
+from collections.abc import Iterable, Sequence
+from typing import Any
 
+from deatwin.control.controllers.base import Controller
+from deatwin.control.controllers.law import Law
 from deatwin.control.errors import ControlError
 from deatwin.control.linear.model import LinearModel
 from deatwin.control.loop.residual import Residual, free_run_residual
-from deatwin.control.stability.excited import BAND_KEY, excited_band
+from deatwin.control.stability.excited import Excitation, excitation
 from deatwin.ident.narx import NarxModel
-from deatwin.plant.errors import ModelError
+from deatwin.plant.errors import DeatwinError, ModelError
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Recording
 
-__all__ = ["known_band", "known_residual", "require_inside", "require_limits", "require_pair", "trained_range"]
+__all__ = [
+    "known_excitation",
+    "known_residual",
+    "require_controller",
+    "require_inside",
+    "require_laws",
+    "require_limits",
+    "require_pair",
+    "trained_range",
+]
 
 _FOREIGN = 3.0
 """Times the residual that a model carries: a recording that leaves more is not of the actuator, or in another unit."""
@@ -47,6 +58,51 @@ def require_pair(model: NarxModel, plant: Plant) -> None:
     ):  # fmt: skip
         if unit and unit != known:
             raise ModelError(f"the model's {signal} is in {unit}, the rig's in {known}")
+
+
+def require_controller(controller: Any, model: NarxModel) -> None:
+    """Raise ControlError unless what was given to be judged is a controller with the model's sample time.
+
+    Parameters
+    ----------
+    controller : Controller
+        Or anything else, by mistake.
+    model : NarxModel
+        On which it is judged.
+    """
+    if not isinstance(controller, Controller):
+        instead = " (that is a model to design one on)" if isinstance(controller, LinearModel) else ""
+        raise ControlError(
+            f"controller = {type(controller).__name__}{instead}: give a Controller, such as a LinearController, which "
+            "holds any linear law"
+        )
+    if abs(controller.sample_time / model.sample_time - 1.0) > 1e-6:
+        raise ControlError(
+            f"the controller works every {controller.sample_time:g} s, the model is sampled every "
+            f"{model.sample_time:g} s"
+        )
+
+
+def require_laws(controller: Controller, operating_inputs: Iterable[float]) -> None:
+    """Raise ControlError unless a controller, perhaps of a class of one's own, has a law at operating points.
+
+    Parameters
+    ----------
+    controller : Controller
+        What its `local` raises that is no error of deatwin's is chained.
+    operating_inputs : iterable of float
+        In the input's unit.
+    """
+    name = f"{type(controller).__name__}.local"
+    for operating_input in operating_inputs:
+        try:
+            law = controller.local(float(operating_input))
+        except DeatwinError:
+            raise
+        except Exception as error:
+            raise ControlError(f"{name} raised {type(error).__name__} at {operating_input:g}: {error}") from error
+        if not isinstance(law, Law):
+            raise ControlError(f"{name} returned {type(law).__name__} at {operating_input:g}; it must return a Law")
 
 
 def require_inside(model: NarxModel, operating_inputs: Sequence[float]) -> None:
@@ -101,8 +157,8 @@ def trained_range(model: NarxModel) -> tuple[float, float]:
     return float(model.operating.input_min[0]), float(model.operating.input_max[0])
 
 
-def known_band(model: NarxModel, recording: Recording | None) -> float | None:
-    """Band that the recording excited, Hz; None where nobody knows it.
+def known_excitation(model: NarxModel, recording: Recording | None) -> Excitation | None:
+    """What the recording excited; None where nobody knows it.
 
     Parameters
     ----------
@@ -111,16 +167,7 @@ def known_band(model: NarxModel, recording: Recording | None) -> float | None:
     recording : Recording or None
         Goes before what the model tells.
     """
-    if recording is not None:
-        return excited_band(recording)
-    written = model.provenance.get(BAND_KEY)
-    try:
-        band = None if written is None else float(written)
-    except ValueError:
-        band = -1.0
-    if band is None or 0.0 < band < inf:
-        return band
-    raise ModelError(f"the model's provenance has {BAND_KEY} = {written!r}: it must be a positive number")
+    return Excitation.of_provenance(model.provenance) if recording is None else excitation(recording)
 
 
 def known_residual(model: NarxModel, recording: Recording | None) -> Residual | None:
@@ -131,7 +178,8 @@ def known_residual(model: NarxModel, recording: Recording | None) -> Residual | 
     model : NarxModel
         Its provenance may tell.
     recording : Recording or None
-        Goes before what the model tells; ModelError where it leaves far more than that.
+        Goes before what the model tells; ModelError where it leaves far more than that, DivergedError where its
+        free run does not reach the end.
     """
     carried = Residual.of_provenance(model.provenance)
     if recording is None:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import inf, isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from deatwin.control.checking.checkfile import SCHEMA, from_document, to_document
 from deatwin.control.checking.operating import OperatingPoint
@@ -109,6 +109,12 @@ class Check:
             f"{tuned.closed_loop_time:.2g} s at {f'{at.input:.3g} {at.input_unit}'.rstrip()} (crossover "
             f"{self.margins.crossover_Hz:.2g} Hz; at worst {margins}): {self.reason}."
         )
+
+    def to_xarray(self) -> Any:
+        """Return findings, margins and runs as an `xarray.Dataset`; see `deatwin.control.checking.datasets`."""
+        from deatwin.control.checking.datasets import dataset_of
+
+        return dataset_of(self)
 
     def save(self, path: str | Path) -> None:
         """Write the check as JSON ("deatwin/check/1"), beside the target first and then renamed.

@@ -9,35 +9,45 @@ from numpy.typing import NDArray
 
 from deatwin.control.checking.specification import Verdict
 from deatwin.control.checking.verdict import Finding
+from deatwin.control.stability.excited import Excitation
 from deatwin.ident.narx import NarxModel
 
 __all__ = ["judge_band", "judge_training", "judge_unknown_band"]
 
 
-def judge_band(crossover_Hz: float, band_Hz: float) -> Finding:
+def judge_band(crossovers_Hz: Sequence[float], excited: Excitation) -> Finding:
     """Judge whether the recording knew the frequencies that the controller works at.
 
     Parameters
     ----------
-    crossover_Hz : float
-        Highest of the model's loops, Hz.
-    band_Hz : float
-        Band that the recording excited, Hz.
+    crossovers_Hz : sequence of float
+        Of the model's loops, Hz.
+    excited : Excitation
+        What the recording excited.
 
     Returns
     -------
     Finding
-        At most marginal outside the band.
+        At most marginal outside the bands, and in a hole between them.
     """
-    place = f"the crossover at {crossover_Hz:.2f} Hz lies"
-    if crossover_Hz <= band_Hz:
-        text = f"{place} inside the band that the recording excited, up to {band_Hz:.2f} Hz"
-        return Finding(subject="excitation", value=crossover_Hz, verdict=Verdict.PASS, text=text)
-    text = (
-        f"{place} outside the band that the recording excited, up to {band_Hz:.2f} Hz: the margins there are "
-        f"extrapolated; a recording excited up to {2 * crossover_Hz:.2g} Hz would settle it"
-    )
-    return Finding(subject="excitation", value=crossover_Hz, verdict=Verdict.MARGINAL, text=text)
+    crossover, band = max(crossovers_Hz), excited.highest_Hz
+    if crossover > band:
+        text = (
+            f"the crossover at {crossover:.2f} Hz lies outside the band that the recording excited, up to {band:.2f} "
+            f"Hz: the margins there are extrapolated; a recording excited up to {2 * crossover:.2g} Hz would settle it"
+        )
+        return Finding(subject="excitation", value=crossover, verdict=Verdict.MARGINAL, text=text)
+    for inside in sorted(crossovers_Hz, reverse=True):
+        if (hole := excited.hole_at(inside)) is not None:
+            low, high = hole
+            text = (
+                f"the crossover at {inside:.2g} Hz lies in a hole of what the recording excited, {low:.2g} to "
+                f"{high:.2g} Hz: nothing backs the margins there; a recording with power there, such as noise up to "
+                f"{max(2 * inside, band):.2g} Hz, would settle it"
+            )
+            return Finding(subject="excitation", value=inside, verdict=Verdict.MARGINAL, text=text)
+    text = f"the crossover at {crossover:.2f} Hz lies inside the band that the recording excited, up to {band:.2f} Hz"
+    return Finding(subject="excitation", value=crossover, verdict=Verdict.PASS, text=text)
 
 
 def judge_training(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from enum import Enum
 from math import isfinite
 from typing import Any
@@ -66,16 +66,21 @@ class Limit:
         -------
         Verdict
         """
-        sign = 1.0 if self.good > self.poor else -1.0
+        sign = 1.0 if self.more_is_better else -1.0
         if sign * value >= sign * self.good:
             return Verdict.PASS
         return Verdict.MARGINAL if sign * value >= sign * self.poor else Verdict.FAIL
 
     @property
+    def more_is_better(self) -> bool:
+        """Whether the good value lies above the poor one."""
+        return self.good > self.poor
+
+    @property
     def wanted(self) -> str:
         """The good value in words."""
         value, unit = (100.0 * self.good, " %") if self.unit == "%" else (self.good, self.unit)
-        return f"at {'least' if self.good > self.poor else 'most'} {value:.4g}{unit}"
+        return f"at {'least' if self.more_is_better else 'most'} {value:.4g}{unit}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,6 +128,12 @@ class Specification:
     reserve : float
         Share of overshoot, steady error, ripple and saturation that a check keeps in reserve, since the plant on
         which it tries the controller is not the actuator (our choice).
+
+    Raises
+    ------
+    ControlError
+        If a limit is none, or has its good and poor values the wrong way round; if a gain margin is below 1, or the
+        reserve is no share.
     """
 
     gain: Limit = Limit(good=2.0, poor=1.5)
@@ -143,6 +154,16 @@ class Specification:
     reserve: float = 0.2
 
     def __post_init__(self) -> None:
+        for name, default in _defaults().items():
+            limit = getattr(self, name)
+            if not isinstance(limit, Limit):
+                raise ControlError(f"{name} = {limit!r}: it must be a Limit, with a good and a poor value")
+            if limit.more_is_better is not default.more_is_better:
+                sense, side = ("more", "above") if default.more_is_better else ("less", "below")
+                raise ControlError(
+                    f"of {name} {sense} is better: its good value must lie {side} the poor one; it has "
+                    f"good = {limit.good:g} and poor = {limit.poor:g}"
+                )
         if not 0.0 <= self.reserve < 1.0:
             raise ControlError(f"reserve = {self.reserve}: it is a share, from 0 to below 1")
         if min(self.gain.good, self.gain.poor) < 1.0:
@@ -155,3 +176,8 @@ class Specification:
         limits: dict[str, Any] = {name: getattr(self, name) for name in names}
         kept = {n: replace(v, good=(1.0 - self.reserve) * v.good) for n, v in limits.items()}
         return replace(self, **kept, reserve=0.0)
+
+
+def _defaults() -> dict[str, Limit]:
+    """The limits as they are by default: they say in which sense each is meant."""
+    return {field.name: field.default for field in fields(Specification) if isinstance(field.default, Limit)}

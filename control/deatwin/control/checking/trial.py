@@ -9,13 +9,14 @@ from numpy.typing import NDArray
 
 from deatwin.control.checking.verdict import Runs
 from deatwin.control.controllers.base import Controller
+from deatwin.control.errors import ControlError
 from deatwin.control.linear.model import LinearModel
 from deatwin.control.loop.closed_loop import ClosedLoop, closed_loop
-from deatwin.control.loop.references import sine_reference, step_reference
+from deatwin.control.loop.references import LEVELS, sine_reference, step_reference
 from deatwin.control.progress import Progress, part
 from deatwin.plant.model import Plant
 
-__all__ = ["Trial"]
+__all__ = ["Trial", "require_short_runs"]
 
 Array = NDArray[np.float64]
 
@@ -28,6 +29,8 @@ SHORTEST = 50
 SINE_SHARE = 0.2
 """Frequency of the sine reference, as a share of the bandwidth 1/(2 pi lambda) that was asked for."""
 SINE_PERIODS = 3
+LONGEST = 200_000
+"""Samples of steps and sine together, at most: each draw of the model runs through them too."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -128,3 +131,27 @@ class Trial:
         law = self.controller.local(self.controller.operating_input)
         loop = law.feedback_response([omega], self.controller.sample_time) * self.linear.response([omega])
         return float(self.amplitude / np.sqrt(2.0) / np.abs(1.0 + loop[0]))
+
+
+def require_short_runs(controller: Controller) -> None:
+    """Raise ControlError if steps and sine, which grow with the closed-loop time, would need too many samples.
+
+    Parameters
+    ----------
+    controller : Controller
+        To be tried.
+    """
+    times = len(LEVELS) * PLATEAU + SINE_PERIODS * 2 * np.pi / SINE_SHARE  # closed-loop times that the runs last
+    time, h = controller.closed_loop_time, controller.sample_time
+    if times * time > LONGEST * h:
+        raise ControlError(
+            f"the closed-loop time of {time:g} s is too long to be tried at a sample time of {h:g} s: the runs would "
+            f"need {times * time / h:.3g} samples, and may have {LONGEST}; give {_rounded_down(LONGEST * h / times):g} "
+            "s or less"
+        )
+
+
+def _rounded_down(value: float) -> float:
+    """To three digits, so that what a person reads is allowed."""
+    unit = 10.0 ** (np.floor(np.log10(value)) - 2)
+    return float(np.floor(value / unit) * unit)

@@ -17,7 +17,7 @@ from deatwin.control.errors import ControlError
 if TYPE_CHECKING:
     from control import NonlinearIOSystem
 
-__all__ = ["Controller"]
+__all__ = ["Controller", "require_factor"]
 
 Array = NDArray[np.float64]
 
@@ -122,6 +122,11 @@ class Controller(ABC):
         Returns
         -------
         Controller
+
+        Raises
+        ------
+        ControlError
+            If the factor is zero or not finite.
         """
 
     @abstractmethod
@@ -166,3 +171,15 @@ class Controller(ABC):
             update, output, dt=self.sample_time, states=self.states, name=self.name,
             inputs=["reference", "reading"], outputs=["command"],
         )  # fmt: skip
+
+
+def require_factor(factor: float) -> None:
+    """Raise ControlError unless a loop gain can be multiplied by a factor and divided by it again.
+
+    Parameters
+    ----------
+    factor : float
+        Of the feedback.
+    """
+    if not isfinite(factor) or factor == 0.0:
+        raise ControlError(f"a loop gain {factor:g} times as large is none: the factor must be finite, not 0")

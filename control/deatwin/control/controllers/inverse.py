@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.control.controllers.base import Controller
+from deatwin.control.controllers.base import Controller, require_factor
 from deatwin.control.controllers.law import Law
 from deatwin.control.controllers.linear import LinearController
 from deatwin.control.errors import ControlError
@@ -263,7 +263,13 @@ class InverseController(Controller):
         Returns
         -------
         InverseController
+
+        Raises
+        ------
+        ControlError
+            If the factor is zero or not finite.
         """
+        require_factor(factor)
         return replace(self, feedback=replace(self.feedback, law=self.feedback.law.with_feedback(factor)))
 
     def details(self) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.control.controllers.base import Controller
+from deatwin.control.controllers.base import Controller, require_factor
 from deatwin.control.controllers.law import READING, REFERENCE, Law
 from deatwin.control.errors import ControlError
 
@@ -123,7 +123,13 @@ class LinearController(Controller):
         Returns
         -------
         LinearController
+
+        Raises
+        ------
+        ControlError
+            If the factor is zero or not finite.
         """
+        require_factor(factor)
         return replace(self, law=self.law.scaled(factor), windup=self.windup / factor)
 
     def details(self) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.control.controllers.base import Controller
+from deatwin.control.controllers.base import Controller, require_factor
 from deatwin.control.controllers.law import READING, REFERENCE, Law
 from deatwin.control.errors import ControlError
 
@@ -150,7 +150,13 @@ class ScheduledController(Controller):
         Returns
         -------
         ScheduledController
+
+        Raises
+        ------
+        ControlError
+            If the factor is zero or not finite.
         """
+        require_factor(factor)
         laws = tuple(law.scaled(factor) for law in self.laws)
         return replace(self, laws=laws, windup=self.windup / factor)
 

@@ -174,6 +174,10 @@ def with_inverse(
         )
     demands = sorted(float(v) for v in curve.output([low, high]))
     found = design(_behind(linear, curve, slope), command_limits=(demands[0], demands[1]))
+    if not isinstance(found, LinearController):
+        raise ControlError(
+            f"a {type(found).__name__} cannot be the feedback behind an inverse: design a LinearController"
+        )
     law = Law.of_error(found.law.a, -found.law.b[:, READING], found.law.c, -float(found.law.d[READING]))
     feedback = replace(found, law=law.feedforward(1.0))
     return InverseController(

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deatwin.control.linear.model import LinearModel
 from deatwin.ident.frequency import FrequencyResponse
+from deatwin.plant.datasets import PARTS, dataset, squared
 from deatwin.plant.drawing import axes_or_new, written_unit
 from deatwin.plant.errors import ModelError
 
@@ -97,6 +98,19 @@ class Frd:
         axes.set_ylabel(f"gain ({written_unit(self.unit)})" if self.unit else "gain")
         axes.legend()
         return axes
+
+    def to_xarray(self) -> Any:
+        """Return values and covariance as an `xarray.Dataset`, with real and imaginary parts apart."""
+        return dataset(
+            {
+                "": ("point", self.values, self.unit),
+                "covariance": (("point", "part", "other_part"), self.covariance, squared(self.unit)),
+                "omega": ("point", self.omega, "rad/s"),
+            },
+            {"frequency_Hz": ("point", self.omega / (2 * np.pi), "Hz"), "part": ("part", list(PARTS)),
+             "other_part": ("other_part", list(PARTS))},
+            {"name": str(self.system.name)},
+        )  # fmt: skip
 
 
 def to_frd(

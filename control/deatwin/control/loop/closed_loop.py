@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from deatwin.control.controllers.base import Controller
 from deatwin.control.errors import ControlError
 from deatwin.plant.amplitudes import written_amplitude
+from deatwin.plant.datasets import Variables, dataset
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
@@ -89,6 +90,8 @@ class ClosedLoop:
             values = np.array(getattr(self, name), dtype=np.float64)
             values.setflags(write=False)
             object.__setattr__(self, name, values)
+            if values.shape != (self.timepts.size,):
+                raise ControlError(f"{name} of a run has the shape {values.shape}: it must be ({self.timepts.size},)")
 
     @property
     def error(self) -> Array:
@@ -170,6 +173,35 @@ class ClosedLoop:
         axes.set_ylabel(f"output ({unit})" if unit else "output")
         axes.legend()
         return axes
+
+    def variables(self, dimension: str, before: str = "") -> Variables:
+        """The run as `deatwin.plant.datasets.dataset` takes it.
+
+        Parameters
+        ----------
+        dimension : str
+            Of the time.
+        before : str
+            What the names of the variables begin with.
+
+        Returns
+        -------
+        mapping of str to tuple
+        """
+        units = {"command": self.input_unit}
+        return {
+            before + name: (dimension, getattr(self, name), units.get(name, self.output_unit)) for name in _SERIES[1:]
+        }
+
+    def to_xarray(self) -> Any:
+        """Return reference, output, reading and command as an `xarray.Dataset` over time."""
+        low, high = self.command_limits
+        return dataset(
+            self.variables("time"),
+            {"time": ("time", self.timepts, "s")},
+            {"status": self.status.name, "advice": self.status.value, "command_min": low, "command_max": high,
+             "rms_error": self.rms_error},
+        )  # fmt: skip
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data from which `from_dict` makes the same run."""

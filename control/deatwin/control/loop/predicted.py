@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import ceil
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from deatwin.ident.frequency import equilibrium
 from deatwin.ident.narx import NarxModel
 from deatwin.ident.narx.response import divergence_limit
 from deatwin.plant.amplitudes import written_amplitude
+from deatwin.plant.datasets import dataset
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError
 from deatwin.plant.rigs.base import ReadingTime
@@ -95,6 +96,21 @@ class PredictedLoop:
         others = np.sort(count * farthest / np.maximum(count - 1.0 - farthest, 1.0))
         needed = min(ceil(LEVEL * (count + 1)), count)
         return np.asarray(np.sqrt(others[needed - 1] * variance))
+
+    def to_xarray(self) -> Any:
+        """Return the draws, their middle and the half width of their band as an `xarray.Dataset` over time."""
+        unit, each = self.output_unit, ("draw", "time")
+        return dataset(
+            {
+                "reference": ("time", self.reference, unit),
+                "output": (each, self.outputs, unit),
+                "command": (each, self.commands, self.input_unit),
+                "middle": ("time", self.middle, unit),
+                "half_width": ("time", self.half_width, unit),
+            },
+            {"time": ("time", self.timepts, "s")},
+            {"level": LEVEL, "diverged": self.diverged},
+        )
 
     def inside(self, run: ClosedLoop) -> float:
         """Share of the samples of a run that lie inside the band; 1.0 if all of it does.

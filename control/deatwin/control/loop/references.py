@@ -11,7 +11,7 @@ __all__ = ["sine_reference", "step_reference", "tone_reference"]
 
 Array = NDArray[np.float64]
 
-_LEVELS = (0.0, 1.0, 0.0, -1.0, 0.0)
+LEVELS = (0.0, 1.0, 0.0, -1.0, 0.0)
 """Levels of the step reference, in amplitudes; the first is where the loop closes."""
 
 
@@ -48,8 +48,8 @@ def step_reference(centre: float, amplitude: float, plateau: int, rise: int = 0)
         raise ControlError(f"a rise of {rise} samples must be shorter than its level of {plateau}")
     share = np.ones(plateau)
     share[:rise] = 0.5 - 0.5 * np.cos(np.pi * np.arange(1, rise + 1) / (rise + 1))
-    before = (_LEVELS[0], *_LEVELS[:-1])
-    levels = [low + (high - low) * share for low, high in zip(before, _LEVELS, strict=True)]
+    before = (LEVELS[0], *LEVELS[:-1])
+    levels = [low + (high - low) * share for low, high in zip(before, LEVELS, strict=True)]
     return np.asarray(centre + amplitude * np.concatenate(levels))
 
 

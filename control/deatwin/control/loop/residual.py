@@ -14,13 +14,19 @@ from deatwin.ident.narx import NarxModel
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
-__all__ = ["RMS_KEY", "TIME_KEY", "Residual", "free_run_residual"]
+__all__ = ["DIVERGED", "RMS_KEY", "TIME_KEY", "DivergedError", "Residual", "free_run_residual"]
 
 Array = NDArray[np.float64]
 
 RMS_KEY, TIME_KEY = "free_run_residual_rms", "free_run_residual_time_s"
 """Keys of a model's provenance under which its residual is found, in the output's unit and in s."""
+DIVERGED = {"free_run": "diverged"}
+"""What the provenance of a model says whose free run did not reach the end where it was identified."""
 _START = 0.05  # of a recording: there the free run still knows the measured start
+
+
+class DivergedError(ModelError):
+    """The free run of a model does not reach the end of a recording."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,7 +92,11 @@ class Residual:
         ------
         ModelError
             If what it carries is no number.
+        DivergedError
+            If it carries that its free run diverged.
         """
+        if DIVERGED.items() <= provenance.items():
+            raise DivergedError("the model's free run fails on the recording from which it was identified: it diverged")
         if RMS_KEY not in provenance or TIME_KEY not in provenance:
             return None
         try:
@@ -117,12 +127,12 @@ def free_run_residual(model: NarxModel, recording: Recording) -> Residual:
 
     Raises
     ------
-    ModelError
-        If the free run diverges.
+    DivergedError
+        If the free run diverges; a ModelError.
     """
     run = model.simulate(recording)
     if not run.status.ok:
-        raise ModelError(f"the model's free run fails on the recording: {run.status.value}")
+        raise DivergedError(f"the model's free run fails on the recording: {run.status.value}")
     error = (run.measured - run.outputs)[0]
     error = error[round(_START * error.size) :]
     error = error - error.mean()

@@ -1,18 +1,148 @@
-"""The band that a recording excited."""
+"""The bands that a recording excited."""
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from math import inf
+from typing import Self
 
-from deatwin.plant.errors import DataError
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.plant.errors import DataError, ModelError
 from deatwin.plant.recording import Recording
 
-__all__ = ["BAND_KEY", "excited_band"]
+__all__ = ["BAND_KEY", "HOLES_KEY", "Excitation", "excitation", "excited_band"]
 
-BAND_KEY = "excited_band_Hz"
-"""Key of a model's provenance under which the band of its recording is found, Hz."""
+BAND_KEY, HOLES_KEY = "excited_band_Hz", "excited_holes_Hz"
+"""Keys of a model's provenance: up to which frequency its recording excited, and, if any, the holes below, Hz."""
 _FEWEST = 64
-_EXCITED_SHARE = 0.99  # of the input's power lies in the excited band
+_EXCITED_SHARE = 0.99  # of the input's power lies below the highest excited frequency
+_FAINT = 1e-3
+"""Of the power that each line would have if all were alike: a line with less excites nothing.
+
+The relative error of a gain is sqrt((1 - c) / (2 c n)), c the coherence, n the lines that are averaged (Bendat and
+Piersol, Random Data, chapter 9). Where noise is small beside what a line excites, c / (1 - c) is as the line's power,
+so that the error goes as one over its root: with a thousandth it is 30 times that of an even input of the same power. A
+step, whose power falls by the square of the frequency, has still a hundredth at the end of its band.
+"""
+_REACH_RATIO, _REACH_SHARE = 2.0 ** (1 / 6), 0.1
+"""A line speaks for a sixth of an octave to either side, since a lightly damped mode would fit into more than the third
+between two lines, or for a tenth of the band, so that the odd harmonics of multisines and square waves leave no
+holes. So does the rest at 0 Hz."""
+_LOBE = 2
+"""Lines from 0 Hz on to which the window smears what the removal of the trend leaves: alone they are no band."""
+
+Band = tuple[float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Excitation:
+    """The frequencies that a recording excited.
+
+    Parameters
+    ----------
+    bands : tuple of (float, float)
+        Lowest and highest frequency of each, Hz, rising and apart; at least one.
+    """
+
+    bands: tuple[Band, ...]
+
+    @property
+    def highest_Hz(self) -> float:
+        """End of the last band, Hz."""
+        return self.bands[-1][1]
+
+    @property
+    def holes(self) -> tuple[Band, ...]:
+        """What lies between 0 Hz and the highest frequency and in no band, Hz."""
+        ends = (0.0, *(high for _, high in self.bands))
+        return tuple((end, low) for end, (low, _) in zip(ends, self.bands, strict=False) if low > end)
+
+    def hole_at(self, frequency_Hz: float) -> Band | None:
+        """The hole in which a frequency lies.
+
+        Parameters
+        ----------
+        frequency_Hz : float
+            Hz.
+
+        Returns
+        -------
+        (float, float) or None
+            Hz; None inside of a band and above the last one.
+        """
+        return next(((low, high) for low, high in self.holes if low < frequency_Hz < high), None)
+
+    @property
+    def provenance(self) -> dict[str, str]:
+        """As `NarxModel` keeps it; without holes the band alone."""
+        band = {BAND_KEY: f"{self.highest_Hz:.6g}"}
+        holes = ", ".join(f"{low:.6g} to {high:.6g}" for low, high in self.holes)
+        return {**band, HOLES_KEY: holes} if holes else band
+
+    @classmethod
+    def of_provenance(cls, provenance: Mapping[str, str]) -> Self | None:
+        """What a model tells of its recording; None where it tells nothing.
+
+        Parameters
+        ----------
+        provenance : mapping of str to str
+            Of the model; one without holes is excited from 0 Hz on.
+
+        Returns
+        -------
+        Excitation or None
+
+        Raises
+        ------
+        ModelError
+            If the band is no positive number, or the holes are not rising frequencies below it.
+        """
+        if (written := provenance.get(BAND_KEY)) is None:
+            return None
+        try:
+            band = float(written)
+        except ValueError:
+            band = -1.0
+        if not 0.0 < band < inf:
+            raise ModelError(f"the model's provenance has {BAND_KEY} = {written!r}: it must be a positive number")
+        holes = provenance.get(HOLES_KEY, "")
+        try:
+            edges = [float(edge) for hole in holes.split(", ") for edge in hole.split(" to ")] if holes else []
+        except ValueError:
+            edges = [inf]
+        ends = (*edges, band)
+        if len(edges) % 2 or not all(0.0 <= low < high for low, high in pairwise(ends)):
+            raise ModelError(
+                f"the model's provenance has {HOLES_KEY} = {holes!r}: it must be rising frequencies below {band:g}, "
+                "such as '0.25 to 0.95'"
+            )
+        outer = (edges if edges and edges[0] == 0.0 else [0.0, 0.0, *edges])[1:]
+        return cls(bands=tuple(zip(outer[::2], (*outer[1::2], band), strict=True)))
+
+    @classmethod
+    def joined(cls, several: Iterable[Self]) -> Self:
+        """What several recordings excited together.
+
+        Parameters
+        ----------
+        several : iterable of Excitation
+            At least one.
+
+        Returns
+        -------
+        Excitation
+        """
+        merged: list[Band] = []
+        for low, high in sorted(band for one in several for band in one.bands):
+            if merged and low <= merged[-1][1]:
+                merged[-1] = (merged[-1][0], max(merged[-1][1], high))
+            else:
+                merged.append((low, high))
+        return cls(bands=tuple(merged))
 
 
 def excited_band(recording: Recording) -> float:
@@ -33,6 +163,51 @@ def excited_band(recording: Recording) -> float:
     DataError
         If the input is constant, a ramp, or shorter than 64 samples.
     """
+    return _last_line(_power(recording)) / recording.duration
+
+
+def excitation(recording: Recording) -> Excitation:
+    """The bands up to `excited_band` in which a recording's input has power, without the holes between them.
+
+    A line of the spectrum excites if it has more than a thousandth of what it would have if the power were spread
+    evenly; it speaks for a sixth of an octave, or a tenth of the whole band, to either side.
+
+    Parameters
+    ----------
+    recording : Recording
+        Its first input counts, without mean and trend.
+
+    Returns
+    -------
+    Excitation
+
+    Raises
+    ------
+    DataError
+        As `excited_band`.
+
+    References
+    ----------
+    J. S. Bendat, A. G. Piersol, Random Data: Analysis and Measurement Procedures, 4th edition, Wiley 2010, chapter 9:
+    the error of a frequency response by coherence and number of averages.
+    """
+    power = _power(recording)
+    last = _last_line(power)
+    heard = np.flatnonzero(power[: last + 1] >= _FAINT * power[: last + 1].mean())
+    lows = np.minimum(heard / _REACH_RATIO, heard - _REACH_SHARE * last)
+    highs = np.minimum(np.maximum(heard * _REACH_RATIO, heard + _REACH_SHARE * last), last)
+    first = np.append(True, lows[1:] > highs[:-1])  # of its band
+    if first.sum() > 1 and heard[np.append(first[1:], True)][0] <= _LOBE:
+        keep = np.cumsum(first) > 1
+        lows, highs, first = lows[keep], highs[keep], first[keep]
+    starts, ends = lows[first], highs[np.append(first[1:], True)]
+    starts[0] = starts[0] if starts[0] > _REACH_SHARE * last else 0.0
+    bands = np.column_stack([starts, ends]) / recording.duration
+    return Excitation(bands=tuple((float(low), float(high)) for low, high in bands))
+
+
+def _power(recording: Recording) -> NDArray[np.float64]:
+    """Of the lines of the input's spectrum, from 0 Hz on, one over the duration apart."""
     command = recording.inputs[0]
     if not np.ptp(command) > 0.0:
         raise DataError("the input of the recording is constant: it excites nothing")
@@ -44,6 +219,8 @@ def excited_band(recording: Recording) -> float:
     left = command - trend
     if not np.abs(left).max() > 1e-9 * np.ptp(command):
         raise DataError("the input of the recording is a ramp: it excites nothing but the slowest motion")
-    power = np.abs(np.fft.rfft(left * np.hanning(command.size))) ** 2
-    line = int(np.searchsorted(np.cumsum(power), _EXCITED_SHARE * power.sum()))
-    return line / recording.duration
+    return np.asarray(np.abs(np.fft.rfft(left * np.hanning(command.size))) ** 2)
+
+
+def _last_line(power: NDArray[np.float64]) -> int:
+    return int(np.searchsorted(np.cumsum(power), _EXCITED_SHARE * power.sum()))
