@@ -122,7 +122,7 @@ class CheckTask:
         plants = {"plant": self.plant.plant, **{name: rival.plant for name, rival in self.rivals.items()}}
         view = View(check=check, model=self.model, plants=plants, specification=specification)
         folder.save("check.json", check.save)
-        write_check_report(folder, view, Origin(inputs=inputs, seed=self.seed))
+        write_check_report(folder, view, Origin.of(record))
         folder.remove_former(r"figures/\w+\.csv")
         folder.text("run.json", json.dumps(record.finished([*folder.written, "run.json"]), indent=1) + "\n")
         return check

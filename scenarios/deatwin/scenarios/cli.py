@@ -16,6 +16,7 @@ from deatwin.scenarios.commands.frequency import frequency
 from deatwin.scenarios.commands.identify import identify
 from deatwin.scenarios.commands.scenario import scenario, scenarios
 from deatwin.scenarios.commands.simulate import simulate
+from deatwin.scenarios.commands.view import view
 from deatwin.scenarios.options import fold_experiments
 from deatwin.scenarios.voice import complain
 
@@ -29,7 +30,7 @@ app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
 )
-for command in (demo, simulate, identify, frequency, diagnose, check, export, scenario, scenarios, doctor):
+for command in (demo, simulate, identify, frequency, diagnose, check, export, scenario, scenarios, view, doctor):
     app.command()(command)
 
 

@@ -90,7 +90,7 @@ class DiagnosisTask:
         advice = diagnosis.evidence.advice if diagnosis.evidence is not None else None
         if advice is not None and advice.recording is not None:
             folder.save(INPUT_FILE, advice.save_input)
-        write_report(folder, diagnosis, Origin(inputs=inputs, seed=self.seed))
-        folder.remove_former(rf"{RIVALS}/[^/]+\.json")
+        write_report(folder, diagnosis, Origin.of(record))
+        folder.remove_former(rf"{RIVALS}/[^/]+\.json|figures/\w+\.csv")
         folder.text("run.json", json.dumps(record.finished([*folder.written, "run.json"]), indent=1) + "\n")
         return diagnosis

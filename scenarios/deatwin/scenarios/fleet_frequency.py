@@ -1,11 +1,11 @@
 """The fleet with one model structure, as the scenarios of the frequency domain need it.
 
 Two actuators are compared term by term, and frequency by frequency, only where their models have the same terms. The
-recordings, the sections, the sampling time, the lags and the degree are those of the story `fleet-models`; of the
+recordings, the sections, the sampling time, the lags and the degree are those of the story `semp-fleet`; of the
 structures that SEMP passes on the six, one is taken for all.
 
 The candidates hold the past output by itself only. Their Volterra series then ends at the degree, so that responses of
-these orders describe the model whatever the command. With products of output and command, which `fleet-models` allows
+these orders describe the model whatever the command. With products of output and command, which `semp-fleet` allows
 and which fit a little better, the series goes on without end, and at the size of the thesis' noise it diverges.
 """
 

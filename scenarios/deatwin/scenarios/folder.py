@@ -6,7 +6,9 @@ import json
 import os
 import re
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
+from typing import Self
 
 from numpy.typing import ArrayLike
 
@@ -18,6 +20,8 @@ __all__ = ["ResultFolder", "require_place"]
 
 class ResultFolder:
     """A folder into which files appear whole or not at all.
+
+    As a context it leaves no empty folder of its own behind where the work fails before anything is written.
 
     Parameters
     ----------
@@ -33,7 +37,15 @@ class ResultFolder:
     def __init__(self, path: Path | str) -> None:
         self.path = Path(path)
         self.written: list[str] = []
+        self._made: list[Path] = []
         self._make(self.path)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> None:
+        if kind is not None:
+            self._remove_empty()
 
     def text(self, name: str, text: str) -> None:
         """Write a text file.
@@ -84,7 +96,7 @@ class ResultFolder:
         """
         try:
             former = json.loads((self.path / "run.json").read_text(encoding="utf-8"))["outputs"]
-        except (OSError, ValueError, KeyError, TypeError):
+        except (OSError, ValueError, KeyError, TypeError, RecursionError):
             return
         for name in former if isinstance(former, list) else []:
             if re.fullmatch(pattern, str(name)) and name not in self.written:
@@ -95,14 +107,21 @@ class ResultFolder:
         """What was written, in words."""
         return f"{self.path} holds {', '.join(self.written)}" if self.written else f"nothing was written to {self.path}"
 
-    @staticmethod
-    def _make(path: Path) -> None:
+    def _remove_empty(self) -> None:
+        """Remove the folders that were made here and hold nothing, the innermost first."""
+        for path in reversed(self._made):
+            with suppress(OSError):  # it holds something, or is gone
+                path.rmdir()
+
+    def _make(self, path: Path) -> None:
         if path.is_file():
             raise DataError(f"{path}: is a file; give a folder for the results")
         try:
+            absent = [folder for folder in (path, *path.parents) if not folder.exists()]
             path.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise DataError(f"{path}: the folder cannot be made: {error.strerror}") from None
+        self._made.extend(reversed(absent))
         _require_writable(path)
 
 

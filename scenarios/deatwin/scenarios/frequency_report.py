@@ -12,7 +12,8 @@ from deatwin.ident.frequency.output_responses.powers import AMPLIFICATION
 from deatwin.ident.frequency.output_responses.result import Nofrf, NofrfStatus
 from deatwin.scenarios.folder import ResultFolder
 from deatwin.scenarios.frequency_responses import Responses, columns_of, first_columns, symbol_of, written
-from deatwin.scenarios.report.figures import Drawing
+from deatwin.scenarios.provenance import RunRecord
+from deatwin.scenarios.report.drawing import Drawing
 from deatwin.scenarios.report.story import Note, Row, StoryPage, Table, write_story
 from deatwin.scenarios.report.svg import COLOURS, draw, inline, standalone
 
@@ -21,7 +22,7 @@ __all__ = ["write_responses"]
 Array = NDArray[np.float64]
 
 
-def write_responses(found: Responses, folder: ResultFolder) -> None:
+def write_responses(found: Responses, folder: ResultFolder, record: RunRecord | None = None) -> None:
     """Write tables, figures and the report.
 
     Parameters
@@ -30,6 +31,8 @@ def write_responses(found: Responses, folder: ResultFolder) -> None:
         All of it.
     folder : ResultFolder
         Where to.
+    record : RunRecord, optional
+        The run, for the end of the page.
     """
     folder.csv("frequency.csv", first_columns(found.first, found.level))
     for response in found.gfrfs[1:]:
@@ -42,7 +45,7 @@ def write_responses(found: Responses, folder: ResultFolder) -> None:
             "input": point + found.signal.values,
         })  # fmt: skip
     drawings = list(_drawings(found, folder))
-    write_story(folder, _page(found, drawings), 0)
+    write_story(folder, _page(found, drawings), record or RunRecord(command=(), inputs=(), seed=0, jobs=1))
 
 
 def _map_columns(response: FrequencyResponse, level: float) -> dict[str, Array]:

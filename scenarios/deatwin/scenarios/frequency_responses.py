@@ -87,6 +87,15 @@ class Responses:
         """Whether H_1 goes beyond what the training input excited."""
         return self.excited_Hz is not None and self.excited_Hz < self.first.frequency_Hz.max()
 
+    @property
+    def beyond_training(self) -> tuple[float, float] | None:
+        """The training inputs, in the input's unit, where the operating input lies outside of them; else None."""
+        known = self.model.operating
+        if known is None:
+            return None
+        low, high = float(known.input_min[0]), float(known.input_max[0])
+        return None if low <= self.first.point.operating_input[0] <= high else (low, high)
+
     @cached_property
     def laws(self) -> tuple[Propagated, ...]:
         """How far the linear law of propagation holds, for each of ``gfrfs``."""
@@ -108,6 +117,12 @@ class Responses:
                 for y, stable in zip(point.outputs, point.stable, strict=True)
             )
             yield f"equilibria {others} {self.model.output_units[0]}".rstrip() + f"; {point.output:.4g} is taken"
+        if self.beyond_training is not None:
+            low, high = self.beyond_training
+            yield (
+                f"the operating input lies outside the training inputs, {low:.4g} to {high:.4g} {unit}".rstrip()
+                + ": the responses are the model's extrapolation, and their bands do not tell of that"
+            )
         if self.extrapolated:
             yield (
                 f"99 % of the power of the training input lies below {self.excited_Hz:.3g} Hz: what H₁ does beyond is "

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from deatwin.plant.calibrated import CalibratedPlant
+from deatwin.plant.errors import DataError
 from deatwin.plant.files import read_commands, read_experiment
 from deatwin.plant.files.columns import COLUMNS
 from deatwin.plant.files.units import UNITS, split_unit
@@ -94,11 +95,30 @@ class GivenPlant:
         Returns
         -------
         Experiment
+
+        Raises
+        ------
+        DataError
+            If they cannot be read, or the readings are in no unit of the rig's.
         """
-        return read_experiment(
+        read = read_experiment(
             files, input_column=self.input_column, output_column=self.output_column, allow_gaps=allow_gaps,
             dt=self.dt, rig=self.described,
         )  # fmt: skip
+        for record in read.recordings:
+            self._require_unit(record)
+        return read
+
+    def _require_unit(self, record: Recording) -> None:
+        """A reading in mm without its unit would be taken for one in m."""
+        rig, unit, name = self.model.plant.rig, record.output_units[0], record.output_names[0]
+        if rig.output_unit in ("", "1") or unit == rig.output_unit:
+            return
+        usual = split_unit(COLUMNS.get(rig.output_name, f"{rig.output_name}_{rig.output_unit}"))[1]
+        raise DataError(
+            f'{record.provenance.get("file", "recording")}: the column "{name}" has the unit {unit or "(none)"}; it '
+            f'must be one like {usual}: write the unit behind its name, as in "{name}_{usual}"'
+        )
 
     def commands(self, file: str | Path) -> Recording:
         """Read the commands of a file; readings in it are not looked at.

@@ -27,7 +27,8 @@ from deatwin.plant.rigs.diaphragm import Diaphragm
 from deatwin.plant.rigs.film_actuator import relaxed_stresses
 from deatwin.plant.rigs.planar import Planar
 from deatwin.scenarios.prestretch_claims import RELAXING, Sweep, Verdict, judged_claims
-from deatwin.scenarios.report.prestretch import write_page
+from deatwin.scenarios.provenance import RunRecord
+from deatwin.scenarios.report.prestretch import write_sweep
 from deatwin.scenarios.stories import Setting
 
 __all__ = ["PRESTRETCHES", "dead_load", "pull_in_ends_at", "run", "sweep", "unequal"]
@@ -53,6 +54,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
     mapping
         Claims, verdicts and findings.
     """
+    record = RunRecord(command=setting.command, inputs=[], seed=setting.seed, jobs=setting.jobs)
     columns = sweep(setting.progress)
     setting.progress(0.8, "unequal prestretch")
     ratios = unequal(RATIOS)
@@ -69,7 +71,9 @@ def run(setting: Setting) -> Mapping[str, Any]:
         ),
     }
     setting.folder.text("prestretch.json", json.dumps(result, indent=1, ensure_ascii=False) + "\n")
-    write_page(setting.folder, result, columns, ratios)
+    write_sweep(setting.folder, result, columns, ratios, record)
+    finished = record.finished([*setting.folder.written, "run.json"])
+    setting.folder.text("run.json", json.dumps(finished, indent=1) + "\n")
     return result
 
 

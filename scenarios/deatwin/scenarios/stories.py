@@ -14,7 +14,7 @@ from deatwin.plant.errors import DataError, nearest
 from deatwin.scenarios.folder import ResultFolder
 from deatwin.scenarios.voice import Progress
 
-__all__ = ["STORIES", "Setting", "Story", "data_folder", "story"]
+__all__ = ["DATA_VARIABLE", "STORIES", "Setting", "Story", "data_folder", "story"]
 
 DATA_VARIABLE = "DEATWIN_DATA"
 
@@ -118,12 +118,20 @@ STORIES: Mapping[str, Story] = MappingProxyType({
             line="the Bouc-Wen benchmark, described as linear: the hysteresis is found",
         ),
         Story(
+            name="your-own-rig", minutes=0.5, module="deatwin.scenarios.your_own_rig",
+            line="a user's plant of thirty lines, a quarter of a car: a drag that it lacks is found",
+        ),
+        Story(
             name="thesis-data", minutes=0.5, module="deatwin.scenarios.thesis_data",
             line="the thesis' six actuators: recordings, drifts, figures 2.5 to 2.8",
         ),
         Story(
-            name="fleet-models", minutes=1, module="deatwin.scenarios.fleet_models",
-            line="the six actuators identified: SEMP beside SVB, validated, and what drift and hysteresis undo",
+            name="semp-fleet", minutes=0.8, module="deatwin.scenarios.fleet_models.semp_fleet",
+            line="the six actuators identified by SEMP and FRO, validated, and what drift and hysteresis undo",
+        ),
+        Story(
+            name="svb-fleet", minutes=0.8, module="deatwin.scenarios.fleet_models.svb_fleet",
+            line="the six actuators by sparse variational Bayes: posteriors, bands, and SEMP beside them",
         ),
         Story(
             name="prestretch-sweep", minutes=0.3, module="deatwin.scenarios.prestretch",
@@ -150,7 +158,7 @@ STORIES: Mapping[str, Story] = MappingProxyType({
             line="ridge and LASSO constraints, bias and variance, Occam's razor: each lesson with a check",
         ),
         Story(
-            name="concealed-physics", minutes=120, module="deatwin.scenarios.concealed_physics",
+            name="concealed-physics", minutes=240, module="deatwin.scenarios.concealed_physics",
             sizes=("tiny", "standard", "full"),
             line="the diagnosis on trial: effects are concealed from it in sealed cases, and it has to find them",
         ),
@@ -159,7 +167,8 @@ STORIES: Mapping[str, Story] = MappingProxyType({
             line="six actuators, their drifts concealed: what the diagnosis names, and what repeatability proves",
         ),
         Story(
-            name="control-check", minutes=3, module="deatwin.scenarios.control_check", sizes=("short", "standard"),
+            name="control-check", minutes=3, module="deatwin.scenarios.control_check",
+            sizes=("short", "standard", "full"),
             line="designs on rigs that no check has seen: what the inverse buys, and if verdicts keep their word",
         ),
         Story(
@@ -200,9 +209,10 @@ def data_folder(given: Path | None, name: str) -> Path:
     Parameters
     ----------
     given : path or None
-        Folder that holds all public recordings; by default the one that ``DEATWIN_DATA`` names.
+        Folder that holds all public recordings; by default the one that ``DEATWIN_DATA`` names. With neither, the
+        package nonlinear_benchmarks downloads what it has, where it is installed.
     name : str
-        Of the data set.
+        Of the data set, and of its folder.
 
     Returns
     -------
@@ -215,7 +225,9 @@ def data_folder(given: Path | None, name: str) -> Path:
     """
     root = given or os.environ.get(DATA_VARIABLE)
     if not root:
-        raise DataError(f"the scenario needs the recordings {name}: give their folder by --data or {DATA_VARIABLE}")
+        from deatwin.scenarios.real_data.sources import downloaded
+
+        return downloaded(name)
     folder = Path(root) / name
     if not folder.is_dir():
         raise DataError(f"{folder}: no such folder; it must hold the recordings {name}")

@@ -105,7 +105,7 @@ def _whose(source: str, view: View) -> str:
 
 
 def _row(finding: Finding, subject: str, kind: _Kind, view: View) -> Row:
-    good, poor = _limits(subject, kind, view)
+    good, poor = _limits(finding, subject, kind, view)
     return Row(
         subject=subject, value=_number(finding.value, kind.shown), good=good, poor=poor,
         verdict=finding.verdict.value, tone=TONES[finding.verdict], text=finding.text,
@@ -118,14 +118,17 @@ def _number(value: float | None, shown: Callable[[float], str]) -> str:
     return shown(value) if isfinite(value) else "∞"
 
 
-def _limits(subject: str, kind: _Kind, view: View) -> tuple[str, str]:
+def _limits(finding: Finding, subject: str, kind: _Kind, view: View) -> tuple[str, str]:
     """What is good, and what is still tolerated."""
     if kind.limit:
         limit: Limit = getattr(view.specification.on_a_stand_in, kind.limit)
         sign = "≥" if limit.good > limit.poor else "≤"
         return f"{sign} {kind.shown(limit.good)}", f"{sign} {kind.shown(limit.poor)}"
     if subject == "excitation" and view.check.excited_band_Hz is not None:
-        return f"≤ {kind.shown(view.check.excited_band_Hz)}", "beyond"
+        band = view.check.excited_band_Hz
+        if finding.verdict is Verdict.MARGINAL and finding.value is not None and finding.value <= band:
+            return "in no hole", "in a hole"
+        return f"≤ {kind.shown(band)}", "beyond"
     return ("none", "at the limits only") if subject == "film" else ("–", "–")
 
 

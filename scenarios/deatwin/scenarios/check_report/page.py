@@ -11,11 +11,10 @@ from deatwin.scenarios.check_report.margin_figures import draw_margins, draw_mar
 from deatwin.scenarios.check_report.run_figures import Columns, draw_others, draw_sine, draw_steps
 from deatwin.scenarios.check_report.view import View
 from deatwin.scenarios.folder import ResultFolder
-from deatwin.scenarios.provenance import versions
 from deatwin.scenarios.report.drawing import Drawing
-from deatwin.scenarios.report.page import Origin
+from deatwin.scenarios.report.origin import Origin
 from deatwin.scenarios.report.quantities import three_digits
-from deatwin.scenarios.report.svg import COLOURS
+from deatwin.scenarios.report.rendering import write_page
 
 __all__ = ["write_check_report"]
 
@@ -47,25 +46,17 @@ def write_check_report(folder: ResultFolder, view: View, origin: Origin) -> None
     origin : Origin
         For the end of the page.
     """
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
     drawn = _drawn(view)
     for drawing, columns in drawn:
         folder.csv(drawing.data, columns)
-    environment = Environment(
-        loader=PackageLoader("deatwin.scenarios.report"), autoescape=True, undefined=StrictUndefined,
-        trim_blocks=True, lstrip_blocks=True,
-    )  # fmt: skip
-    environment.filters["number"] = three_digits
     check = view.check
     sentence, more = _verdict(check)
-    page = environment.get_template("check.html.j2").render(
-        verdict=check.verdict.value, tone=TONES[check.verdict], sentence=sentence, more=more,
-        tiles=_tiles(view), groups=groups(view), figures={drawing.name: drawing for drawing, _ in drawn},
-        here=_margins_here(view), controller=check.controller, operating=check.operating, colours=COLOURS,
-        origin=origin, versions=versions(), samples=check.margins.samples if check.margins else 0,
+    write_page(
+        folder, "check.html.j2", [drawing for drawing, _ in drawn], origin, verdict=check.verdict.value,
+        tone=TONES[check.verdict], sentence=sentence, more=more, tiles=_tiles(view), groups=groups(view),
+        figures={drawing.name: drawing for drawing, _ in drawn}, here=_margins_here(view),
+        controller=check.controller, operating=check.operating, samples=check.margins.samples if check.margins else 0,
     )  # fmt: skip
-    folder.text("report.html", page)
 
 
 def _verdict(check: Check) -> tuple[str, list[str]]:

@@ -133,7 +133,7 @@ def check(
     )  # fmt: skip
     folder = ResultFolder(out)
     try:
-        with voice.progress("closing the loop") as progress:
+        with folder, voice.progress("closing the loop") as progress:
             found = task.run(folder, progress)
     except KeyboardInterrupt:
         complain(f"interrupted; {folder.summary}")

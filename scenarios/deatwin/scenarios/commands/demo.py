@@ -40,7 +40,7 @@ def demo(
     voice = Voice(as_json=as_json, quiet=quiet)
     folder = ResultFolder(out)
     try:
-        with voice.progress("making a recording") as progress:
+        with folder, voice.progress("making a recording") as progress:
             diagnosis = run(folder, effect, command=context.obj, jobs=jobs, seed=seed, progress=progress)
     except KeyboardInterrupt:
         complain(f"interrupted; {folder.summary}")

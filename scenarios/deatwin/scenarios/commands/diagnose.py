@@ -72,7 +72,7 @@ def diagnose(
     )  # fmt: skip
     folder = ResultFolder(out)
     try:
-        with voice.progress("reading") as progress:
+        with folder, voice.progress("reading") as progress:
             diagnosis = task.run(folder, progress)
     except KeyboardInterrupt:
         complain(f"interrupted; {folder.summary}")

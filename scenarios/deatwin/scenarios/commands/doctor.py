@@ -53,6 +53,7 @@ OPTIONAL = (
     Part(package="slycot", use="H-infinity controllers", extra="hinf"),
     Part(package="dask", use="sweeps on a cluster", extra="scale"),
     Part(package="distributed", use="sweeps on a cluster", extra="scale"),
+    Part(package="nicegui", use="live view", extra="view"),
     Part(package="sysidentpy", use="benchmarks against SysIdentPy", extra="compare"),
     Part(package="pandas", use="recordings as data frames"),
     Part(package="nonlinear_benchmarks", use="public recordings by download"),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -112,14 +111,15 @@ class _Given:
 
 def _schema(source: str) -> str | None:
     """Of a JSON file; None where there is none, which loading it will complain about."""
+    from deatwin.plant.documents import read_json
+    from deatwin.plant.errors import ModelError
+
     try:
-        document = json.loads(Path(source).read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):  # the last where it is nested too deeply
+        document = read_json(source)
+    except ModelError:
         return None
     schema = document.get("schema") if isinstance(document, dict) else None
     if schema not in (PLANT, NARX, CHECK):
-        from deatwin.plant.errors import ModelError
-
         raise ModelError(f"{source}: schema is {schema!r}; {PLANT}, {NARX} and {CHECK} can be exported")
     return str(schema)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from pathlib import Path
 from typing import Annotated
@@ -16,6 +17,13 @@ __all__ = ["frequency"]
 
 OPTIONAL = re.compile(r"(gfrf[2-8]|nofrf|test_signal)\.(csv|svg)")
 """Files that a run writes or not, as its model and order have it."""
+
+
+def _positive(value: float | None) -> float | None:
+    if value is not None and not 0.0 < value < math.inf:
+        raise typer.BadParameter("give a positive number")
+    return value
+
 
 ModelFile = Annotated[Path, typer.Argument(metavar="NARX.json", help="An identified model.")]
 Order = Annotated[int, typer.Option(min=1, max=8, help="Highest order of the responses.")]
@@ -31,9 +39,11 @@ Level = Annotated[float, typer.Option(help="Probability of the bands that are wr
 Amplitude = Annotated[
     float | None,
     typer.Option(
-        metavar="VALUE", help="Largest deviation of the NOFRFs' test signal; by default inside the training range."
+        metavar="VALUE", callback=_positive,
+        help="Largest deviation of the NOFRFs' test signal, with --order 2 or more; by default inside the training "
+        "range.",
     ),
-]
+]  # fmt: skip
 
 
 def frequency(
@@ -52,6 +62,11 @@ def frequency(
 
     Example: deatwin frequency narx.json --order 3 --out response
     """
+    if amplitude is not None and order == 1:
+        raise typer.BadParameter(
+            "it is of the NOFRFs' test signal, which order 1 does not need: give --order 2 or more",
+            param_hint="--amplitude",
+        )
     from deatwin.ident.narx import NarxModel
     from deatwin.scenarios.folder import ResultFolder
     from deatwin.scenarios.frequency_report import write_responses
@@ -61,12 +76,11 @@ def frequency(
     voice = Voice(as_json=as_json, quiet=quiet)
     narx = NarxModel.load(model).deterministic
     record = RunRecord(command=context.obj or [], inputs=hashes([model]), seed=0, jobs=1)
-    with voice.progress("computing frequency responses"):
+    with ResultFolder(out) as folder, voice.progress("computing frequency responses"):
         found = respond(
             narx, order, operating_input=operating_input, band_Hz=band, level=level, amplitude=amplitude
         )  # fmt: skip
-        folder = ResultFolder(out)
-        write_responses(found, folder)
+        write_responses(found, folder, record)
     folder.remove_former(OPTIONAL.pattern)
     folder.text("run.json", json.dumps(record.finished([*folder.written, "run.json"]), indent=1) + "\n")
     for line in found.lines:

@@ -14,9 +14,10 @@ from deatwin.scenarios.voice import Voice, complain
 if TYPE_CHECKING:
     from deatwin.ident.narx import NarxIdentifier, NarxModel
     from deatwin.plant.recording import Recording
+    from deatwin.scenarios.folder import ResultFolder
+    from deatwin.scenarios.provenance import RunRecord
 
 __all__ = ["Method", "identify"]
-
 
 
 class Candidates(TypedDict):
@@ -56,7 +57,13 @@ FirstInputLag = Annotated[
 MaxTerms = Annotated[int, typer.Option(min=1, help="Largest number of terms (not for svb).")]
 
 
+ReportFolder = Annotated[
+    Path | None, typer.Option("--report", metavar="DIR", help="Also write a report with figures into this folder.")
+]
+
+
 def identify(
+    context: typer.Context,
     recordings: Recordings,
     out: ModelFile,
     method: MethodOption = Method.SVB,
@@ -69,16 +76,22 @@ def identify(
     output_column: OutputColumn = None,
     allow_gaps: AllowGaps = False,
     dt: SampleTime = None,
+    report: ReportFolder = None,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
     """Identify a polynomial NARX model; its errors are those on the last 30 % of each recording.
 
     Example: deatwin identify noise.csv --method svb --out narx.json
+
+    With a report: deatwin identify noise.csv --out narx.json --report identified
     """
+    from contextlib import nullcontext
+
     from deatwin.plant.checks import require_excitation
     from deatwin.plant.files import read_recordings
-    from deatwin.scenarios.folder import require_place
+    from deatwin.scenarios.folder import ResultFolder, require_place
+    from deatwin.scenarios.provenance import RunRecord, hashes
 
     if input_lags < first_input_lag:
         raise typer.BadParameter(
@@ -86,37 +99,64 @@ def identify(
         )
     voice = Voice(as_json=as_json, quiet=quiet)
     require_place(out)
-    records = [
-        record
-        for path in recordings
-        for record in read_recordings(
-            path, input_column=input_column, output_column=output_column, allow_gaps=allow_gaps, dt=dt
-        )
-    ]
-    require_excitation(records)
-    lags: Candidates = {
-        "output_lags": output_lags, "input_lags": range(first_input_lag, input_lags + 1), "degree": degree
-    }  # fmt: skip
-    identifier = _identifier(method, lags, max_terms)
-    with voice.progress("choosing terms") as progress:
-        progress(0.0, "choosing terms")
-        pieces = [_split(record) for record in records]
-        try:
-            identifier.fit([fitted for fitted, _ in pieces], progress=progress)
-        except KeyboardInterrupt:
-            complain("interrupted before a model was found; nothing was written")
-            raise typer.Exit(130) from None
-    model = _for_check(identifier.model_, records, [unseen for _, unseen in pieces])
-    model.save(out)
-    errors = [_errors(model, unseen) for _, unseen in pieces]
-    _say(voice, model, errors, _labels(records))
-    if not identifier.status_.ok:
-        voice.say(identifier.status_.value)
-    voice.say(f"model: {out}")
-    terms = {str(term): float(value) for term, value in zip(model.terms, model.theta, strict=True)}
-    voice.result({"out": str(out), "terms": terms, "complete": identifier.status_.ok, "unseen": errors})
-    if not identifier.status_.ok:
-        raise typer.Exit(130)
+    with nullcontext() if report is None else ResultFolder(report) as folder:
+        record = RunRecord(command=context.obj or [], inputs=hashes(recordings), seed=0, jobs=1)
+        records = [
+            record
+            for path in recordings
+            for record in read_recordings(
+                path, input_column=input_column, output_column=output_column, allow_gaps=allow_gaps, dt=dt
+            )
+        ]
+        require_excitation(records)
+        lags: Candidates = {
+            "output_lags": output_lags, "input_lags": range(first_input_lag, input_lags + 1), "degree": degree
+        }  # fmt: skip
+        identifier = _identifier(method, lags, max_terms)
+        with voice.progress("choosing terms") as progress:
+            progress(0.0, "choosing terms")
+            pieces = [_split(record) for record in records]
+            try:
+                identifier.fit([fitted for fitted, _ in pieces], progress=progress)
+            except KeyboardInterrupt:
+                complain("interrupted before a model was found; nothing was written")
+                raise typer.Exit(130) from None
+        model = _for_check(identifier.model_, records, [unseen for _, unseen in pieces])
+        model.save(out)
+        errors = [_errors(model, unseen) for _, unseen in pieces]
+        _say(voice, model, errors, _labels(records))
+        if not identifier.status_.ok:
+            voice.say(identifier.status_.value)
+        voice.say(f"model: {out}")
+        if folder is not None:
+            _write_report(folder, record, model, method, [unseen for _, unseen in pieces], identifier.status_.ok)
+            voice.say(f"report: {folder.path / 'report.html'}")
+        terms = {str(term): float(value) for term, value in zip(model.terms, model.theta, strict=True)}
+        voice.result({"out": str(out), "terms": terms, "complete": identifier.status_.ok, "unseen": errors})
+        if not identifier.status_.ok:
+            raise typer.Exit(130)
+
+
+def _write_report(
+    folder: ResultFolder, record: RunRecord, model: NarxModel, method: Method, unseen: list[Recording], complete: bool
+) -> None:
+    import json
+
+    from deatwin.ident.narx import validate
+    from deatwin.plant.errors import ModelError
+    from deatwin.scenarios.identify_report import Identified, write_identified
+
+    validation, why_not = None, ""
+    try:
+        validation = validate(model, unseen)
+    except ModelError as error:
+        why_not = str(error)
+    found = Identified(
+        model=model, method=method.value, unseen=unseen, validation=validation, why_not=why_not, complete=complete
+    )
+    write_identified(found, folder, record)
+    folder.remove_former(r"figures/\w+\.csv")
+    folder.text("run.json", json.dumps(record.finished([*folder.written, "run.json"]), indent=1) + "\n")
 
 
 def _identifier(method: Method, lags: Candidates, max_terms: int) -> NarxIdentifier:
@@ -148,20 +188,20 @@ def _for_check(model: NarxModel, records: list[Recording], unseen: list[Recordin
 
     import numpy as np
 
-    from deatwin.control.stability.excited import BAND_KEY, excited_band
+    from deatwin.control.stability.excited import Excitation, excitation
 
-    band = max(excited_band(record) for record in records if np.ptp(record.inputs[0]) > 0)
+    excited = Excitation.joined(excitation(record) for record in records if np.ptp(record.inputs[0]) > 0)
     left = _largest_residual(model, records, unseen)
-    return replace(model, provenance={**model.provenance, BAND_KEY: f"{band:.6g}", **left})
+    return replace(model, provenance={**model.provenance, **excited.provenance, **left})
 
 
 def _largest_residual(model: NarxModel, records: list[Recording], unseen: list[Recording]) -> dict[str, str]:
-    """The free-run residual as a model keeps it; nothing where a free run diverges.
+    """The free-run residual as a model keeps it; where a free run diverges, that.
 
     Of several records the largest, not their mean: the controller has to bear the worst of them, and a rest, which
     has hardly a residual, says nothing of it.
     """
-    from deatwin.control.loop.residual import free_run_residual
+    from deatwin.control.loop.residual import DIVERGED, DivergedError, free_run_residual
     from deatwin.plant.errors import ModelError
 
     found = []
@@ -170,6 +210,8 @@ def _largest_residual(model: NarxModel, records: list[Recording], unseen: list[R
         judged = part if part.n_samples >= LEAST_SAMPLES else record
         try:
             found.append(free_run_residual(model, judged))
+        except DivergedError:
+            return dict(DIVERGED)
         except ModelError:
             return {}
     return dict(max(found, key=lambda residual: residual.rms).provenance)

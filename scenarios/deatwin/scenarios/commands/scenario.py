@@ -94,7 +94,7 @@ def scenario(
     chosen.require_size(size)
     folder = ResultFolder(out or Path(f"deatwin-{name}"))
     try:
-        with voice.progress(name) as progress:
+        with folder, voice.progress(name) as progress:
             result = chosen.run(
                 Setting(
                     folder=folder, data=data, command=context.obj, jobs=jobs, seed=seed, progress=progress, size=size

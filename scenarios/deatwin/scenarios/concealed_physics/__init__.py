@@ -16,10 +16,11 @@ import numpy as np
 
 from deatwin.scenarios.concealed_physics.figures import drawings, summary
 from deatwin.scenarios.concealed_physics.opened import FAR, Opened, open_key
+from deatwin.scenarios.concealed_physics.page import results_page, write_results
 from deatwin.scenarios.concealed_physics.score import score, sentence
 from deatwin.scenarios.concealed_physics.seal import Seal
 from deatwin.scenarios.concealed_physics.study import carry_out, key_of, labels
-from deatwin.scenarios.concealed_physics.tables import csv_files, reported, results_page, tables, write_results
+from deatwin.scenarios.concealed_physics.tables import csv_files, reported, tables
 from deatwin.scenarios.provenance import RunRecord
 from deatwin.scenarios.report.story import Note, StoryPage, write_story
 from deatwin.scenarios.stories import Setting
@@ -68,7 +69,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
         notes=_notes(study, store.seal, Seal.of(size, setting.seed, key)), figures=figures,
         tables=[reported(goals), *tables(study, store.seal)],
     )  # fmt: skip
-    write_story(setting.folder, page, setting.seed)
+    write_story(setting.folder, page, record)
     result = {"sentence": line, "seal": store.seal.hash, "goals": [asdict(goal) for goal in goals], **_counts(study)}
     setting.folder.text("concealed-physics.json", json.dumps(result, indent=1, ensure_ascii=False) + "\n")
     finished = record.finished([*setting.folder.written, "run.json"])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import pkgutil
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -15,14 +14,18 @@ from typing import Any, Self
 import numpy as np
 
 from deatwin.plant.errors import DataError
+from deatwin.scenarios.sweep.seal import digest
 
 __all__ = ["DECIDING", "SCHEMA", "Seal", "digest", "thresholds"]
 
 SCHEMA = "deatwin/concealed-seal/1"
+CASE_SCHEMA = "deatwin/concealed-case/1"
 DECIDING = ("deatwin.ident.mismatch", "deatwin.ident.greybox")
 """Packages whose numbers decide a verdict."""
 SEALED_CODE = ("deatwin.plant", "deatwin.ident", "deatwin.scenarios.concealed_physics")
-OPEN_CODE = frozenset({"__init__.py", "score.py", "opened.py", "rates.py", "confusion.py", "tables.py", "figures.py"})
+OPEN_CODE = frozenset({
+    "__init__.py", "score.py", "opened.py", "rates.py", "confusion.py", "tables.py", "page.py", "figures.py",
+})  # fmt: skip
 """Of this folder: what counts and draws. It has a hash of its own, and the report says whether it changed."""
 
 
@@ -114,6 +117,21 @@ class Seal:
             raise DataError(f"the seal was altered: it states the hash {stated[:12]}, its content has {seal.hash[:12]}")
         return seal
 
+    def stamp(self, name: str) -> dict[str, Any]:
+        """What the file of a case begins with.
+
+        Parameters
+        ----------
+        name : str
+            Of the case.
+
+        Returns
+        -------
+        dict
+            Schema, hash of the seal, name.
+        """
+        return {"schema": CASE_SCHEMA, "seal": self.hash, "name": name}
+
     def require_same(self, other: Seal, where: Path) -> None:
         """Refuse to mix cases that were run under different seals.
 
@@ -140,22 +158,6 @@ class Seal:
                 f"{where} was begun under another seal ({', '.join(changed)} changed since): its cases cannot be mixed "
                 "with new ones; go on with the version that began it, or take an empty folder"
             )
-
-
-def digest(data: Any) -> str:
-    """SHA-256 of plain data, whatever the order of its keys.
-
-    Parameters
-    ----------
-    data : plain data
-        As for JSON.
-
-    Returns
-    -------
-    str
-        64 hexadecimal digits.
-    """
-    return hashlib.sha256(json.dumps(data, sort_keys=True, ensure_ascii=True).encode()).hexdigest()
 
 
 def thresholds() -> dict[str, Any]:

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from deatwin.ident.parallel import run_jobs
 from deatwin.scenarios.concealed_physics import key
 from deatwin.scenarios.concealed_physics.cases import CaseSpec, case_specs
 from deatwin.scenarios.concealed_physics.examine import examine
 from deatwin.scenarios.concealed_physics.intervals import IntervalSpec, cover, interval_specs
 from deatwin.scenarios.concealed_physics.seal import Seal
 from deatwin.scenarios.concealed_physics.store import Store
+from deatwin.scenarios.sweep.run import run_sweep
 
 __all__ = ["SIZES", "carry_out", "key_of", "labels", "run_case"]
 
@@ -91,46 +92,36 @@ def carry_out(folder: Path, size: str, seed: int, jobs: int, tell: Callable[[flo
     tell(0.0, "sealing labels and thresholds")
     specs = labels(size, seed)
     store = Store(folder, Seal.of(size, seed, key_of(specs)))
-    missing = set(store.missing([spec.name for spec in specs]))
-    todo = [spec for spec in _mixed(specs, seed) if spec.name in missing]
-    efforts = [EFFORT.get(spec.kind, 1.0) for spec in todo]
-    total = sum(EFFORT.get(spec.kind, 1.0) for spec in specs)
-    before, begun = total - sum(efforts), time.monotonic()
-
-    def finished(count: int) -> None:
-        done = sum(efforts[:count])
-        left = (sum(efforts) - done) * (time.monotonic() - begun) / done
-        text = f"case {len(specs) - len(todo) + count} of {len(specs)}, about {_duration(left)} left"
-        tell((before + done) / total, text)
-
-    tell(before / total, f"case {len(specs) - len(todo)} of {len(specs)}")
-    run_jobs(run_case, [(store, spec) for spec in todo], workers=jobs, finished=finished)
+    run_sweep(
+        partial(run_case, size), {spec.name: spec for spec in _mixed(specs, seed)}, store, jobs=jobs, tell=tell,
+        efforts={spec.name: EFFORT.get(spec.kind, 1.0) for spec in specs},
+    )  # fmt: skip
     return store
 
 
-def run_case(store: Store, spec: Spec) -> None:
-    """Run a case and write its result; an error is a result.
+def run_case(size: str, spec: Spec) -> dict[str, Any]:
+    """Run a case; an error is a result.
 
     Parameters
     ----------
-    store : Store
-        Where to.
+    size : str
+        Of the study.
     spec : CaseSpec or IntervalSpec
         The case.
+
+    Returns
+    -------
+    dict
+        Plain data.
     """
     begun = time.process_time()
     try:
-        result = cover(spec) if isinstance(spec, IntervalSpec) else examine(spec, *SECONDS[store.seal.size])
+        result = cover(spec) if isinstance(spec, IntervalSpec) else examine(spec, *SECONDS[size])
     except Exception as error:  # whatever it is, the case is counted: it failed
         result = {"status": "error", "message": f"{type(error).__name__}: {' '.join(str(error).split())}"}
-    store.put(spec.name, {**result, "seconds_in_all": round(time.process_time() - begun, 2)})
+    return {**result, "seconds_in_all": round(time.process_time() - begun, 2)}
 
 
 def _mixed(specs: Sequence[Spec], seed: int) -> list[Spec]:
     """All kinds mixed, so that the time left is known early, and what an interrupted study has is a fair sample."""
     return [specs[k] for k in np.random.default_rng(seed).permutation(len(specs))]
-
-
-def _duration(seconds: float) -> str:
-    minutes = seconds / 60
-    return f"{minutes:.0f} min" if minutes >= 1.5 else f"{max(seconds, 1):.0f} s"

@@ -1,38 +1,34 @@
-"""The tables of the page, the CSV files, and the table of results that is kept with the sources."""
+"""The tables of the page, and the CSV files."""
 
 from __future__ import annotations
 
-import json
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
-from typing import Any
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from deatwin.scenarios.concealed_physics.confusion import by_effect, by_family
 from deatwin.scenarios.concealed_physics.key import canonical
-from deatwin.scenarios.concealed_physics.opened import FAR, Case, Opened
+from deatwin.scenarios.concealed_physics.opened import Case, Opened
 from deatwin.scenarios.concealed_physics.reach import REACH, VISIBLE
 from deatwin.scenarios.concealed_physics.score import Goal
 from deatwin.scenarios.concealed_physics.seal import Seal
-from deatwin.scenarios.concealed_physics.store import Store
 from deatwin.scenarios.report.quantities import three_digits
 from deatwin.scenarios.report.story import Table
 
-__all__ = ["MADE_BY", "csv_files", "reported", "results_page", "tables", "write_results"]
+__all__ = ["KINDS", "MADE_BY", "csv_files", "reported", "tables"]
 
 KINDS = {
     "clean": "clean", "effect": "one effect", "pair": "two effects", "outside": "outside the catalogue",
     "tie": "tie under poor input",
 }  # fmt: skip
+"""Kinds of cases in words, in the order of tables."""
 VERDICTS = ("none", "parameters", "named", "ambiguous", "unknown", "disturbance", "data_fault", "not_testable", "error")
 MADE_BY = {
     "base": "calibrated base plant", "diagnosis": "diagnosis", "oracle": "oracle",
     "pysindy": "sparse dynamics (pysindy)", "gaussian_process": "Gaussian process", "narx": "NARX",
 }  # fmt: skip
 """Who makes a prediction of the check record, in the order of tables and figures."""
-Cells = Sequence[str]
 
 
 def tables(study: Opened, seal: Seal) -> list[Table]:
@@ -256,96 +252,3 @@ def _csv(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     writer.writerow(header)
     writer.writerows(["" if cell is None else cell for cell in row] for row in rows)
     return buffer.getvalue()
-
-
-def results_page(study: Opened, goals: Sequence[Goal], seal: Seal) -> str:
-    """The results as a page of text that is kept with the sources.
-
-    Parameters
-    ----------
-    study : Opened
-        With its key.
-    goals : sequence of Goal
-        As scored.
-    seal : Seal
-        Of the study.
-
-    Returns
-    -------
-    str
-        Markdown.
-    """
-    counted = Counter(case.kind for case in study.cases)
-    cases = ", ".join(f"{counted[kind]} {words}" for kind, words in KINDS.items() if counted[kind])
-    seconds = np.array(study.seconds or (0.0,))
-    lines = [
-        "# Concealed physics: what the study reached", "", *_interrupted(study),
-        f"`deatwin scenario concealed-physics --size {seal.size} --seed {seal.seed}`, deatwin {seal.version}: "
-        f"{len(study.cases)} cases ({cases}), {len(study.intervals)} parameters of fits on data of the reduced plant. "
-        f"{len(study.failures)} ended in an error. Processor time of a case: median {np.median(seconds):.0f} s, "
-        f"at most {seconds.max():.0f} s.", "",
-        f"Seal of labels, thresholds and code, written before the first case: `{seal.hash}`", "",
-        f"Bounds hold with 95 % (Clopper and Pearson); one-sided where a goal has one side. d² from {FAR:g} on means "
-        "that two explanations can be told apart. Ratio is the structural residual over the noise after the base plant "
-        "was refitted.", "",
-        *_markdown(["goal", "demanded", "reached", "met"],
-                   [[g.measure, g.demanded, g.reached, g.outcome] for g in goals]),
-    ]  # fmt: skip
-    for table in tables(study, seal)[:-1]:
-        lines += ["", f"## {table.title}", "", *_markdown(table.columns, table.rows)]
-    return "\n".join(lines) + "\n"
-
-
-def _interrupted(study: Opened) -> list[str]:
-    """Says that only a part of a study has run, where it is so."""
-    if not study.missing:
-        return []
-    done = study.planned - len(study.missing)
-    return [
-        f"**The study was interrupted: {done} of {study.planned} cases have run (the order is mixed, so they are a "
-        "fair sample).** Fits on data of the reduced plant are counted among them.", "",
-    ]  # fmt: skip
-
-
-def _markdown(columns: Cells, rows: Iterable[Cells]) -> list[str]:
-    return [
-        f"| {' | '.join(columns)} |", f"|{'---|' * len(columns)}",
-        *(f"| {' | '.join(cell.replace('|', '/') for cell in row)} |" for row in rows),
-    ]  # fmt: skip
-
-
-def write_results(folder: Path | str, target: Path | str) -> None:
-    """Read a study, score it, and write the table of results that is kept with the sources.
-
-    Of a study that was interrupted what has run is scored, and the page says so at its top.
-
-    Parameters
-    ----------
-    folder : path
-        Of the study.
-    target : path
-        File to write, Markdown.
-
-    Raises
-    ------
-    DataError
-        If the folder has no seal, or its key is not the one that was sealed.
-    """
-    from deatwin.plant.files import write_text_atomic
-    from deatwin.scenarios.concealed_physics.opened import open_part
-    from deatwin.scenarios.concealed_physics.score import score
-
-    store = Store.opened(folder)
-    study = open_part(store, _key(Path(folder), store.seal))
-    write_text_atomic(target, results_page(study, score(study), store.seal))
-
-
-def _key(folder: Path, seal: Seal) -> Mapping[str, Any]:
-    """The key of a study; it is written when the last case is through, and made anew before."""
-    from deatwin.scenarios.concealed_physics.study import key_of, labels
-
-    path = folder / "key.json"
-    if not path.exists():
-        return key_of(labels(seal.size, seal.seed))
-    found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    return found

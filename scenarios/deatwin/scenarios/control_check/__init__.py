@@ -52,7 +52,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
         If the folder holds trials of another seed or of other code.
     """
     record = RunRecord(command=setting.command, inputs=[], seed=setting.seed, jobs=setting.jobs)
-    setting.folder.written.append("trials")  # each as soon as it is through
+    setting.folder.written.extend(("seal.json", "trials"))  # trials are there as soon as they are through
     study = carry_out(setting.folder.path, setting.size or SIZE, setting.seed, setting.jobs, setting.progress)
     setting.progress(1.0, "judging and drawing")
     rows = judge(study)
@@ -66,7 +66,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
         title="control-check", sentence=sentence, rows=rows, notes=notes(study),
         figures=[drawing for drawing, _ in (*loops, *checks)], tables=tables(study),
     )  # fmt: skip
-    write_story(setting.folder, page, setting.seed)
+    write_story(setting.folder, page, record)
     result = {"sentence": sentence, "measures": [asdict(row) for row in rows], **_summary(study)}
     text = json.dumps(result, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
     setting.folder.text("control-check.json", text)

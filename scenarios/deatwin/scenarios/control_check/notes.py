@@ -117,7 +117,7 @@ def _concealed() -> Note:
             "than 0.3 s the rule cancels the lag of 0.3 s that the base plant has in "
             "the electrode's place; such a design overshoots by some 15 %, which is within the limits, and is passed. "
             "Recordings of 60 s were not enough for the check to be sure of the amended design: it was called "
-            "marginal on three of nine of them, and on none of nine recordings of 120 s.",
+            "marginal on three of nine of them, and on one of ten recordings of 120 s.",
             "Creep is concealed for comparison. Integral action takes away what creeps, so that both designs are "
             "expected to do, and nothing is demanded.",
         ],
@@ -165,8 +165,9 @@ def _models(matters: Matters) -> Note:
             "parameters leave open, not that the form is wrong. Overshoot and error are promised with what the free "
             "run left of the recording as a random wander on top; on the plant that is hysteresis, which the "
             "controller mostly removes, and the promise is far too cautious.",
-            "Bandwidth and gain margin are promised by the linearised model, for small motions, and measured with "
-            "sines as large as the steps. With hysteresis the gain grows with the motion: the calibrated plant "
+            "Bandwidth and gain margin are promised by the identified model, and achieved by the true plant's own "
+            "linearised loop, for small motions and, where something sticks, for large ones. "
+            "With hysteresis the gain grows with the motion: the calibrated plant "
             "knows it, "
             "and yet what it says of small motions is not what large ones do. The check therefore judges physics "
             "plants for small and for large motions.",

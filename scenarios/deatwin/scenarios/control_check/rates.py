@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from math import floor
 
 from deatwin.control.checking.specification import Verdict
 from deatwin.scenarios.concealed_physics.rates import Rate, bounds, least
 from deatwin.scenarios.control_check.trials import Outcome
 
-__all__ = ["Rate", "bounds", "broken", "caught", "in_words", "inside", "sound"]
+__all__ = ["Rate", "bounds", "broken", "caught", "in_words", "inside", "least_percent", "sound"]
 
 PASS = Verdict.PASS.value
 
@@ -73,6 +74,27 @@ def broken(outcomes: Iterable[Outcome]) -> tuple[Outcome, ...]:
     return tuple(o for o in outcomes if o.verdict == PASS and not (o.sound and o.inside == 1.0))
 
 
+def least_percent(rate: Rate) -> int:
+    """The one-sided lower 95 % bound of a rate, rounded down: what is printed is never more than what was shown.
+
+    Parameters
+    ----------
+    rate : Rate
+        How often something happened.
+
+    Returns
+    -------
+    int
+        %.
+
+    Examples
+    --------
+    >>> round(100 * least(Rate(hits=44, count=45)), 2), least_percent(Rate(hits=44, count=45))
+    (89.89, 89)
+    """
+    return floor(100 * least(rate))
+
+
 def in_words(rate: Rate) -> str:
     """A rate with its one-sided lower 95 % bound.
 
@@ -87,5 +109,5 @@ def in_words(rate: Rate) -> str:
     """
     if not rate.count:
         return "no trial"
-    bound = f"with 95 % confidence at least {100 * least(rate):.0f} %"
+    bound = f"with 95 % confidence at least {least_percent(rate)} %"
     return f"{rate.hits} of {rate.count}, {100 * rate.share:.0f} % ({bound})"

@@ -1,18 +1,17 @@
-"""The trials on the disk: one file each, whole or absent, all of one version of the code."""
+"""The trials on the disk: one file each, whole or absent, all of one seed and one version of the code."""
 
 from __future__ import annotations
 
-import hashlib
-import json
-from collections.abc import Sequence
-from importlib import import_module
+from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 from deatwin.plant.errors import DataError
-from deatwin.plant.files import write_text_atomic
 from deatwin.scenarios.control_check.trials import Outcome
+from deatwin.scenarios.sweep.seal import SweepSeal, sources_digest
+from deatwin.scenarios.sweep.store import SEAL_FILE, CaseStore
 
-__all__ = ["Trials"]
+__all__ = ["Trials", "name_of"]
 
 SCHEMA = "deatwin/control-trial/1"
 PACKAGES = ("deatwin.plant", "deatwin.ident", "deatwin.control")
@@ -20,7 +19,14 @@ PACKAGES = ("deatwin.plant", "deatwin.ident", "deatwin.control")
 OWN = ("rigs.py", "trials.py", "calibration.py")
 
 
-class Trials:
+class _Seal(SweepSeal):
+    """Seed and code; each trial bears both."""
+
+    def stamp(self, name: str) -> dict[str, Any]:
+        return {"schema": self.schema, **self.parts}
+
+
+class Trials(CaseStore[SweepSeal]):
     """The trials of a study.
 
     Parameters
@@ -29,44 +35,38 @@ class Trials:
         Of the study; trials go into the folder ``trials`` in it.
     seed : int
         Of the study.
+
+    Raises
+    ------
+    DataError
+        If the folder holds trials of another seed or of other code.
     """
 
+    indent = 1
+
     def __init__(self, folder: Path, seed: int) -> None:
-        self.cases, self.seed, self.code = Path(folder) / "trials", seed, _digest()
-        self.cases.mkdir(parents=True, exist_ok=True)
+        super().__init__(folder, _Seal(schema=SCHEMA, parts={"seed": seed, "code": _digest()}), cases="trials")
 
-    def put(self, outcome: Outcome) -> None:
-        """Write a trial.
+    def adopt(self) -> None:
+        """Look at trials in a folder without a seal, as former versions left it: each says what it was run under.
 
-        Parameters
-        ----------
-        outcome : Outcome
-            Its result.
+        Raises
+        ------
+        DataError
+            If one was run with another seed or other code.
         """
-        content = {"schema": SCHEMA, "seed": self.seed, "code": self.code, **outcome.to_dict()}
-        text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-        write_text_atomic(self._path(outcome.number), text)
+        for name in sorted(self.names()):
+            try:
+                self.get(name)
+            except DataError as error:
+                raise DataError(f"{error} ({self.folder} has no {SEAL_FILE}): choose another folder") from None
 
-    def missing(self, count: int) -> list[int]:
-        """The trials that have not been run.
-
-        Parameters
-        ----------
-        count : int
-            Of all.
-
-        Returns
-        -------
-        list of int
-        """
-        return [number for number in range(count) if not self._path(number).exists()]
-
-    def get(self, numbers: Sequence[int]) -> tuple[Outcome, ...]:
+    def outcomes(self, numbers: Iterable[int]) -> tuple[Outcome, ...]:
         """Read trials.
 
         Parameters
         ----------
-        numbers : sequence of int
+        numbers : iterable of int
             Their numbers.
 
         Returns
@@ -78,34 +78,34 @@ class Trials:
         DataError
             If one is absent, malformed, or was run with another seed or other code.
         """
-        return tuple(self._one(self._path(number)) for number in numbers)
+        return tuple(self._outcome(name_of(number)) for number in numbers)
 
-    def _one(self, path: Path) -> Outcome:
+    def _outcome(self, name: str) -> Outcome:
+        found = self.get(name)
+        content = {key: value for key, value in found.items() if key not in self.seal.stamp(name)}
         try:
-            content = json.loads(path.read_text(encoding="utf-8"))
-            kind = tuple(content.pop(name) for name in ("schema", "seed", "code"))
-            if kind == (SCHEMA, self.seed, self.code):  # fields of other code may have other names
-                return Outcome.from_dict(content)
-        except OSError:
-            raise DataError(f"{path}: this trial has not been run") from None
-        except (ValueError, KeyError, TypeError, AttributeError) as error:
-            raise DataError(f"{path}: it must hold a trial ({error}); delete it, and it is run again") from None
-        raise DataError(
-            f"{path}: this trial was run with another seed or other code; trials of two kinds are not mixed: choose "
-            "another folder"
-        )
+            return Outcome.from_dict(content)
+        except TypeError as error:
+            raise DataError(
+                f"{self.path(name)}: it must hold a trial ({error}); delete it, and it is run again"
+            ) from None
 
-    def _path(self, number: int) -> Path:
-        return self.cases / f"{number:03d}.json"
+
+def name_of(number: int) -> str:
+    """What a trial is called.
+
+    Parameters
+    ----------
+    number : int
+        Of the trial.
+
+    Returns
+    -------
+    str
+    """
+    return f"{number:03d}"
 
 
 def _digest() -> str:
     """Of all sources that decide an outcome."""
-    whole = hashlib.sha256()
-    for package in PACKAGES:
-        for root in import_module(package).__path__:
-            for path in sorted(Path(root).rglob("*.py")):
-                whole.update(f"{package}/{path.relative_to(root).as_posix()}".encode() + path.read_bytes())
-    for name in OWN:
-        whole.update(name.encode() + (Path(__file__).parent / name).read_bytes())
-    return whole.hexdigest()
+    return sources_digest(PACKAGES, [Path(__file__).parent / name for name in OWN])

@@ -4,21 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from deatwin.ident.parallel import run_jobs
 from deatwin.plant.fleet import specification
 from deatwin.scenarios.control_check.concealed import EFFECTS, Concealed, conceal
 from deatwin.scenarios.control_check.matters import Matters, compare_models
-from deatwin.scenarios.control_check.record import Trials
+from deatwin.scenarios.control_check.record import Trials, name_of
 from deatwin.scenarios.control_check.tracking import EXCITED, FleetRun, Tracking, fleet_runs, nominal_plant, track
 from deatwin.scenarios.control_check.trials import Outcome, try_one
+from deatwin.scenarios.sweep.run import run_sweep
 
 __all__ = ["SIZES", "Study", "carry_out"]
 
-SIZES = {"short": 8, "standard": 100}
+SIZES = {"short": 8, "standard": 100, "full": 400}
 """Number of trials; the rest of the story is the same."""
 Tell = Callable[[float, str], None]
 
@@ -96,16 +98,11 @@ def carry_out(folder: Path, size: str, seed: int, jobs: int, tell: Tell) -> Stud
 
 def _trials(folder: Path, count: int, seed: int, jobs: int, tell: Tell) -> tuple[Outcome, ...]:
     trials = Trials(folder, seed)
-    todo = trials.missing(count)
-    trials.get([n for n in range(count) if n not in set(todo)])  # refuses those of other code before any is run
-    before = count - len(todo)
-    tell(before / count, f"trial {before} of {count}")
-    run_jobs(
-        _put, [(trials, number, seed) for number in todo], workers=jobs,
-        finished=lambda n: tell((before + n) / count, f"trial {before + n} of {count}"),
-    )  # fmt: skip
-    return trials.get(range(count))
+    trials.outcomes(number for number in range(count) if trials.has(name_of(number)))  # a bad one is told of at once
+    cases = {name_of(number): number for number in range(count)}
+    run_sweep(partial(_try, seed), cases, trials, jobs=jobs, tell=tell, noun="trial")
+    return trials.outcomes(range(count))
 
 
-def _put(trials: Trials, number: int, seed: int) -> None:
-    trials.put(try_one(number, seed))
+def _try(seed: int, number: int) -> dict[str, Any]:
+    return try_one(number, seed).to_dict()

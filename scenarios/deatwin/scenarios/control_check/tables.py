@@ -6,14 +6,14 @@ from collections.abc import Callable, Sequence
 from math import isfinite
 
 from deatwin.control.checking.specification import Verdict
-from deatwin.scenarios.concealed_physics.rates import least
 from deatwin.scenarios.control_check.concealed import Concealed
 from deatwin.scenarios.control_check.matters import Matters
 from deatwin.scenarios.control_check.promises import QUANTITIES, Promise, promises
-from deatwin.scenarios.control_check.rates import Rate, broken, caught, inside, sound
+from deatwin.scenarios.control_check.rates import Rate, broken, caught, inside, least_percent, sound
 from deatwin.scenarios.control_check.study import Study
 from deatwin.scenarios.control_check.tracking import FleetRun, Tracking
 from deatwin.scenarios.control_check.trials import NO_MODEL, Outcome
+from deatwin.scenarios.report.quantities import in_interval
 from deatwin.scenarios.report.story import Table
 from deatwin.scenarios.svb_benchmark.figures import table_text
 
@@ -149,7 +149,7 @@ def _models(matters: Matters) -> Table:
 def _promise(promise: Promise) -> str:
     predicted = promise.predicted
     return (
-        f"{predicted.value:.3g} ({predicted.low:.3g} to {predicted.high:.3g}), {promise.achieved:.3g} "
+        f"{in_interval(predicted.value, predicted.low, predicted.high)}, {promise.achieved:.3g} "
         f"{'✓' if promise.kept else '✗'}"
     )
 
@@ -205,7 +205,7 @@ def _grouped(outcomes: Sequence[Outcome], key: Callable[[Outcome], str]) -> list
 
 
 def _cell(rate: Rate) -> str:
-    return f"{rate.hits} of {rate.count} (≥ {100 * least(rate):.0f} %)" if rate.count else "–"
+    return f"{rate.hits} of {rate.count} (≥ {least_percent(rate)} %)" if rate.count else "–"
 
 
 def _broken(outcomes: Sequence[Outcome]) -> Table:

@@ -1,17 +1,18 @@
-"""The figures of the story, after figures 4.7 to 4.9, 6.11 and 6.12 of the thesis."""
+"""The figures of `semp-fleet`, after figures 4.7 to 4.9 of the thesis, and those that `svb-fleet` draws as well."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.scenarios.fleet_models.choice import THRESHOLDS, Choice
+from deatwin.ident.narx.predictive import PredictiveBand
+from deatwin.scenarios.fleet_models.choice import THRESHOLDS
 from deatwin.scenarios.fleet_models.preparation import DEGREES, LAGS, Plan, thinned
-from deatwin.scenarios.fleet_models.study import METHODS, SEMP, SVB, Bench, Study
-from deatwin.scenarios.fleet_models.tables import SHOWN, TESTS
+from deatwin.scenarios.fleet_models.study import SEMP, SVB, Bench, Study
+from deatwin.scenarios.fleet_models.tables import TESTS
 from deatwin.scenarios.fleet_models.variants import RECORDED, STEADY
 from deatwin.scenarios.report.figures import Drawing
 from deatwin.scenarios.report.svg import COLOURS, draw
@@ -20,7 +21,16 @@ from deatwin.scenarios.thesis_data.drifts import moving_mean
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["drawings"]
+__all__ = [
+    "STEADIEST",
+    "Columns",
+    "correlation_tests",
+    "filled",
+    "free_runs",
+    "key_of",
+    "plain_numbers",
+    "semp_drawings",
+]
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
@@ -32,15 +42,15 @@ STEADIEST = 6
 """Of the actuators, the one that does not drift within its sections."""
 
 
-def drawings(study: Study, choice: Choice) -> tuple[list[Drawing], dict[str, Columns]]:
-    """Draw all figures.
+def semp_drawings(study: Study, shown: int) -> tuple[list[Drawing], dict[str, Columns]]:
+    """Draw the figures of chapter 4.
 
     Parameters
     ----------
     study : Study
-        All of it.
-    choice : Choice
-        Of the actuator that is shown in full.
+        With SEMP.
+    shown : int
+        Number of the actuator whose tests stand beside those of the steadiest.
 
     Returns
     -------
@@ -52,10 +62,9 @@ def drawings(study: Study, choice: Choice) -> tuple[list[Drawing], dict[str, Col
     made = [
         _orders(study.plan),
         _semp(study.recorded),
-        _free_runs(study.recorded),
+        free_runs(study.recorded, (SEMP,)),
         _drift(study),
-        *(_tests(study, number) for number in (SHOWN, STEADIEST)),
-        _choice(choice, study.recorded[SHOWN - 1].name),
+        *(correlation_tests(study, number, "thesis figure 4.9") for number in (shown, STEADIEST)),
     ]
     return [drawing for drawing, _ in made], {drawing.data: columns for drawing, columns in made}
 
@@ -82,7 +91,7 @@ def _orders(plan: Plan) -> tuple[Drawing, Columns]:
         )
         right.set(xlabel="degree", yscale="log", xticks=DEGREES[1:])
         right.set_title("nonlinear", loc="left", fontsize="medium")
-        _plain_numbers(right)
+        plain_numbers(right)
         figure.legend(loc="outside upper left", ncols=4, fontsize="small", markerscale=1)
         drawing = Drawing.of(
             figure, "orders", "Free-run error by lags and degree (thesis figure 4.7)",
@@ -103,7 +112,7 @@ def _semp(benches: tuple[Bench, ...]) -> tuple[Drawing, Columns]:
     with draw((9.6, 7.0)) as figure:
         panels = figure.subplots(3, 2, sharex=True, sharey=True)
         for axes, bench in zip(panels.T.ravel(), benches, strict=True):
-            search, key, found = bench.models[SEMP].search, _key(bench), bench.models[SEMP].model
+            search, key, found = bench.models[SEMP].search, key_of(bench), bench.models[SEMP].model
             power = float(np.mean(bench.sections[0].outputs ** 2))
             number = np.arange(1.0, search.srr_.size + 1)
             left = search.msse_ / power
@@ -133,11 +142,30 @@ def _semp(benches: tuple[Bench, ...]) -> tuple[Drawing, Columns]:
             f"thresholds of {', '.join(f'{t:g}' for t in THRESHOLDS[1:])}. The search here has none: its own tests end "
             "it, and of its steps the one with the least error is taken.",
         )  # fmt: skip
-    return drawing, _filled(columns)
+    return drawing, filled(columns)
 
 
-def _free_runs(benches: tuple[Bench, ...]) -> tuple[Drawing, Columns]:
-    """Around the largest reading of each held-out section."""
+def free_runs(
+    benches: Sequence[Bench], methods: Sequence[str], bands: Mapping[str, PredictiveBand] | None = None
+) -> tuple[Drawing, Columns]:
+    """Draw around the largest reading of each held-out section.
+
+    Parameters
+    ----------
+    benches : sequence of Bench
+        The six.
+    methods : sequence of str
+        Whose models run.
+    bands : mapping of str to PredictiveBand, optional
+        Over the held-out section of each actuator, by its name.
+
+    Returns
+    -------
+    Drawing
+        The picture.
+    dict of str to ndarray
+        Its data.
+    """
     columns: dict[str, Array] = {}
     with draw((9.6, 7.0)) as figure:
         panels = figure.subplots(3, 2)
@@ -145,10 +173,14 @@ def _free_runs(benches: tuple[Bench, ...]) -> tuple[Drawing, Columns]:
             section = bench.sections[1]
             part = _around(section.outputs[0], round(ZOOM / section.sample_time))
             timepts, measured = section.timepts[part], 1e3 * section.outputs[0, part]
-            axes.plot(timepts, measured, ".", color=MEASURED, markersize=5, label="measured")
-            key = _key(bench)
+            key = key_of(bench)
             columns |= {f"{key}_time_s": timepts, f"{key}_mm": measured}
-            for method in METHODS:
+            if bands is not None:
+                low, high = (1e3 * end[0, part] for end in (bands[bench.name].lower, bands[bench.name].upper))
+                axes.fill_between(timepts, low, high, color=AFTER, alpha=0.25, linewidth=0, label="95 % band of SVB")
+                columns |= {f"{key}_low_mm": low, f"{key}_high_mm": high}
+            axes.plot(timepts, measured, ".", color=MEASURED, markersize=5, label="measured")
+            for method in methods:
                 run = 1e3 * bench.models[method].model.simulate(section).outputs[0, part]
                 axes.plot(timepts, run, color=OF_METHOD[method], linewidth=1.0, label=method)
                 columns[f"{key}_{method}_mm"] = run
@@ -157,11 +189,12 @@ def _free_runs(benches: tuple[Bench, ...]) -> tuple[Drawing, Columns]:
         for axes in panels[-1]:
             axes.set_xlabel("time (s)")
         figure.supylabel("displacement (mm)", fontsize="medium")
-        figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=3)
+        figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=4, markerscale=1)
+        also = "" if bands is None else " Band: free runs of draws from the posterior, with noise drawn anew."
         drawing = Drawing.of(
             figure, "free_runs", "Free runs over the held-out sections",
             f"The {ZOOM:.0f} s around the largest reading. The models are given the command, and the first sample of "
-            "the section.",
+            f"the section.{also}",
         )  # fmt: skip
     return drawing, columns
 
@@ -182,7 +215,7 @@ def _drift(study: Study) -> tuple[Drawing, Columns]:
                 error = 1e6 * (record.outputs - model.simulate(record).outputs)[0]
                 mean = moving_mean(error, round(WINDOW / record.sample_time))[::20]
                 axes.plot(record.timepts[::20], mean, color=colour, linewidth=1.2, label=variant)
-                columns |= {"time_s": record.timepts[::20], f"{_key(bench)}_{variant.replace(' ', '_')}_um": mean}
+                columns |= {"time_s": record.timepts[::20], f"{key_of(bench)}_{variant.replace(' ', '_')}_um": mean}
             axes.set_title(bench.name, loc="left", fontsize="medium")
         for axes in panels[-1]:
             axes.set_xlabel("time (s)")
@@ -193,15 +226,32 @@ def _drift(study: Study) -> tuple[Drawing, Columns]:
     return drawing, _complete(columns)
 
 
-def _tests(study: Study, number: int) -> tuple[Drawing, Columns]:
-    """The five tests of an actuator, SEMP beside SVB, and those of the same without its history."""
+def correlation_tests(study: Study, number: int, counterpart: str) -> tuple[Drawing, Columns]:
+    """Draw the five tests of an actuator, one method beside the other, and those of the same without its history.
+
+    Parameters
+    ----------
+    study : Study
+        The methods are its own.
+    number : int
+        Of the actuator.
+    counterpart : str
+        What of the thesis the figure stands for.
+
+    Returns
+    -------
+    Drawing
+        The picture.
+    dict of str to ndarray
+        Its data.
+    """
     bench, steady = study.recorded[number - 1], study.benches[STEADY][number - 1]
     columns: dict[str, Array] = {}
     with draw((9.6, 8.4)) as figure:
-        panels = figure.subplots(len(TESTS), len(METHODS), sharey="row")
+        panels = figure.subplots(len(TESTS), len(study.methods), sharey="row", squeeze=False)
         for axes, text in zip(panels[:, 0], TESTS.values(), strict=True):
             axes.set_ylabel(f"φ {text}")
-        for column, method in zip(panels.T, METHODS, strict=True):
+        for column, method in zip(panels.T, study.methods, strict=True):
             found, other = bench.models[method].held_out, steady.models[method].held_out
             for axes, name in zip(column, TESTS, strict=True):
                 test, without = found.test(name), other.test(name)
@@ -219,47 +269,12 @@ def _tests(study: Study, number: int) -> tuple[Drawing, Columns]:
         figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=2, markerscale=3)
         drawing = Drawing.of(
             figure, f"tests_dea{number}",
-            f"Correlation tests of {bench.name}, SEMP beside SVB (thesis figures 4.9 and 6.11)",
+            f"Correlation tests of {bench.name}, {' beside '.join(study.methods)} ({counterpart})",
             "Of the one-step residual over the held-out section. Grey: the band that 19 of 20 correlations lie in when "
             "one of the signals is white. The verdict looks at all lags, and allows for the colour of both signals. "
             "Dots: the same actuator without its history.",
         )  # fmt: skip
-    return drawing, _filled(columns)
-
-
-def _choice(choice: Choice, name: str) -> tuple[Drawing, Columns]:
-    with draw((9.6, 5.4)) as figure:
-        (left, right), (below_left, below_right) = figure.subplots(2, 2, sharex="col")
-        order = np.argsort(choice.terms)
-        terms, bounds = choice.terms[order], choice.bounds[order]
-        left.plot(terms, bounds - bounds.max(), "o-", color=AFTER, markersize=3)
-        left.plot(choice.by_bound, 0.0, "o", markersize=12, fillstyle="none", color=INK)
-        left.set(ylabel="bound less the largest (nats)", yscale="symlog", title=f"SVB: {choice.by_bound} terms")
-        below_left.plot(terms, 1e6 * choice.bound_errors[order], "o", color=AFTER, markersize=3)
-        number = np.arange(1, choice.err.size + 1)
-        right.plot(number, choice.err, "o-", color=BEFORE, markersize=3)
-        for threshold in THRESHOLDS:
-            right.axhline(threshold, color=INK, linewidth=0.7, linestyle=":")
-        counts = ", ".join(str(choice.by_threshold(t)) for t in THRESHOLDS)
-        right.set(ylabel="error reduction ratio", yscale="log", title=f"FRO: {counts} terms")
-        below_right.plot(number, 1e6 * choice.err_errors, "o", color=BEFORE, markersize=3)
-        finite = 1e6 * np.concatenate([choice.bound_errors, choice.err_errors])
-        finite = finite[np.isfinite(finite)]
-        for axes in (below_left, below_right):
-            axes.set(xlabel="terms", yscale="log", ylim=(0.8 * finite.min(), 1.2 * np.quantile(finite, 0.9)))
-            _plain_numbers(axes)
-        below_left.set_ylabel("free-run error, held out (µm)")
-        drawing = Drawing.of(
-            figure, "choice", "The lower bound against the error reduction ratio as the choice (thesis figure 6.12)",
-            f"{name}. Left: the bound has a largest value (circle). Right: the ratio has none, and the number of terms "
-            f"is that of the threshold: {counts} for {', '.join(f'{t:g}' for t in THRESHOLDS)} (dotted). Below: what "
-            "the free run makes of each number, which neither looks at; a point is missing where it diverges.",
-        )  # fmt: skip
-    columns = {
-        "svb_terms": terms, "svb_bound_nats": bounds, "svb_free_run_um": 1e6 * choice.bound_errors[order],
-        "fro_terms": number.astype(np.float64), "fro_err": choice.err, "fro_free_run_um": 1e6 * choice.err_errors,
-    }  # fmt: skip
-    return drawing, _filled(columns)
+    return drawing, filled(columns)
 
 
 def _around(values: Array, length: int) -> slice:
@@ -267,8 +282,14 @@ def _around(values: Array, length: int) -> slice:
     return slice(first, first + length)
 
 
-def _plain_numbers(axes: Axes) -> None:
-    """1, 2, 5 and 10 instead of powers."""
+def plain_numbers(axes: Axes) -> None:
+    """Write 1, 2, 5 and 10 instead of powers.
+
+    Parameters
+    ----------
+    axes : matplotlib Axes
+        Whose ordinate is logarithmic.
+    """
     from matplotlib.ticker import LogLocator, NullFormatter
 
     axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
@@ -276,7 +297,18 @@ def _plain_numbers(axes: Axes) -> None:
     axes.yaxis.set_minor_formatter(NullFormatter())
 
 
-def _key(bench: Bench) -> str:
+def key_of(bench: Bench) -> str:
+    """The name of an actuator as it begins the names of columns.
+
+    Parameters
+    ----------
+    bench : Bench
+        The actuator.
+
+    Returns
+    -------
+    str
+    """
     return bench.name.replace(" ", "")
 
 
@@ -286,8 +318,18 @@ def _complete(columns: Columns) -> Columns:
     return {name: column[complete] for name, column in columns.items()}
 
 
-def _filled(columns: Columns) -> Columns:
-    """Columns of one length: the shorter ones end in gaps."""
+def filled(columns: Columns) -> Columns:
+    """Columns of one length: the shorter ones end in gaps.
+
+    Parameters
+    ----------
+    columns : mapping of str to ndarray
+        Of any lengths.
+
+    Returns
+    -------
+    dict of str to ndarray
+    """
     longest = max(column.size for column in columns.values())
     return {
         name: np.concatenate([column, np.full(longest - column.size, np.nan)]) for name, column in columns.items()

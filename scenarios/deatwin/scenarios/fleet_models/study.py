@@ -1,7 +1,8 @@
-"""From six recordings to twelve models, and to those of the same actuators with less physics."""
+"""From six recordings to their models, and to those of the same actuators with less physics."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -14,7 +15,6 @@ from deatwin.ident.narx.validate import Validation, validate
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant.fleet import fleet
 from deatwin.plant.recording import Recording
-from deatwin.scenarios.fleet_models.estimators import Estimated, estimate_all
 from deatwin.scenarios.fleet_models.preparation import (
     FACTORS,
     RULE,
@@ -27,13 +27,27 @@ from deatwin.scenarios.fleet_models.preparation import (
 from deatwin.scenarios.fleet_models.variants import RECORDED, VARIANTS
 from deatwin.scenarios.voice import Progress
 
-__all__ = ["FREE", "FRO", "LINEAR", "METHODS", "SEMP", "SVB", "Bench", "Identified", "Study", "carry_out", "identify"]
+__all__ = ["FREE", "FRO", "LINEAR", "SEMP", "SVB", "Bench", "Identified", "Programme", "Study", "carry_out", "identify"]
 
 SEMP, SVB, FRO, LINEAR, FREE = "SEMP", "SVB", "FRO", "linear", "SVB, all products"
-METHODS = (SEMP, SVB)
-"""Those of the twelve models."""
 SHARES = (0.4, 0.5, 0.9)
 """Of all work that are done when the recordings, the orders and the models are."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Programme:
+    """Which methods identify the actuators; a linear model of the same lags stands beside them everywhere.
+
+    Parameters
+    ----------
+    methods : tuple of str
+        Of each variant: `SEMP` first, then what is compared with it.
+    beside : tuple of str
+        Of the recordings as they are only.
+    """
+
+    methods: tuple[str, ...]
+    beside: tuple[str, ...]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -61,6 +75,11 @@ class Identified:
         return float(self.held_out.free_run.percent[0])
 
     @property
+    def error(self) -> float:
+        """Of the free run over the held-out section, rms, m; infinite where it diverges."""
+        return math.inf if self.held_out.diverged else float(self.held_out.free_run.rms[0])
+
+    @property
     def passed(self) -> int:
         """How many of the five correlation tests pass on the held-out section."""
         return len(self.held_out.tests) - len(self.held_out.failed)
@@ -80,15 +99,12 @@ class Bench:
         Training and held-out.
     models : mapping of str to Identified
         By method.
-    estimated : tuple of Estimated
-        The structure of SEMP with each estimator; empty for the variants.
     """
 
     name: str
     variant: str
     sections: tuple[Recording, Recording]
     models: Mapping[str, Identified]
-    estimated: tuple[Estimated, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -103,25 +119,47 @@ class Study:
         Sampling time, lags and degree.
     benches : mapping of str to tuple of Bench
         For each of `VARIANTS` the six.
+    methods : tuple of str
+        Of the `Programme`.
     """
 
     prepared: tuple[Prepared, ...]
     plan: Plan
     benches: Mapping[str, tuple[Bench, ...]]
+    methods: tuple[str, ...]
 
     @property
     def recorded(self) -> tuple[Bench, ...]:
         """The six as they are."""
         return self.benches[RECORDED]
 
+    def models(self, variant: str, methods: Iterable[str] | None = None) -> list[Identified]:
+        """Models of the six.
 
-def carry_out(seed: int, *, jobs: int, progress: Progress) -> Study:
+        Parameters
+        ----------
+        variant : str
+            One of `VARIANTS`.
+        methods : iterable of str, optional
+            Whose; those of the programme by default.
+
+        Returns
+        -------
+        list of Identified
+        """
+        wanted = tuple(methods or self.methods)
+        return [bench.models[method] for bench in self.benches[variant] for method in wanted]
+
+
+def carry_out(seed: int, programme: Programme, *, jobs: int, progress: Progress) -> Study:
     """Record, prepare, identify and validate.
 
     Parameters
     ----------
     seed : int
         Of the fleet.
+    programme : Programme
+        By which methods.
     jobs : int
         Worker processes; -1 takes all cores.
     progress : callable
@@ -142,13 +180,19 @@ def carry_out(seed: int, *, jobs: int, progress: Progress) -> Study:
     errors = _all(order_errors, sections, jobs, progress, recorded, ordered, "choosing sampling time and orders")
     n = len(prepared)
     plan = make_plan({factor: errors[i * n : (i + 1) * n] for i, factor in enumerate(FACTORS)})
-    tasks = [(one.name, variant, one.split(variant, plan.factor), plan) for variant in VARIANTS for one in prepared]
+    tasks = [
+        (one.name, variant, one.split(variant, plan.factor), plan, programme)
+        for variant in VARIANTS
+        for one in prepared
+    ]
     found = _all(identify, tasks, jobs, progress, ordered, done, "choosing terms")
     benches = {variant: tuple(found[i * n : (i + 1) * n]) for i, variant in enumerate(VARIANTS)}
-    return Study(prepared=tuple(prepared), plan=plan, benches=benches)
+    return Study(prepared=tuple(prepared), plan=plan, benches=benches, methods=programme.methods)
 
 
-def identify(name: str, variant: str, sections: tuple[Recording, Recording], plan: Plan) -> Bench:
+def identify(
+    name: str, variant: str, sections: tuple[Recording, Recording], plan: Plan, programme: Programme
+) -> Bench:
     """Identify an actuator by each method.
 
     Parameters
@@ -161,34 +205,33 @@ def identify(name: str, variant: str, sections: tuple[Recording, Recording], pla
         Training and held-out.
     plan : Plan
         Lags and degree.
+    programme : Programme
+        The methods.
 
     Returns
     -------
     Bench
-        Of the recording as it is with estimators, with FRO as long as SEMP, and with SVB on all products.
     """
-    models = {method: _identified(search, sections) for method, search in _searches(plan).items()}
-    if variant != RECORDED:
-        return Bench(name=name, variant=variant, sections=sections, models=models)
-    terms = models[SEMP].model.terms
-    more: dict[str, NarxIdentifier] = {
-        FRO: Frols(**_candidates(plan), max_terms=len(terms), criterion="none"),
-        FREE: SvbNarx(**{**_candidates(plan), "rule": None}, clean_up="none"),
-    }
-    models |= {method: _identified(search, sections) for method, search in more.items()}
-    return Bench(
-        name=name, variant=variant, sections=sections, models=models, estimated=estimate_all(terms, *sections)
-    )
+    beside = programme.beside if variant == RECORDED else ()
+    models: dict[str, Identified] = {}
+    for method in (LINEAR, *programme.methods, *beside):
+        models[method] = _identified(_search(method, plan, models), sections)
+    return Bench(name=name, variant=variant, sections=sections, models=models)
 
 
-def _searches(plan: Plan) -> dict[str, NarxIdentifier]:
+def _search(method: str, plan: Plan, found: Mapping[str, Identified]) -> NarxIdentifier:
+    """The search for a structure; that of FRO ends with as many terms as SEMP has."""
     candidates = _candidates(plan)
-    return {
-        LINEAR: Frols(**{**candidates, "degree": 1}, max_terms=1 + plan.output_lags + len(plan.input_lags),
-                      criterion="none"),
-        SEMP: Semp(**candidates),
-        SVB: SvbNarx(**candidates, clean_up="none"),
-    }
+    if method == LINEAR:
+        lagged = 1 + plan.output_lags + len(plan.input_lags)
+        return Frols(**{**candidates, "degree": 1}, max_terms=lagged, criterion="none")
+    if method == SEMP:
+        return Semp(**candidates)
+    if method == SVB:
+        return SvbNarx(**candidates, clean_up="none")
+    if method == FRO:
+        return Frols(**candidates, max_terms=len(found[SEMP].model.terms), criterion="none")
+    return SvbNarx(**{**candidates, "rule": None}, clean_up="none")
 
 
 def _candidates(plan: Plan) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""The tables of the story, after tables 4.1 to 4.3, 6.4, B.1, D.1 and D.2 of the thesis."""
+"""The tables of the stories, after tables 4.1 to 4.3, 6.4, B.1, D.1 and D.2 of the thesis."""
 
 from __future__ import annotations
 
@@ -6,14 +6,15 @@ from collections.abc import Sequence
 
 from deatwin.ident.narx import NarxModel, Term
 from deatwin.ident.narx.posterior import ThetaPosterior
+from deatwin.scenarios.fleet_models.estimators import Estimated
 from deatwin.scenarios.fleet_models.preparation import Plan, Prepared
-from deatwin.scenarios.fleet_models.study import FRO, LINEAR, METHODS, SEMP, SVB, Bench, Identified, Study
+from deatwin.scenarios.fleet_models.study import FRO, LINEAR, SEMP, SVB, Bench, Identified, Study
 from deatwin.scenarios.fleet_models.variants import VARIANTS
 from deatwin.scenarios.fleet_models.verdicts import deviations
 from deatwin.scenarios.report.quantities import quantity
 from deatwin.scenarios.report.story import Table
 
-__all__ = ["SHOWN", "tables"]
+__all__ = ["SHOWN", "TESTS", "UNITS", "semp_tables", "svb_tables"]
 
 SHOWN = 5
 """Of the actuators, the one whose model the thesis shows in full."""
@@ -21,13 +22,35 @@ TESTS = {"ee": "ee", "ue": "ue", "e(eu)": "e(eu)", "(u2)'e": "(u²)′e", "(u2)'
 UNITS = "SI: m, V"
 
 
-def tables(study: Study) -> list[Table]:
-    """Make all tables.
+def semp_tables(study: Study, estimated: Sequence[Estimated]) -> list[Table]:
+    """Make the tables of chapter 4.
 
     Parameters
     ----------
     study : Study
-        All of it.
+        With FRO beside SEMP.
+    estimated : sequence of Estimated
+        Of the structure of the actuator that is shown in full.
+
+    Returns
+    -------
+    list of Table
+        In the order of the page.
+    """
+    shown = study.recorded[SHOWN - 1]
+    return [
+        _preprocessing(study.prepared, study.plan), _validation(study.recorded, (SEMP, FRO, LINEAR)), _physics(study),
+        _semp(study.recorded), _estimators(shown, estimated), _without_dc(shown),
+    ]  # fmt: skip
+
+
+def svb_tables(study: Study) -> list[Table]:
+    """Make the tables of chapter 6 and of appendix D.
+
+    Parameters
+    ----------
+    study : Study
+        With SEMP and SVB.
 
     Returns
     -------
@@ -37,12 +60,8 @@ def tables(study: Study) -> list[Table]:
     shown = study.recorded[SHOWN - 1]
     others = [bench for bench in study.recorded if bench is not shown]
     return [
-        _preprocessing(study.prepared, study.plan),
-        _validation(study.recorded),
+        _validation(study.recorded, (*study.methods, LINEAR)),
         _physics(study),
-        _semp(study.recorded),
-        _estimators(shown),
-        _without_dc(shown),
         _svb(f"SVB model of {shown.name} with 95 % intervals (thesis table 6.4)", [shown]),
         _svb("SVB models of the others with 95 % intervals, 1 (thesis table D.1)", others[:3]),
         _svb("SVB models of the others with 95 % intervals, 2 (thesis table D.2)", others[3:]),
@@ -74,10 +93,10 @@ def _preprocessing(prepared: Sequence[Prepared], plan: Plan) -> Table:
     )  # fmt: skip
 
 
-def _validation(benches: Sequence[Bench]) -> Table:
+def _validation(benches: Sequence[Bench], methods: Sequence[str]) -> Table:
     rows = []
     for bench in benches:
-        for method in (*METHODS, FRO, LINEAR):
+        for method in methods:
             one = bench.models[method]
             rows.append([
                 bench.name, method, str(len(one.model.terms)), *_fits(one),
@@ -117,7 +136,7 @@ def _physics(study: Study) -> Table:
     """Fit and tests with less and less physics in the actuators."""
     rows = []
     for number, one in enumerate(study.prepared):
-        for method in METHODS:
+        for method in study.methods:
             cells = []
             for variant in VARIANTS:
                 found = study.benches[variant][number].models[method]
@@ -157,24 +176,24 @@ def _parameters(model: NarxModel) -> list[tuple[Term, str, tuple[str, str]]]:
     ]
 
 
-def _estimators(bench: Bench) -> Table:
+def _estimators(bench: Bench, estimated: Sequence[Estimated]) -> Table:
     """The same terms, estimated in several ways, and what the free run and the tests make of it."""
     terms = bench.models[SEMP].model.terms
-    noise = sorted({t for e in bench.estimated for t in e.model.terms} - set(terms), key=str)
+    noise = sorted({t for e in estimated for t in e.model.terms} - set(terms), key=str)
     rows = []
     for term in (*terms, *noise):
-        rows.append([str(term), *(_estimate(e.model, term) for e in bench.estimated)])
+        rows.append([str(term), *(_estimate(e.model, term) for e in estimated)])
     for label, section in (("training", "training"), ("held out", "held_out")):
-        found = [getattr(e, section) for e in bench.estimated]
+        found = [getattr(e, section) for e in estimated]
         rows.append([f"one-step error, {label}", *(_micro(float(v.one_step.rms[0])) for v in found)])
         free = ["diverges" if v.diverged else f"{float(v.free_run.percent[0]):.1f} %" for v in found]
         rows.append([f"free-run fit, {label}", *free])
     for name, text in TESTS.items():
-        cells = ["passes" if e.held_out.test(name) not in e.held_out.failed else "fails" for e in bench.estimated]
+        cells = ["passes" if e.held_out.test(name) not in e.held_out.failed else "fails" for e in estimated]
         rows.append([f"φ {text}, held out", *cells])
     return Table(
         title=f"Estimators of one structure, the SEMP model of {bench.name} (thesis table 4.2)",
-        columns=[f"term ({UNITS})", *(e.name for e in bench.estimated)], rows=rows,
+        columns=[f"term ({UNITS})", *(e.name for e in estimated)], rows=rows,
     )  # fmt: skip
 
 

@@ -71,7 +71,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
         title="frequency-analysis", sentence=sentence, rows=rows, notes=notes(found, truth), figures=figures,
         tables=tables(known, found),
     )  # fmt: skip
-    write_story(setting.folder, page, setting.seed)
+    write_story(setting.folder, page, record)
     result = {"sentence": sentence, "measures": [asdict(row) for row in rows]}
     setting.folder.text("frequency-analysis.json", json.dumps(result, indent=1, ensure_ascii=False) + "\n")
     finished = record.finished([*setting.folder.written, "run.json"])

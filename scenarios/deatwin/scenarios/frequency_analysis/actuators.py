@@ -193,7 +193,7 @@ class Sampled:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Rival:
-    """The common structure if products of output and command are allowed, as in the story `fleet-models`.
+    """The common structure if products of output and command are allowed, as in the story `semp-fleet`.
 
     Parameters
     ----------

@@ -61,7 +61,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
         title="frequency-uncertainty", sentence=sentence, rows=rows, notes=notes(study),
         figures=[drawing for drawing, _ in made], tables=tables(study),
     )  # fmt: skip
-    write_story(setting.folder, page, setting.seed)
+    write_story(setting.folder, page, record)
     result = {"sentence": sentence, "measures": [asdict(row) for row in rows], **_summary(study)}
     setting.folder.text("frequency-uncertainty.json", json.dumps(result, indent=1, ensure_ascii=False) + "\n")
     finished = record.finished([*setting.folder.written, "run.json"])

@@ -21,7 +21,7 @@ __all__ = [
 ]  # fmt: skip
 
 FACTOR = 6
-"""Every so many samples are kept: 0.12 s, the sampling time of the story `fleet-models`."""
+"""Every so many samples are kept: 0.12 s, the sampling time of the story `semp-fleet`."""
 STRUCTURE: tuple[Term, ...] = tuple(generate_terms(1, (0, 1), 3, rule=AtMost(output=1)))
 """All products up to the third degree of y(k-1), at most once, u(k) and u(k-1): chosen beforehand, so that no
 covariance leaves out that terms were selected on the data."""

@@ -1,15 +1,18 @@
 """Free runs on real recordings of others: a converter, an oscillator, two tanks and a positioning system.
 
-The recordings are public and read where the user keeps them (``--data`` or ``DEATWIN_DATA``). Each method gets the same
-candidates, learns from the training recording alone and runs free over the test recording from its first samples.
-Nothing is chosen on a test recording. What others report for the same recordings stands beside it, with its source.
+The recordings are public and read where the user keeps them (``--data`` or ``DEATWIN_DATA``), or downloaded as far as
+nonlinear_benchmarks has them. Each method gets the same candidates, learns from the training recording alone and runs
+free over the test recording from its first samples. Nothing is chosen on a test recording. What others report for the
+same recordings stands beside it, with its source.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
+from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from deatwin.ident.parallel import run_jobs
@@ -18,13 +21,18 @@ from deatwin.scenarios.real_data import figures
 from deatwin.scenarios.real_data.methods import FRO, GROWN, LINEAR, METHODS, REFINED, SEMP, Outcome, attempt
 from deatwin.scenarios.real_data.published import QUOTED, documented_errors
 from deatwin.scenarios.real_data.records import DataSet, buck, cascaded_tanks, emps, silverbox
+from deatwin.scenarios.real_data.sources import origins
 from deatwin.scenarios.report.story import Note, Row, StoryPage, Table, write_story
 from deatwin.scenarios.stories import Setting, data_folder
 
-__all__ = ["LARGEST_ERROR", "MOST_TERMS", "judge", "run"]
+__all__ = ["LARGEST_ERROR", "MOST_TERMS", "SETS", "judge", "run"]
 
 LARGEST_ERROR, MOST_TERMS = 0.35e-3, 15
 """Demanded of the Silverbox, V and terms."""
+SETS: Mapping[str, Callable[[Path], DataSet]] = MappingProxyType({
+    "silverbox": silverbox, "buck_converter": buck, "cascaded_tanks": cascaded_tanks, "emps": emps,
+})  # fmt: skip
+"""By the name of the set's folder, in the order of the page."""
 Outcomes = Mapping[str, Mapping[str, Outcome]]
 
 
@@ -46,8 +54,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
     DataError
         If the recordings are absent.
     """
-    root = data_folder(setting.data, "silverbox").parent
-    sets = [load(root) for load in (silverbox, buck, cascaded_tanks, emps)]
+    sets = [load(data_folder(setting.data, name)) for name, load in SETS.items()]
     record = RunRecord(
         command=setting.command, inputs=hashes(path for data in sets for path in data.files), seed=setting.seed,
         jobs=setting.jobs,
@@ -82,9 +89,12 @@ def _written(setting: Setting, sets: Sequence[DataSet], outcomes: Outcomes, reco
     page = StoryPage(
         title="real-data", sentence=sentence, rows=rows, notes=_notes(sets),
         figures=[drawing for drawing, _ in made],
-        tables=[*(_table(d, outcomes[d.name]) for d in sets), _quoted()],
+        tables=[
+            *(_table(d, outcomes[d.name]) for d in sets), _quoted(),
+            origins(setting.data, {name: data.files for name, data in zip(SETS, sets, strict=True)}),
+        ],
     )  # fmt: skip
-    write_story(setting.folder, page, setting.seed)
+    write_story(setting.folder, page, record)
     result = {
         "sentence": sentence,
         "measures": [asdict(row) for row in rows],

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from deatwin.ident.narx.terms import Rule
 from deatwin.plant.errors import DataError
 from deatwin.plant.recording import Recording
 
-__all__ = ["Candidates", "DataSet", "buck", "cascaded_tanks", "emps", "silverbox"]
+__all__ = ["Candidates", "DataSet", "buck", "cascaded_tanks", "emps", "silverbox", "silverbox_table"]
 
 Array = NDArray[np.float64]
 
@@ -100,14 +100,15 @@ def buck(folder: Path) -> DataSet:
     Parameters
     ----------
     folder : path
-        Of all recordings.
+        Of these recordings.
 
     Returns
     -------
     DataSet
     """
-    files = tuple(folder / "buck_converter" / f"buck_{part}.csv" for part in ("id", "valid"))
-    train, test = (_recording(table[:, 1], table[:, 2], 1e-5, ("V", "V"), path) for table, path in _tables(files))
+    files = tuple(folder / f"buck_{part}.csv" for part in ("id", "valid"))
+    tables = [_csv(file, ("input", "y")) for file in files]
+    train, test = (_recording(t[:, 0], t[:, 1], 1e-5, ("V", "V"), file) for t, file in zip(tables, files, strict=True))
     return DataSet(
         name="buck", title="Buck converter", train=train, test=test, unit="V", scale=1.0, files=files,
         candidates=Candidates(output_lags=2, input_lags=(1, 2), degree=2, max_terms=8),
@@ -121,14 +122,13 @@ def silverbox(folder: Path) -> DataSet:
     Parameters
     ----------
     folder : path
-        Of all recordings.
+        Of these recordings.
 
     Returns
     -------
     DataSet
     """
-    file = folder / "silverbox" / "SNLS80mV.csv"
-    ((table, _),) = _tables((file,))
+    table, file = silverbox_table(folder)
     whole = _recording(table[:, 0], table[:, 1], 1 / SILVERBOX_RATE, ("V", "V"), file)
     return DataSet(
         name="silverbox", title="Silverbox", unit="mV", scale=1e-3, files=(file,), parts=4,
@@ -140,20 +140,37 @@ def silverbox(folder: Path) -> DataSet:
     )  # fmt: skip
 
 
+def silverbox_table(folder: Path) -> tuple[Array, Path]:
+    """All samples of the oscillator, those between the parts too.
+
+    Parameters
+    ----------
+    folder : path
+        Of these recordings.
+
+    Returns
+    -------
+    table : ndarray, shape (131072, 2)
+        Input and output, V.
+    file : path
+        Read from.
+    """
+    return _columns(folder, "SNLS80mV", ("V1", "V2"))
+
+
 def cascaded_tanks(folder: Path) -> DataSet:
     """The two tanks, with an overflow at 10 V.
 
     Parameters
     ----------
     folder : path
-        Of all recordings.
+        Of these recordings.
 
     Returns
     -------
     DataSet
     """
-    file = folder / "cascaded_tanks" / "dataBenchmark.csv"
-    ((table, _),) = _tables((file,))
+    table, file = _columns(folder, "dataBenchmark", ("uEst", "uVal", "yEst", "yVal"))
     train, test = (_recording(table[:, i], table[:, i + 2], 4.0, ("V", "V"), file) for i in (0, 1))
     return DataSet(
         name="tanks", title="Cascaded tanks", train=train, test=test, unit="V", scale=1.0, files=(file,),
@@ -168,13 +185,13 @@ def emps(folder: Path) -> DataSet:
     Parameters
     ----------
     folder : path
-        Of all recordings.
+        Of these recordings.
 
     Returns
     -------
     DataSet
     """
-    files = tuple(folder / "emps" / f"{part}.mat" for part in ("DATA_EMPS", "DATA_EMPS_PULSES"))
+    files = tuple(folder / f"{part}.mat" for part in ("DATA_EMPS", "DATA_EMPS_PULSES"))
     train, test = (_emps(path) for path in files)
     return DataSet(
         name="emps", title="EMPS", train=train, test=test, unit="mm/s", scale=1e-3, files=files,
@@ -207,15 +224,23 @@ def _recording(inputs: Array, outputs: Array, step: float, units: tuple[str, str
     )  # fmt: skip
 
 
-def _tables(files: tuple[Path, ...]) -> list[tuple[Array, Path]]:
-    """Numbers below one line of headers; the last column of some is empty."""
-    found = []
-    for file in files:
-        with _required(file).open(encoding="utf-8") as lines:
-            headers = [name for name in next(lines).strip().split(",") if name]
-        columns = [i for i, name in enumerate(headers) if name.strip('"') != "Ts"]
-        found.append((np.genfromtxt(file, delimiter=",", skip_header=1, usecols=columns), file))
-    return found
+def _columns(folder: Path, stem: str, names: Sequence[str]) -> tuple[Array, Path]:
+    """Columns of a set that is published both as CSV and as MAT, and the file that is there."""
+    from scipy.io import loadmat
+
+    matlab = folder / f"{stem}.mat"
+    file = folder / f"{stem}.csv"
+    if file.is_file() or not matlab.is_file():
+        return _csv(file, names), file
+    data: Mapping[str, Array] = loadmat(matlab)
+    return np.column_stack([data[name].ravel() for name in names]).astype(float), matlab
+
+
+def _csv(file: Path, names: Sequence[str]) -> Array:
+    """Columns below one line of headers."""
+    with _required(file).open(encoding="utf-8") as lines:
+        headers = [name.strip('"') for name in next(lines).strip().split(",")]
+    return np.genfromtxt(file, delimiter=",", skip_header=1, usecols=[headers.index(name) for name in names])
 
 
 def _required(path: Path) -> Path:

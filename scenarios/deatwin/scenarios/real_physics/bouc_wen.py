@@ -148,16 +148,16 @@ def run(setting: Setting) -> Mapping[str, Any]:
     DataError
         If the recordings are absent.
     """
-    return tell(setting, case(data_folder(setting.data, "boucwen_benchmark_h5").parent))
+    return tell(setting, case(data_folder(setting.data, "boucwen_benchmark_h5")))
 
 
-def case(root: Path) -> Case:
+def case(folder: Path) -> Case:
     """The recordings and the plant.
 
     Parameters
     ----------
-    root : path
-        Folder of all public recordings.
+    folder : path
+        Of these recordings.
 
     Returns
     -------
@@ -168,7 +168,7 @@ def case(root: Path) -> Case:
     DataError
         If one is absent.
     """
-    train, test = (root / "boucwen_benchmark_h5" / f"{part}.h5" for part in ("train", "test"))
+    train, test = (folder / f"{part}.h5" for part in ("train", "test"))
     (force, motion), (tested, moved), (swept, followed) = (
         _signals(train, "multisine"), _signals(test, "multisine"), _signals(test, "sinesweep"),
     )  # fmt: skip

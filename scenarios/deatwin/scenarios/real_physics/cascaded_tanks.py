@@ -1,8 +1,8 @@
 """Two cascaded tanks that overflow, taken as tanks without a brim.
 
-The recordings are public (Schoukens, Mattsson, Wigren & Noël 2016) and read where the user keeps them. The estimation
-record is diagnosed, the validation record judges. Both begin at levels that nobody knows, the same for both: the plant
-has no start procedure, and its initial states are parameters.
+The recordings are public (Schoukens, Mattsson, Wigren & Noël 2016) and read where the user keeps them, or downloaded.
+The estimation record is diagnosed, the validation record judges. Both begin at levels that nobody knows, the same for
+both: the plant has no start procedure, and its initial states are parameters.
 """
 
 from __future__ import annotations
@@ -167,22 +167,22 @@ def run(setting: Setting) -> Mapping[str, Any]:
     DataError
         If the recordings are absent.
     """
-    return tell(setting, case(data_folder(setting.data, "cascaded_tanks").parent))
+    return tell(setting, case(data_folder(setting.data, "cascaded_tanks")))
 
 
-def case(root: Path) -> Case:
+def case(folder: Path) -> Case:
     """The recordings and the plant.
 
     Parameters
     ----------
-    root : path
-        Folder of all public recordings.
+    folder : path
+        Of these recordings.
 
     Returns
     -------
     Case
     """
-    data = black_box_data(root)
+    data = black_box_data(folder)
     fitted, judged = (Experiment(recordings=(_named(record),)) for record in (data.train, data.test))
     return Case(
         name="cascaded-tanks", title="Cascaded tanks", documented=("overflow", "sensor_saturation"),

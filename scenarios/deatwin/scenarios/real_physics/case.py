@@ -22,13 +22,18 @@ from deatwin.scenarios.folder import ResultFolder
 from deatwin.scenarios.provenance import RunRecord, hashes
 from deatwin.scenarios.real_data.methods import GROWN, LINEAR, REFINED, Outcome, attempt
 from deatwin.scenarios.real_data.records import DataSet
+from deatwin.scenarios.real_data.sources import origins
 from deatwin.scenarios.real_physics import figures
-from deatwin.scenarios.report.story import Note, Row, StoryPage, Table, write_story
+from deatwin.scenarios.real_physics.accounts import error_table, measures, tried_table
+from deatwin.scenarios.report.story import Note, StoryPage, write_story
 from deatwin.scenarios.stories import Setting
+from deatwin.scenarios.voice import Progress
 
-__all__ = ["Case", "HeldOut", "Law", "Trial", "judged", "tell"]
+__all__ = ["Case", "HeldOut", "Law", "Trial", "diagnosed", "judged", "tell"]
 
 Array = NDArray[np.float64]
+FOLDERS = {"cascaded-tanks": "cascaded_tanks", "bouc-wen": "boucwen_benchmark_h5"}
+"""Of the recordings, where the story is called otherwise."""
 RIVALS = (LINEAR, REFINED, GROWN)
 """Methods of the story ``real-data`` that stand beside the plant; NARX are the last two."""
 
@@ -204,21 +209,38 @@ def tell(setting: Setting, case: Case) -> Mapping[str, Any]:
         Verdict, causes, errors, and a sentence.
     """
     record = RunRecord(command=setting.command, inputs=hashes(case.files), seed=setting.seed, jobs=setting.jobs)
-    diagnosis = _diagnosed(setting, case)
+    diagnosis = diagnosed(setting, case, "diagnosis", lambda share, text: setting.progress(0.7 * share, text))
     setting.progress(0.7, "the held-out recordings")
     trials = judged(case, diagnosis, setting.jobs)
     setting.progress(0.95, "drawing")
     return _written(setting, case, diagnosis, trials, record)
 
 
-def _diagnosed(setting: Setting, case: Case) -> Diagnosis:
-    own = ResultFolder(setting.folder.path / "diagnosis")
+def diagnosed(setting: Setting, case: Case, name: str, progress: Progress) -> Diagnosis:
+    """Diagnose the fitted recordings, into a folder below that of the story.
+
+    Parameters
+    ----------
+    setting : Setting
+        Folder and the like.
+    case : Case
+        With the recordings.
+    name : str
+        Of the folder.
+    progress : callable
+        Takes the share that is done and what is being done.
+
+    Returns
+    -------
+    Diagnosis
+    """
     task = DiagnosisTask(
         plant=case.plant, experiments=case.fitted, files=case.files, command=setting.command, jobs=setting.jobs,
         seed=setting.seed,
     )  # fmt: skip
-    diagnosis = task.run(own, lambda share, text: setting.progress(0.7 * share, text))
-    setting.folder.written.extend(f"diagnosis/{name}" for name in own.written)
+    with ResultFolder(setting.folder.path / name) as own:
+        diagnosis = task.run(own, progress)
+    setting.folder.written.extend(f"{name}/{written}" for written in own.written)
     return diagnosis
 
 
@@ -261,22 +283,23 @@ def judged(case: Case, diagnosis: Diagnosis, jobs: int = 1) -> tuple[Trial, ...]
 def _written(
     setting: Setting, case: Case, diagnosis: Diagnosis, trials: Sequence[Trial], record: RunRecord
 ) -> Mapping[str, Any]:
-    rows = _rows(case, diagnosis, trials)
+    rows = measures(case, diagnosis, trials)
     sentence = f"{diagnosis.sentence} {_said(case, trials[0])}"
     made = [figures.held_out(case, trials[0]), figures.residuals(case, trials[0])]
     if diagnosis.causes and diagnosis.model is not None:
         made.append(figures.law(case, case.law(diagnosis.model.plant)))
     for drawing, columns in made:
         setting.folder.csv(drawing.data, columns)
+    source = FOLDERS.get(case.name, case.name)
     page = StoryPage(
         title=case.name, sentence=sentence, rows=rows, figures=[drawing for drawing, _ in made],
         notes=[
             Note(title="The recordings and the plant", paragraphs=case.notes),
             Note(title="The diagnosis", paragraphs=["Step by step: diagnosis/report.html.", *diagnosis.warnings]),
         ],
-        tables=[_errors(case, trials), _tried(case, diagnosis)],
+        tables=[error_table(case, trials), tried_table(case, diagnosis), origins(setting.data, {source: case.files})],
     )  # fmt: skip
-    write_story(setting.folder, page, setting.seed)
+    write_story(setting.folder, page, record)
     result = {
         "sentence": sentence, "verdict": diagnosis.verdict.value,
         "causes": [cause.effect for cause in diagnosis.causes], "set": list(diagnosis.names),
@@ -302,53 +325,3 @@ def _said(case: Case, trial: Trial) -> str:
         f"{trial.held_out.name}, on which nothing was fitted or chosen: free run to {base:.3g} {case.unit} rms before, "
         f"{amended:.3g} after{beside}."
     )
-
-
-def _rows(case: Case, diagnosis: Diagnosis, trials: Sequence[Trial]) -> list[Row]:
-    causes = [cause.effect for cause in diagnosis.causes]
-    right = bool(causes) and set(causes) <= set(case.documented) and diagnosis.verdict.value == "named"
-    rows = [
-        Row(
-            measure="The physics that is documented is named, and no other",
-            demanded=f"named: {' or '.join(case.documented)}",
-            reached=f"{diagnosis.verdict.value}: {', '.join(causes) or 'no cause'}", passed=right,
-        )
-    ]  # fmt: skip
-    for trial in trials:
-        base, amended = trial.base_error / case.scale, trial.amended_error / case.scale
-        rows.append(
-            Row(
-                measure=f"{trial.held_out.name}: free run, rms error, against the base plant's",
-                demanded=f"below {base:.4g} {case.unit}", reached=f"{amended:.4g} {case.unit}", passed=amended < base,
-            )
-        )  # fmt: skip
-    return rows
-
-
-def _errors(case: Case, trials: Sequence[Trial]) -> Table:
-    rows = []
-    for trial in trials:
-        name = trial.held_out.name
-        rows.append([name, "calibrated base plant", f"{trial.base_error / case.scale:.4g}"])
-        rows.append([name, "amended plant", f"{trial.amended_error / case.scale:.4g}"])
-        rows += [
-            [name, f"{o.method}, {o.terms} parameters", o.failure or f"{o.free_run / case.scale:.4g}"]
-            for o in trial.rivals
-        ]
-    return Table(
-        title="Free runs over held-out recordings: root mean square errors",
-        columns=["recording", "model", f"error ({case.unit})"], rows=rows,
-    )  # fmt: skip
-
-
-def _tried(case: Case, diagnosis: Diagnosis) -> Table:
-    tried = diagnosis.evidence.candidates if diagnosis.evidence is not None else ()
-    rows = [
-        [" and ".join(c.effects).replace("_", " ") or "none", f"{c.fitted / case.scale:.4g}",
-         f"{c.unseen / case.scale:.4g}"]
-        for c in sorted(tried, key=lambda c: c.fitted)
-    ]  # fmt: skip
-    return Table(
-        title="Effects that were built in", rows=rows,
-        columns=["effects", f"fitted part ({case.unit})", f"unseen part of the same recordings ({case.unit})"],
-    )  # fmt: skip

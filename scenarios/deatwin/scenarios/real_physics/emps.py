@@ -1,7 +1,8 @@
 """EMPS: a carriage on a ball screw, recorded under its controller, taken without dry friction.
 
-The recordings are public (Janot, Gautier & Brunot 2019) and read where the user keeps them. The first 13 s of the
-estimation record are diagnosed; its remainder, and the validation record with its pulses, judge.
+The recordings are public (Janot, Gautier & Brunot 2019) and read where the user keeps them, or
+downloaded. The first 13 s of the estimation record are diagnosed; its remainder, and the validation record with its
+pulses, judge.
 """
 
 from __future__ import annotations
@@ -113,16 +114,16 @@ def run(setting: Setting) -> Mapping[str, Any]:
     DataError
         If the recordings are absent.
     """
-    return tell(setting, case(data_folder(setting.data, "emps").parent))
+    return tell(setting, case(data_folder(setting.data, "emps")))
 
 
-def case(root: Path) -> Case:
+def case(folder: Path) -> Case:
     """The recordings and the plant.
 
     Parameters
     ----------
-    root : path
-        Folder of all public recordings.
+    folder : path
+        Of these recordings.
 
     Returns
     -------
@@ -133,7 +134,7 @@ def case(root: Path) -> Case:
     DataError
         If one is absent.
     """
-    files = tuple(root / "emps" / name for name in FILES)
+    files = tuple(folder / name for name in FILES)
     estimation, validation = (_recording(file) for file in files)
     pulsed = HeldOut(
         name="The validation record, with force pulses", experiment=Experiment(recordings=(validation,)),

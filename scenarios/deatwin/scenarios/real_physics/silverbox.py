@@ -1,7 +1,8 @@
 """The Silverbox: a circuit that oscillates like a mass on a hardening spring, taken as a linear oscillator.
 
-The recording is public (Wigren & Schoukens, European Control Conference 2013) and read where the user keeps it. The
-first two realisations of the multisine are diagnosed; the arrow-head, whose amplitude grows beyond theirs, judges.
+The recording is public (Wigren & Schoukens, European Control Conference 2013) and read where the user keeps it, or
+downloaded. The first two realisations of the multisine are diagnosed; the arrow-head, whose amplitude grows beyond
+theirs, judges.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter, Scale
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.rigs.base import ReadingTime, Rig, StartProcedure
-from deatwin.scenarios.real_data.records import ARROW_HEAD, SILVERBOX_RATE
+from deatwin.scenarios.real_data.records import ARROW_HEAD, SILVERBOX_RATE, silverbox_table
 from deatwin.scenarios.real_data.records import silverbox as black_box_data
 from deatwin.scenarios.real_physics.case import Case, HeldOut, Law, tell
 from deatwin.scenarios.real_physics.signals import derivatives, held
@@ -104,23 +105,23 @@ def run(setting: Setting) -> Mapping[str, Any]:
     DataError
         If the recordings are absent.
     """
-    return tell(setting, case(data_folder(setting.data, "silverbox").parent))
+    return tell(setting, case(data_folder(setting.data, "silverbox")))
 
 
-def case(root: Path) -> Case:
+def case(folder: Path) -> Case:
     """The recordings and the plant.
 
     Parameters
     ----------
-    root : path
-        Folder of all public recordings.
+    folder : path
+        Of these recordings.
 
     Returns
     -------
     Case
     """
-    data = black_box_data(root)
-    table = np.genfromtxt(data.files[0], delimiter=",", skip_header=1, usecols=(0, 1))
+    data = black_box_data(folder)
+    table, _ = silverbox_table(folder)
     command, output = held(table[:, 0]), table[:, 1]
     rig = LinearOscillator()
 

@@ -65,7 +65,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
         title="regression-lessons", sentence=sentence, rows=rows, notes=_notes(),
         figures=[drawing for drawing, _ in made],
     )  # fmt: skip
-    write_story(setting.folder, page, setting.seed)
+    write_story(setting.folder, page, record)
     result = {"sentence": sentence, "measures": [asdict(row) for row in rows]}
     setting.folder.text("regression-lessons.json", json.dumps(result, indent=1, ensure_ascii=False) + "\n")
     finished = record.finished([*setting.folder.written, "run.json"])

@@ -25,6 +25,8 @@ class Drawing:
         The picture.
     data : str
         Name of the CSV file with its data; empty without one.
+    further : tuple of str
+        Names of further such files.
     """
 
     name: str
@@ -32,6 +34,12 @@ class Drawing:
     caption: str
     svg: str
     data: str = ""
+    further: tuple[str, ...] = ()
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """All files with its data."""
+        return (self.data, *self.further) if self.data else self.further
 
     @classmethod
     def of(cls, figure: Figure, name: str, title: str, caption: str) -> Drawing:

@@ -2,45 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from deatwin.plant.files.units import UNITS
 from deatwin.scenarios.folder import ResultFolder
-from deatwin.scenarios.provenance import versions
 from deatwin.scenarios.report.figures import drawings
-from deatwin.scenarios.report.quantities import three_digits, with_interval
+from deatwin.scenarios.report.origin import Origin
+from deatwin.scenarios.report.quantities import with_interval
+from deatwin.scenarios.report.rendering import write_page
 from deatwin.scenarios.report.steps import noise_source, parameters, step_drawings, verification
-from deatwin.scenarios.report.svg import COLOURS
 
 if TYPE_CHECKING:
     from deatwin.ident.mismatch import Diagnosis
 
-__all__ = ["Origin", "write_report"]
-
+__all__ = ["write_report"]
 
 LEAST_SHARE = 0.05
 """A stretch of time with less of the mismatch is not listed."""
 MOST_LINES = 6
-
-
-@dataclass(frozen=True, kw_only=True)
-class Origin:
-    """Where a result comes from, as far as equal runs share it.
-
-    Parameters
-    ----------
-    inputs : sequence of dict
-        ``file`` and ``sha256`` of each input.
-    seed : int
-        Of everything random.
-    """
-
-    inputs: Sequence[Mapping[str, str]]
-    seed: int
 
 
 def write_report(folder: ResultFolder, diagnosis: Diagnosis, origin: Origin) -> None:
@@ -55,33 +37,20 @@ def write_report(folder: ResultFolder, diagnosis: Diagnosis, origin: Origin) -> 
     origin : Origin
         For the end of the page.
     """
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
     figures, files = drawings(diagnosis)
     for name, columns in files.items():
         folder.csv(name, columns)
-    environment = Environment(
-        loader=PackageLoader("deatwin.scenarios.report"), autoescape=True, undefined=StrictUndefined,
-        trim_blocks=True, lstrip_blocks=True,
-    )  # fmt: skip
-    environment.filters["number"] = three_digits
+    steps, tables = step_drawings(diagnosis)
+    for name, table in tables.items():
+        folder.text(name, table)
     unit = diagnosis.output["unit"]
-    page = environment.get_template("diagnosis.html.j2").render(
-        diagnosis=diagnosis,
-        unit="µm" if unit == "um" else unit,
-        figures={figure.name: figure for figure in figures},
-        steps=step_drawings(diagnosis),
-        noise_source=noise_source(diagnosis),
-        parameters=parameters(diagnosis),
-        verified=verification(diagnosis.verification),
-        causes=_causes(diagnosis),
-        candidates=_candidates(diagnosis),
+    write_page(
+        folder, "diagnosis.html.j2", [*figures, *filter(None, steps.values())], origin, diagnosis=diagnosis,
+        unit="µm" if unit == "um" else unit, figures={figure.name: figure for figure in figures}, steps=steps,
+        noise_source=noise_source(diagnosis), parameters=parameters(diagnosis),
+        verified=verification(diagnosis.verification), causes=_causes(diagnosis), candidates=_candidates(diagnosis),
         located=_located(diagnosis.locate),
-        colours=COLOURS,
-        origin=origin,
-        versions=versions(),
-    )
-    folder.text("report.html", page)
+    )  # fmt: skip
 
 
 def _causes(diagnosis: Diagnosis) -> list[dict[str, Any]]:

@@ -8,41 +8,47 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from deatwin.scenarios.folder import ResultFolder
-from deatwin.scenarios.provenance import versions
-from deatwin.scenarios.report.svg import COLOURS, draw, inline, standalone
+from deatwin.scenarios.provenance import RunRecord
+from deatwin.scenarios.report.drawing import Drawing
+from deatwin.scenarios.report.origin import Origin
+from deatwin.scenarios.report.rendering import write_page
+from deatwin.scenarios.report.svg import draw, inline, standalone
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["write_page"]
+__all__ = ["write_sweep"]
 
 Columns = Mapping[str, np.ndarray]
 
 
-def write_page(folder: ResultFolder, result: Mapping[str, Any], columns: Columns, ratios: Columns) -> None:
+def write_sweep(
+    folder: ResultFolder, result: Mapping[str, Any], columns: Columns, ratios: Columns, record: RunRecord
+) -> None:
     """Write ``report.html`` and ``prestretch.svg``.
 
     Parameters
     ----------
     folder : ResultFolder
-        Where to.
+        Where to; it holds ``prestretch.csv`` and ``unequal.csv`` already.
     result : mapping
         With ``sentence`` and ``claims``.
     columns, ratios : mapping of str to ndarray
         Of the sweep and of unequal prestretch.
+    record : RunRecord
+        The run, for the end of the page.
     """
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
+    title = "What changes with the prestretch"
     with draw((9.6, 6.0)) as figure:
         _panels(figure, columns, ratios)
         folder.text("prestretch.svg", standalone(figure))
-        svg = inline(figure, "prestretch", "What changes with the prestretch")
-    environment = Environment(
-        loader=PackageLoader("deatwin.scenarios.report"), autoescape=True, undefined=StrictUndefined,
-        trim_blocks=True, lstrip_blocks=True,
-    )  # fmt: skip
-    page = environment.get_template("prestretch.html.j2")
-    folder.text("report.html", page.render(result=result, svg=svg, colours=COLOURS, versions=versions()))
+        drawing = Drawing(
+            name="prestretch", title=title, svg=inline(figure, "prestretch", title), data="prestretch.csv",
+            further=("unequal.csv",),
+            caption="A square film of VHB 4905 under equal dead loads; unequal loads at one thickness; the ball of the "
+            "thesis' rig.",
+        )  # fmt: skip
+    write_page(folder, "prestretch.html.j2", [drawing], Origin.of(record), result=result, figure=drawing)
 
 
 def _panels(figure: Figure, columns: Columns, ratios: Columns) -> None:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from deatwin.ident.mismatch.diagnosis import Interval
-from deatwin.ident.mismatch.prefixes import prefixed
+from math import floor, log10
 
-__all__ = ["quantity", "three_digits", "with_interval"]
+from deatwin.ident.mismatch.diagnosis import Interval
+from deatwin.ident.mismatch.prefixes import prefixed, resolving
+
+__all__ = ["in_interval", "quantity", "three_digits", "with_interval"]
 
 
 def quantity(value: float, unit: str) -> str:
@@ -28,7 +30,7 @@ def quantity(value: float, unit: str) -> str:
     ('26.4 kPa', '50 ms', '-0.1')
     """
     factor, shown = prefixed(value, unit)
-    return f"{_digits(value / factor)} {shown}".rstrip()
+    return f"{_written(value / factor)} {shown}".rstrip()
 
 
 def three_digits(value: float | None) -> str:
@@ -54,7 +56,7 @@ def three_digits(value: float | None) -> str:
 
 
 def with_interval(value: float, low: float, high: float, unit: str) -> tuple[str, str]:
-    """A value and its interval, in the same prefix.
+    """A value and its interval, in the same prefix, with the digits that tell the ends apart.
 
     Parameters
     ----------
@@ -67,14 +69,46 @@ def with_interval(value: float, low: float, high: float, unit: str) -> tuple[str
     -------
     tuple of str
         For example ``("54.1 s", "50.2 to 59.3 s")``.
+
+    Examples
+    --------
+    >>> with_interval(25.012, 24.98, 25.04, "s")
+    ('25.01 s', '24.98 to 25.04 s')
     """
     shown = Interval(value=value, low=low, high=high, unit=unit).shown
-    return (
-        f"{_digits(shown['value'])} {shown['unit']}".rstrip(),
-        f"{_digits(shown['low'])} to {_digits(shown['high'])} {shown['unit']}".rstrip(),
-    )
+    middle, ends = _in_interval(shown["value"], shown["low"], shown["high"])
+    return f"{middle} {shown['unit']}".rstrip(), f"{ends} {shown['unit']}".rstrip()
 
 
-def _digits(value: float) -> str:
+def in_interval(value: float, low: float, high: float) -> str:
+    """A value and its interval without a unit, with the digits that tell the ends apart.
+
+    Parameters
+    ----------
+    value, low, high : float
+        In one unit.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> in_interval(54.12, 50.2, 59.3), in_interval(0.2501, 0.24996, 0.25042)
+    ('54.1 (50.2 to 59.3)', '0.2501 (0.2500 to 0.2504)')
+    """
+    middle, ends = _in_interval(value, low, high)
+    return f"{middle} ({ends})"
+
+
+def _in_interval(value: float, low: float, high: float) -> tuple[str, str]:
+    digits = resolving(low, high)
+    if digits == 3:
+        return _written(value), f"{_written(low)} to {_written(high)}"
+    decimals = max(digits - 1 - floor(log10(max(abs(low), abs(high)))), 0)
+    return f"{value:.{decimals}f}", f"{low:.{decimals}f} to {high:.{decimals}f}"
+
+
+def _written(value: float) -> str:
     """Three significant digits, and no exponent for sizes that a person would write out."""
     return f"{value:.0f}" if 1000 <= abs(value) < 1e6 else f"{value:.3g}"

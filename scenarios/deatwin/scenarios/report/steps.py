@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 from deatwin.ident.mismatch.gate.noise import NoiseSource
 from deatwin.scenarios.report.drawing import Drawing
 from deatwin.scenarios.report.quantities import quantity, three_digits, with_interval
-from deatwin.scenarios.report.svg import draw, inline
+from deatwin.scenarios.report.svg import draw
+from deatwin.scenarios.report.tabulated import drawn_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -23,7 +24,7 @@ ROW = 0.3
 """Height of a row of a figure that has one for each part, in inches."""
 
 
-def step_drawings(diagnosis: Diagnosis) -> dict[str, Drawing | None]:
+def step_drawings(diagnosis: Diagnosis) -> tuple[dict[str, Drawing | None], dict[str, str]]:
     """Draw the result of each step that was taken.
 
     Parameters
@@ -35,17 +36,20 @@ def step_drawings(diagnosis: Diagnosis) -> dict[str, Drawing | None]:
     -------
     dict of str to Drawing or None
         By step; None of those that were not taken.
+    dict of str to str
+        Text of each CSV file: what is drawn.
     """
     found: dict[str, Drawing | None] = dict.fromkeys(STEPS)
+    tables: dict[str, str] = {}
     evidence = diagnosis.evidence
     if evidence is None:
-        return found
-    for step, drawing in _drawable(evidence).items():
-        size, title, caption, into = drawing
+        return found, tables
+    for step, (size, title, caption, into) in _drawable(evidence).items():
         with draw(size) as figure:
             into(figure)
-            found[step] = Drawing(name=step, title=title, caption=caption, svg=inline(figure, step, title))
-    return found
+            found[step] = drawing = Drawing.of(figure, step, title, caption)
+            tables[drawing.data] = drawn_table(figure)
+    return found, tables
 
 
 Drawable = tuple[tuple[float, float], str, str, Callable[["Figure"], object]]

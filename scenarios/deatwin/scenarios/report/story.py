@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from deatwin.scenarios.folder import ResultFolder
-from deatwin.scenarios.provenance import versions
-from deatwin.scenarios.report.figures import Drawing
-from deatwin.scenarios.report.svg import COLOURS
+from deatwin.scenarios.provenance import RunRecord
+from deatwin.scenarios.report.drawing import Drawing
+from deatwin.scenarios.report.origin import Origin
+from deatwin.scenarios.report.rendering import write_page
 
 __all__ = ["Note", "Row", "StoryPage", "Table", "write_story"]
 
@@ -33,7 +34,7 @@ class Row:
 
 @dataclass(frozen=True, kw_only=True)
 class Note:
-    """Text under a heading.
+    """Text under a heading, and a file or commands behind it.
 
     Parameters
     ----------
@@ -41,10 +42,13 @@ class Note:
         The heading.
     paragraphs : sequence of str
         Plain text.
+    code : str
+        Shown as it is, line by line; empty for none.
     """
 
     title: str
     paragraphs: Sequence[str]
+    code: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,23 +107,16 @@ class StoryPage:
         return f"{reached} of {len(self.rows)} measures reached"
 
 
-def write_story(folder: ResultFolder, page: StoryPage, seed: int) -> None:
+def write_story(folder: ResultFolder, page: StoryPage, record: RunRecord) -> None:
     """Write ``report.html``.
 
     Parameters
     ----------
     folder : ResultFolder
-        Where to.
+        Where to; it holds the data of the figures already.
     page : StoryPage
         Its content.
-    seed : int
-        Of everything random.
+    record : RunRecord
+        The run, for the end of the page.
     """
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    environment = Environment(
-        loader=PackageLoader("deatwin.scenarios.report"), autoescape=True, undefined=StrictUndefined,
-        trim_blocks=True, lstrip_blocks=True,
-    )  # fmt: skip
-    template = environment.get_template("story.html.j2")
-    folder.text("report.html", template.render(page=page, colours=COLOURS, versions=versions(), seed=seed))
+    write_page(folder, "story.html.j2", page.figures, Origin.of(record), page=page)

@@ -15,16 +15,20 @@ if TYPE_CHECKING:
 __all__ = ["COLOURS", "draw", "inline", "legend_above", "standalone"]
 
 COLOURS = {
-    "ink": ("#010a01", "#23272e", "#d7dae0"),
+    "ink": ("#010a01", "#181b20", "#d7dae0"),
     "grid": ("#010a02", "#d9dce1", "#3a3f47"),
     "measured": ("#010a03", "#6b7280", "#9aa3b0"),
     "before": ("#010a04", "#c2410c", "#fb923c"),
     "after": ("#010a05", "#1d5fbf", "#7db4ff"),
-    "mark": ("#010a06", "#b98a00", "#d9b44a"),
+    "mark": ("#010a06", "#a17700", "#d9b44a"),
+    "fifth": ("#010a07", "#7c3aed", "#c4a7ff"),
+    "sixth": ("#010a08", "#0f766e", "#5eead4"),
 }
 """Role to the colour that matplotlib is given, and what stands for it in light and in dark."""
 
-_GREY = re.compile(r"#([0-9a-f]{2})\1\1\b")
+_GREY = re.compile(r"(stroke: )?#([0-9a-f]{2})\2\2\b")
+_FAINTEST, _GUIDE = 50, 20
+"""Per cent of ink in a grey line that is to be seen; a line with no more than the second is a guide and stays faint."""
 _SETTINGS: dict[Any, Any] = {
     "svg.fonttype": "none",  # text stays text: small, selectable, in the page's own font
     "svg.hashsalt": "deatwin",
@@ -69,7 +73,7 @@ def draw(size: tuple[float, float]) -> Iterator[Figure]:
     from matplotlib import rc_context
     from matplotlib.figure import Figure
 
-    cycle = cycler(color=[COLOURS[role][0] for role in ("after", "before", "measured", "mark")])
+    cycle = cycler(color=[COLOURS[role][0] for role in ("after", "before", "measured", "mark", "fifth", "sixth")])
     with rc_context({**_SETTINGS, "axes.prop_cycle": cycle}):
         yield Figure(figsize=size, layout="constrained")
 
@@ -98,13 +102,24 @@ def inline(figure: Figure, name: str, title: str) -> str:
     text = re.sub(r'\bid="', f'id="{name}-', text)
     text = re.sub(r'(url\(|href=")#', rf"\g<1>#{name}-", text)
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
-    return re.sub(r'<svg [^>]*?(viewBox="[^"]*")[^>]*>', rf'<svg \1 role="img" aria-label="{title}">', text, count=1)
+    opening = rf'<svg \1 role="img" aria-label="{_escaped(title)}">'
+    return re.sub(r'<svg [^>]*?(viewBox="[^"]*")[^>]*>', opening, text, count=1)
+
+
+def _escaped(title: str) -> str:
+    """Fit for an attribute, and for a replacement by regular expression."""
+    from html import escape
+
+    return escape(title).replace("\\", r"\\")
 
 
 def _adaptive(grey: re.Match[str]) -> str:
     """A plain grey as a mixture of ink and page, so that it is as faint in the dark as in the light."""
-    ink = round(100 * (1 - int(grey.group(1), 16) / 255))
-    return f"color-mix(in srgb, var(--ink) {ink}%, var(--page))"
+    stroke, level = grey.group(1) or "", int(grey.group(2), 16)
+    ink = round(100 * (1 - level / 255))
+    if stroke and ink > _GUIDE:
+        ink = max(ink, _FAINTEST)
+    return f"{stroke}color-mix(in srgb, var(--ink) {ink}%, var(--page))"
 
 
 def standalone(figure: Figure) -> str:

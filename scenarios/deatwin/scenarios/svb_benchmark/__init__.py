@@ -59,7 +59,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
     page = StoryPage(
         title="svb-benchmark", sentence=sentence, rows=rows, notes=_notes(study), figures=figures, tables=tables(study)
     )
-    write_story(setting.folder, page, setting.seed)
+    write_story(setting.folder, page, record)
     result = {"sentence": sentence, "measures": [asdict(row) for row in rows], **_summary(study)}
     setting.folder.text("svb-benchmark.json", json.dumps(result, indent=1, ensure_ascii=False) + "\n")
     finished = record.finished([*setting.folder.written, "run.json"])

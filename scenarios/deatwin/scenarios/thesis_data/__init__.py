@@ -74,7 +74,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
         title="thesis-data", sentence=sentence, rows=rows, notes=_notes(study, rests, bands), figures=figures,
         tables=[_fabrications(study.benches), _histories(study.benches), _tolerances()],
     )  # fmt: skip
-    write_story(setting.folder, page, setting.seed)
+    write_story(setting.folder, page, record)
     result = {
         "sentence": sentence,
         "measures": [asdict(row) for row in rows],

@@ -69,7 +69,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
     page = StoryPage(
         title="time-varying", sentence=sentence, rows=rows, notes=notes(study), figures=[d for d, _ in drawn]
     )
-    write_story(setting.folder, page, setting.seed)
+    write_story(setting.folder, page, record)
     result = {"sentence": sentence, "measures": [asdict(row) for row in rows], "actuators": _errors(study)}
     setting.folder.text("time-varying.json", json.dumps(result, indent=1, ensure_ascii=False) + "\n")
     finished = record.finished([*setting.folder.written, "run.json"])

@@ -50,7 +50,7 @@ __all__ = [
 
 Array = NDArray[np.float64]
 FACTOR = 6
-"""Of the samples every so many are kept: 0.12 s, as the story `fleet-models` chooses for seed 0."""
+"""Of the samples every so many are kept: 0.12 s, as the story `semp-fleet` chooses for seed 0."""
 DEGREE = 5
 WINDOW = 100.0
 """Of the sliding mean and gain, s: the mean of 100 s of the thesis' noise wanders by a few per cent of the stroke."""

@@ -99,7 +99,7 @@ def _written(
         notes=[_about(scores, seal), *notes(groups)],
         tables=[_answers(scores), _estimates(scores), table_of(groups)],
     )  # fmt: skip
-    write_story(setting.folder, page, setting.seed)
+    write_story(setting.folder, page, record)
     result = {
         "sentence": sentence, "seal": dict(seal), "answers": [score.to_dict() for score in scores],
         "measures": [asdict(row) for row in rows], "repeatability": [group.to_dict() for group in groups],

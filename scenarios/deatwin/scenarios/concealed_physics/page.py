@@ -1,0 +1,199 @@
+"""The page of results that is kept with the sources, and the data that it is made of."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from deatwin.scenarios.concealed_physics.opened import FAR, Opened
+from deatwin.scenarios.concealed_physics.score import Goal
+from deatwin.scenarios.concealed_physics.seal import Seal
+from deatwin.scenarios.concealed_physics.store import Store
+from deatwin.scenarios.concealed_physics.tables import KINDS, tables
+
+__all__ = ["DATA", "markdown_table", "opened_data", "page_data", "page_of", "results_page", "write_results"]
+
+DATA = "deatwin/concealed-physics/1"
+"""Schema of what the page of results is made of."""
+Cells = Sequence[str]
+
+
+def results_page(study: Opened, goals: Sequence[Goal], seal: Seal) -> str:
+    """The results as a page of text.
+
+    Parameters
+    ----------
+    study : Opened
+        With its key.
+    goals : sequence of Goal
+        As scored.
+    seal : Seal
+        Of the study.
+
+    Returns
+    -------
+    str
+        Markdown.
+    """
+    return page_of(page_data(study, goals, seal))
+
+
+def page_data(study: Opened, goals: Sequence[Goal], seal: Seal) -> dict[str, Any]:
+    """What the page of results is made of, as plain data that are kept with the sources.
+
+    Parameters
+    ----------
+    study : Opened
+        With its key.
+    goals : sequence of Goal
+        As scored.
+    seal : Seal
+        Of the study.
+
+    Returns
+    -------
+    dict
+        With the schema `DATA`.
+    """
+    counted, seconds = Counter(case.kind for case in study.cases), np.array(study.seconds or (0.0,))
+    return {
+        "schema": DATA, "size": seal.size, "seed": seal.seed, "version": seal.version, "seal": seal.hash,
+        "planned": study.planned, "done": study.planned - len(study.missing), "remark": "",
+        "cases": {words: counted[kind] for kind, words in KINDS.items() if counted[kind]},
+        "intervals": len(study.intervals), "errors": len(study.failures),
+        "seconds": {"median": round(float(np.median(seconds)), 1), "most": round(float(seconds.max()), 1)},
+        "goals": [{"goal": g.measure, "demanded": g.demanded, "reached": g.reached, "met": g.outcome} for g in goals],
+        "tables": [
+            {"title": t.title, "columns": list(t.columns), "rows": [list(row) for row in t.rows]}
+            for t in tables(study, seal)[:-1]
+        ],
+    }  # fmt: skip
+
+
+def page_of(data: Mapping[str, Any]) -> str:
+    """The page of results.
+
+    Parameters
+    ----------
+    data : mapping
+        As `page_data` gives it.
+
+    Returns
+    -------
+    str
+        Markdown.
+    """
+    cases = ", ".join(f"{count} {words}" for words, count in data["cases"].items())
+    lines = [
+        "# Concealed physics: what the study reached", "", *_interrupted(data),
+        *([data["remark"], ""] if data["remark"] else []),
+        f"`deatwin scenario concealed-physics --size {data['size']} --seed {data['seed']}`, deatwin {data['version']}: "
+        f"{sum(data['cases'].values())} cases ({cases}), {data['intervals']} parameters of fits on data of the reduced "
+        f"plant. {data['errors']} ended in an error. Processor time of a case: median {data['seconds']['median']:.0f} "
+        f"s, at most {data['seconds']['most']:.0f} s.", "",
+        f"Seal of labels, thresholds and code, written before the first case: `{data['seal']}`", "",
+        f"Bounds hold with 95 % (Clopper and Pearson); one-sided where a goal has one side. d² from {FAR:g} on means "
+        "that two explanations can be told apart. Ratio is the structural residual over the noise after the base plant "
+        "was refitted.", "",
+        *markdown_table(["goal", "demanded", "reached", "met"], [list(goal.values()) for goal in data["goals"]]),
+    ]  # fmt: skip
+    for table in data["tables"]:
+        lines += ["", f"## {table['title']}", "", *markdown_table(table["columns"], table["rows"])]
+    return "\n".join(lines) + "\n"
+
+
+def _interrupted(data: Mapping[str, Any]) -> list[str]:
+    """Says that only a part of a study has run, where it is so."""
+    if data["done"] == data["planned"]:
+        return []
+    return [
+        f"**The study was interrupted: {data['done']} of {data['planned']} cases have run (the order is mixed, so they "
+        "are a fair sample).** Fits on data of the reduced plant are counted among them.", "",
+    ]  # fmt: skip
+
+
+def markdown_table(columns: Cells, rows: Iterable[Cells]) -> list[str]:
+    """A table in Markdown.
+
+    Parameters
+    ----------
+    columns : sequence of str
+        Headings.
+    rows : iterable of sequence of str
+        Cells; a vertical bar in one becomes a slash.
+
+    Returns
+    -------
+    list of str
+        Its lines.
+    """
+    return [
+        f"| {' | '.join(columns)} |", f"|{'---|' * len(columns)}",
+        *(f"| {' | '.join(cell.replace('|', '/') for cell in row)} |" for row in rows),
+    ]  # fmt: skip
+
+
+def opened_data(folder: Path | str) -> dict[str, Any]:
+    """Read a study, score it, and return what its page is made of.
+
+    Of a study that was interrupted what has run is scored.
+
+    Parameters
+    ----------
+    folder : path
+        Of the study.
+
+    Returns
+    -------
+    dict
+        As `page_data` gives it.
+
+    Raises
+    ------
+    DataError
+        If the folder has no seal, or its key is not the one that was sealed.
+    """
+    from deatwin.scenarios.concealed_physics.opened import open_part
+    from deatwin.scenarios.concealed_physics.score import score
+
+    store = Store.opened(folder)
+    study = open_part(store, _key(Path(folder), store.seal))
+    return page_data(study, score(study), store.seal)
+
+
+def write_results(folder: Path | str, target: Path | str) -> None:
+    """Read a study, score it, and write the table of results that is kept with the sources.
+
+    Of a study that was interrupted what has run is scored, and the page says so at its top.
+
+    Parameters
+    ----------
+    folder : path
+        Of the study.
+    target : path
+        File to write, Markdown.
+
+    Raises
+    ------
+    DataError
+        If the folder has no seal, or its key is not the one that was sealed.
+    """
+    from deatwin.plant.files import write_text_atomic
+
+    write_text_atomic(target, page_of(opened_data(folder)))
+
+
+def _key(folder: Path, seal: Seal) -> Mapping[str, Any]:
+    """The key of a study; it is written when the last case is through, and made anew before."""
+    from deatwin.scenarios.concealed_physics.study import key_of, labels
+
+    path = folder / "key.json"
+    if not path.exists():
+        return key_of(labels(seal.size, seal.seed))
+    found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return found

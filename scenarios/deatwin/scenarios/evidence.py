@@ -1,0 +1,292 @@
+"""The tables in the documents that say what the last studies reached, made from the data files beside them.
+
+``python -m deatwin.scenarios.evidence docs`` writes them anew. After a study its folder is given too::
+
+    python -m deatwin.scenarios.evidence docs --control-check FOLDER --remark "Run at commit 0123abc."
+    python -m deatwin.scenarios.evidence docs --control-story FOLDER --remark "Run at commit 0123abc."
+    python -m deatwin.scenarios.evidence docs --concealed-physics FOLDER --remark "Run at commit 0123abc."
+
+reads the folder into ``docs/data/``, and writes the pages. ``--control-check`` takes the trials of a control check,
+``--control-story`` all else, from the same folder or from that of another run.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from deatwin.plant.errors import DataError, DeatwinError
+from deatwin.scenarios.concealed_physics.page import DATA as CONCEALED
+from deatwin.scenarios.concealed_physics.page import markdown_table, opened_data, page_of
+from deatwin.scenarios.control_check.page import STORY, story_blocks, story_data
+from deatwin.scenarios.control_check.rates import Rate, caught, inside, least_percent, sound
+from deatwin.scenarios.control_check.trials import Outcome
+
+__all__ = ["blocks", "main", "pages", "trials_data", "with_blocks"]
+
+TRIALS = "deatwin/control-trials/1"
+DATA = {"control-check": TRIALS, "control-story": STORY, "concealed-physics": CONCEALED}
+"""Files in ``docs/data/`` by their names without ending, with their schemas."""
+BLOCK = re.compile(r"(<!-- made by evidence: ([\w-]+) -->\n).*?(<!-- end -->)", re.DOTALL)
+Data = Mapping[str, Mapping[str, Any]]
+
+
+def trials_data(folder: Path | str, remark: str = "") -> dict[str, Any]:
+    """Read the trials of a control check.
+
+    Parameters
+    ----------
+    folder : path
+        That the scenario wrote, with the folder ``trials`` in it. Which code it ran does not matter, as long as all
+        trials are of one.
+    remark : str
+        A sentence for the page, such as the commit.
+
+    Returns
+    -------
+    dict
+        The schema `TRIALS`, ``seed``, ``code``, ``remark``, and ``trials``: a row for each in the order of their
+        numbers, with what `Outcome` has: number, concealed effect, design, closed-loop time in s, excited band in Hz,
+        verdict and its reason, share of the true steps inside the predicted band, whether the true rig kept every
+        limit (``sound``: false where it broke one, null without a controller), and what was worst there.
+
+    Raises
+    ------
+    DataError
+        If there are no trials, one is malformed, or they are of several seeds or codes.
+    """
+    found = sorted(Path(folder).glob("trials/**/*.json"))
+    if not found:
+        raise DataError(f"{folder}: it holds no trials (trials/000.json and so on)")
+    rows, sealed = [], set()
+    for path in found:
+        try:
+            row = json.loads(path.read_text(encoding="utf-8"))
+            sealed.add((row.pop("schema"), row.pop("seed"), row.pop("code")))
+            rows.append(Outcome.from_dict(row).to_dict())
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
+            raise DataError(f"{path}: it is no trial: {error!r}") from None
+    if len(sealed) > 1:
+        raise DataError(f"{folder}: its trials are of {len(sealed)} seeds or codes; they must be of one")
+    _, seed, code = sealed.pop()
+    rows.sort(key=lambda row: int(row["number"]))
+    return {"schema": TRIALS, "seed": seed, "code": code, "remark": remark, "trials": rows}
+
+
+def blocks(data: Data) -> dict[str, list[str]]:
+    """The lines of every block that pages hold.
+
+    Parameters
+    ----------
+    data : mapping
+        Content of the data files, by name.
+
+    Returns
+    -------
+    dict of str to list of str
+        Markdown by the name of the block.
+    """
+    trials, concealed = data["control-check"], data["concealed-physics"]
+    outcomes = [Outcome.from_dict(row) for row in trials["trials"]]
+    goals = concealed["goals"]
+    missed = [goal for goal in goals if goal["met"] == "no"]
+    head = ["trials", "passed", "inside the band", "broken limits caught", "sound, not passed"]
+    return {
+        "trials": _run(trials, outcomes),
+        "promises": markdown_table(["demanded", "reached"], _promises(outcomes)),
+        "by-design": markdown_table(["design", *head], _grouped(outcomes, lambda o: o.design)),
+        "by-concealed": markdown_table(["concealed", *head], _grouped(outcomes, lambda o: o.concealed or "nothing")),
+        "studies": markdown_table(
+            ["study", "cases", "goals met", "run"],
+            [["[concealed physics](concealed-physics.md)", f"{concealed['done']} of {concealed['planned']}",
+              f"{sum(g['met'] == 'yes' for g in goals)} of {sum(g['met'] != 'reported' for g in goals)}",
+              f"seed {concealed['seed']}, deatwin {concealed['version']}"],
+             ["[control check](control-check.md)", str(len(outcomes)),
+              f"{sum(_kept(outcomes))} of 2", f"seed {trials['seed']}, code `{trials['code'][:12]}`"]],
+        ),
+        "concealed-missed": markdown_table(
+            ["goal of concealed physics that was missed", "demanded", "reached"],
+            [[goal["goal"], goal["demanded"], goal["reached"]] for goal in missed],
+        ),
+        "control": markdown_table(["control check: demanded", "reached"], _promises(outcomes)),
+        **story_blocks(data["control-story"]),
+    }  # fmt: skip
+
+
+def with_blocks(text: str, made: Mapping[str, Sequence[str]]) -> str:
+    """A page with its blocks written anew.
+
+    Parameters
+    ----------
+    text : str
+        With blocks between ``<!-- made by evidence: NAME -->`` and ``<!-- end -->``, each in a line of its own.
+    made : mapping of str to sequence of str
+        Lines of each block.
+
+    Returns
+    -------
+    str
+
+    Raises
+    ------
+    DataError
+        If the page asks for a block that there is not.
+    """
+
+    def anew(found: re.Match[str]) -> str:
+        if found[2] not in made:
+            raise DataError(f"there is no block {found[2]!r}; known: {', '.join(made)}")
+        return "\n".join([found[1].rstrip("\n"), "", *made[found[2]], "", found[3]])
+
+    return BLOCK.sub(anew, text)
+
+
+def pages(docs: Path | str) -> dict[str, str]:
+    """Every page that is made from data, as it should be.
+
+    Parameters
+    ----------
+    docs : path
+        Folder of the documents, with the folder ``data`` in it.
+
+    Returns
+    -------
+    dict of str to str
+        Texts by file name.
+
+    Raises
+    ------
+    DataError
+        If a data file is missing, damaged or of another schema.
+    """
+    folder = Path(docs)
+    data = {name: _read(folder / "data" / f"{name}.json", schema) for name, schema in DATA.items()}
+    made = blocks(data)
+    whole = {"concealed-physics.md": page_of(data["concealed-physics"])}
+    parts = {name: with_blocks((folder / name).read_text(encoding="utf-8"), made)
+             for name in ("control-check.md", "validation.md")}  # fmt: skip
+    return whole | parts
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Read studies into data files where they are given, and write the pages.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        Of the command line; its own by default.
+
+    Returns
+    -------
+    int
+        0, or 1 after an error, which is told.
+    """
+    from deatwin.plant.files import write_text_atomic
+
+    parser = argparse.ArgumentParser(prog="python -m deatwin.scenarios.evidence", description=__doc__,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)  # fmt: skip
+    parser.add_argument("docs", type=Path, help="folder of the documents")
+    parser.add_argument("--control-check", type=Path, metavar="FOLDER", help="the trials of that scenario")
+    parser.add_argument("--control-story", type=Path, metavar="FOLDER", help="results of control-check but its trials")
+    parser.add_argument("--concealed-physics", type=Path, metavar="FOLDER", help="results of that scenario")
+    parser.add_argument("--remark", default="", help="a sentence on the run, such as its commit")
+    given = parser.parse_args(arguments)
+    try:
+        if given.control_check is not None:
+            _write(given.docs, "control-check", trials_data(given.control_check, given.remark))
+        if given.control_story is not None:
+            _write(given.docs, "control-story", story_data(given.control_story, given.remark))
+        if given.concealed_physics is not None:
+            _write(given.docs, "concealed-physics", {**opened_data(given.concealed_physics), "remark": given.remark})
+        for name, text in pages(given.docs).items():
+            write_text_atomic(given.docs / name, text)
+    except (DeatwinError, OSError) as error:
+        print(error, file=sys.stderr)
+        return 1
+    return 0
+
+
+def _read(path: Path, schema: str) -> Mapping[str, Any]:
+    try:
+        found: Any = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise DataError(f"{path}: cannot be read: {error}") from None
+    if not isinstance(found, dict) or found.get("schema") != schema:
+        raise DataError(f"{path}: it must be a {schema} file")
+    return found
+
+
+def _write(docs: Path, name: str, data: Mapping[str, Any]) -> None:
+    """A data file, a row of its lists a line: so that a change of one shows as one."""
+    from deatwin.plant.files import write_text_atomic
+
+    def one(value: object) -> str:
+        return json.dumps(value, ensure_ascii=False, allow_nan=False)
+
+    fields = []
+    for key, value in data.items():
+        rows = ",\n  ".join(map(one, value)) if isinstance(value, list) else ""
+        fields.append(f" {one(key)}: " + (f"[\n  {rows}\n ]" if rows else one(value)))
+    (docs / "data").mkdir(exist_ok=True)
+    write_text_atomic(docs / "data" / f"{name}.json", "{\n" + ",\n".join(fields) + "\n}\n")
+
+
+def _run(trials: Mapping[str, Any], outcomes: Sequence[Outcome]) -> list[str]:
+    without = sum(o.sound is None for o in outcomes)
+    passed, broke = inside(outcomes).count, caught(outcomes).count
+    words = [f"{len(outcomes)} trials with seed {trials['seed']} (sources `{trials['code'][:12]}`).", trials["remark"],
+             "Bounds are one-sided and exact, with 95 % (Clopper and Pearson).",
+             f"{without} of the trials had no controller: the specification could not be met on the model, and the "
+             f"check failed them with that reason. What {passed} passes and {broke} broken designs can show ends at "
+             "the bounds."]  # fmt: skip
+    return [" ".join(word for word in words if word)]
+
+
+def _promises(outcomes: Sequence[Outcome]) -> list[list[str]]:
+    return [
+        ["passed designs whose true steps lie wholly inside the predicted simultaneous 95 % band: at least 90 %",
+         _cell(inside(outcomes))],
+        ["designs that break a limit on the true rig and were not passed: at least 90 %", _cell(caught(outcomes))],
+        ["passed designs that keep every limit on the true rig", _cell(sound(outcomes))],
+        ["sound designs that were not passed (the price of caution)", _cell(_cautious(outcomes), bound=False)],
+    ]  # fmt: skip
+
+
+def _kept(outcomes: Sequence[Outcome]) -> list[bool]:
+    """Whether the two rates of which 90 % is demanded reach it."""
+    return [rate.count > 0 and rate.share >= 0.9 for rate in (inside(outcomes), caught(outcomes))]
+
+
+def _cautious(outcomes: Sequence[Outcome]) -> Rate:
+    return Rate.of(o.verdict != "pass" for o in outcomes if o.sound)
+
+
+def _grouped(outcomes: Sequence[Outcome], key: Callable[[Outcome], str]) -> list[list[str]]:
+    names = sorted({key(o) for o in outcomes}, key=lambda name: (name != "nothing", name))
+    rows = []
+    for name in names:
+        of = [o for o in outcomes if key(o) == name]
+        passed = sum(o.verdict == "pass" for o in of)
+        rates = (inside(of), caught(of), _cautious(of))
+        rows.append([name, str(len(of)), str(passed), *(_counts(rate) for rate in rates)])
+    return rows
+
+
+def _cell(rate: Rate, *, bound: bool = True) -> str:
+    if not rate.count:
+        return "no trial"
+    least_of = f" (bound {least_percent(rate)} %)" if bound else ""
+    return f"{_counts(rate)}, {100 * rate.share:.0f} %{least_of}"
+
+
+def _counts(rate: Rate) -> str:
+    return f"{rate.hits} of {rate.count}" if rate.count else "–"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

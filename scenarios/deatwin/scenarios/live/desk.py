@@ -1,0 +1,203 @@
+"""What lies in the folder of the live view; no name leads out of it."""
+
+from __future__ import annotations
+
+import os
+import re
+import unicodedata
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import count, islice
+from pathlib import Path
+
+from deatwin.plant.errors import DataError
+
+__all__ = ["RECORDINGS", "Desk", "free_name", "inside", "require_folder", "safe_name"]
+
+RECORDINGS = (".csv", ".txt", ".tsv", ".mat", ".tdms", ".nc")
+RESULT = "diagnosis.json"
+MODEL = "model.json"
+WRITTEN = {"figures", "rivals", "next_input.csv"}
+"""What results bring with them that is no recording."""
+DEEPEST = 3
+MOST_FILES = 2000
+LONGEST_NAME = 100
+
+_FORBIDDEN = re.compile(r'[\x00-\x1f\x7f<>:"|?*]')
+_RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
+
+
+def require_folder(path: Path) -> Path:
+    """The folder that is to be shown.
+
+    Parameters
+    ----------
+    path : path
+        As given.
+
+    Returns
+    -------
+    path
+        Absolute.
+
+    Raises
+    ------
+    DataError
+        If there is none, or it is a file.
+    """
+    if path.is_dir():
+        return path.resolve()
+    if path.exists():
+        raise DataError(f"{path}: is a file; give the folder that it lies in")
+    raise DataError(f"{path}: there is no such folder")
+
+
+def inside(root: Path, name: str) -> Path:
+    """The path of a name in a folder.
+
+    Parameters
+    ----------
+    root : path
+        The folder.
+    name : str
+        Relative to it.
+
+    Returns
+    -------
+    path
+        Absolute, with symbolic links followed; need not exist.
+
+    Raises
+    ------
+    DataError
+        If it lies outside, by ``..``, by an absolute name or by a symbolic link.
+    """
+    home = root.resolve()
+    try:
+        path = (home / name).resolve()
+    except (OSError, RuntimeError, ValueError):  # a loop of links, a null character
+        raise DataError(f"{name!r}: no name of a file in {root}") from None
+    if not path.is_relative_to(home):
+        raise DataError(f"{name}: lies outside of {root}; only what is in this folder can be used")
+    return path
+
+
+def safe_name(name: str) -> str:
+    """A name that a browser sent, as the name of a file in one folder.
+
+    Parameters
+    ----------
+    name : str
+        Whatever was sent.
+
+    Returns
+    -------
+    str
+        Without folders, leading dots and dashes, and with ``_`` for characters that some system refuses.
+
+    Raises
+    ------
+    DataError
+        If nothing is left, or it is too long, or reserved on Windows.
+
+    Examples
+    --------
+    >>> safe_name("../../etc/noise.csv"), safe_name(r"C:\\\\lab\\\\noise 1.csv"), safe_name(".-a:b.csv")
+    ('noise.csv', 'noise 1.csv', 'a_b.csv')
+    """
+    last = re.split(r"[/\\]", unicodedata.normalize("NFC", name))[-1]
+    kept = _FORBIDDEN.sub("_", last).strip().lstrip(".- ").rstrip(". ")
+    if not kept or not kept.isprintable():
+        raise DataError(f"{name[:LONGEST_NAME]!r}: no name; take letters, digits, spaces, dots, dashes and underscores")
+    if len(kept.encode()) > LONGEST_NAME:
+        raise DataError(f"{kept[:20]}…: the name is too long; take at most {LONGEST_NAME} letters")
+    if _RESERVED.fullmatch(kept):
+        raise DataError(f"{kept}: Windows reserves this name; take another")
+    return kept
+
+
+@dataclass(frozen=True, kw_only=True)
+class Desk:
+    """The names of what lies in a folder, relative to it, with ``/`` between folders, in order.
+
+    Parameters
+    ----------
+    recordings : tuple of str
+        Files in a recording's format, but for those that a diagnosis wrote.
+    rigs : tuple of str
+        Rig files and calibrated models.
+    results : tuple of str
+        Folders that hold a diagnosis; ``.`` is the folder itself.
+    whole : bool
+        False where the folder holds more than is listed.
+    """
+
+    recordings: tuple[str, ...]
+    rigs: tuple[str, ...]
+    results: tuple[str, ...]
+    whole: bool = True
+
+    @classmethod
+    def look(cls, root: Path) -> Desk:
+        """Look into a folder and the folders below it; hidden ones and links that lead out of it are passed over.
+
+        Parameters
+        ----------
+        root : path
+            The folder.
+
+        Returns
+        -------
+        Desk
+        """
+        home = root.resolve()
+        files = list(islice(_files(home, home, DEEPEST), MOST_FILES + 1))
+        names: dict[str, list[str]] = {"recordings": [], "rigs": [], "results": []}
+        for path in files[:MOST_FILES]:
+            name = path.relative_to(home)
+            if path.name == RESULT:
+                names["results"].append(name.parent.as_posix())
+            elif path.suffix.lower() == ".toml" or path.name == MODEL:
+                names["rigs"].append(name.as_posix())
+            elif path.suffix.lower() in RECORDINGS and WRITTEN.isdisjoint(name.parts):
+                names["recordings"].append(name.as_posix())
+        found = {kind: tuple(sorted(listed)) for kind, listed in names.items()}
+        return cls(**found, whole=len(files) <= MOST_FILES)
+
+
+def free_name(root: Path, stem: str = "diagnosis") -> str:
+    """A name for the next folder of results that is not taken.
+
+    Parameters
+    ----------
+    root : path
+        Where it is to lie.
+    stem : str
+        What it begins with.
+
+    Returns
+    -------
+    str
+    """
+    return next(name for n in count(1) if not os.path.lexists(root / (name := f"{stem}-{n}")))
+
+
+def _files(home: Path, folder: Path, deeper: int) -> Iterator[Path]:
+    """Regular files that belong to the folder, in the order of their names."""
+    try:
+        entries = sorted(os.scandir(folder), key=lambda entry: entry.name)
+    except OSError:
+        return
+    for entry in entries:
+        path = Path(entry.path)
+        if entry.name.startswith(".") or not entry.name.isprintable():
+            continue
+        try:
+            if entry.is_symlink() and not path.resolve().is_relative_to(home):
+                continue
+            if entry.is_file():
+                yield path
+            elif deeper and entry.is_dir(follow_symlinks=False):
+                yield from _files(home, path, deeper - 1)
+        except (OSError, RuntimeError):
+            continue

@@ -1,0 +1,158 @@
+"""Who may ask the live view: a browser on this machine, at the page's own address, that was given the key.
+
+The server listens on the loopback address, so other machines cannot reach it. Pages of other sites that run in a
+browser on this machine can: by a name of theirs that resolves to 127.0.0.1 (DNS rebinding), by requests across sites,
+by a WebSocket, which no same-origin policy holds back. And so can whoever else is logged in here. Hence each request
+must name the loopback address as its host, come from no other origin, and bring the key of this run.
+"""
+
+from __future__ import annotations
+
+import hmac
+from collections.abc import Awaitable, Callable, Iterable, MutableMapping
+from http.cookies import CookieError, SimpleCookie
+from typing import Any
+from urllib.parse import parse_qs
+
+__all__ = ["LOOPBACK", "Guard"]
+
+LOOPBACK = "127.0.0.1"
+HOSTS = (LOOPBACK, "localhost")
+ENVELOPE = 100_000
+"""Bytes that a form takes around the file in it."""
+
+Scope = MutableMapping[str, Any]
+Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
+Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
+App = Callable[[Scope, Receive, Send], Awaitable[None]]
+
+
+class Guard:
+    """An ASGI application in front of another, which sees only what may pass.
+
+    Parameters
+    ----------
+    app : callable
+        The other application.
+    port : int
+        That the server listens on.
+    key : str
+        That the address opened first carries as ``?key=``; a cookie holds it afterwards.
+    most_bytes : int
+        Size of the largest file that may be sent.
+    """
+
+    def __init__(self, app: App, *, port: int, key: str, most_bytes: int) -> None:
+        self.app = app
+        self.key = key
+        self.most_bytes = most_bytes + ENVELOPE
+        self.cookie = f"deatwin-{port}"  # cookies do not tell ports apart
+        self.hosts = {host if port == 80 else f"{host}:{port}" for host in HOSTS}
+        self.origins = {f"http://{host}" for host in self.hosts}
+        self.policy = _policy(self.hosts)
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer, or let the other application answer.
+
+        Parameters
+        ----------
+        scope, receive, send
+            As ASGI 3 defines them.
+        """
+        if scope["type"] == "lifespan":
+            await self.app(scope, receive, send)
+            return
+        headers = _Headers(scope["headers"])
+        status, reason = self._refusal(scope, headers)
+        if status:
+            await _refuse(scope, send, status, reason)
+        elif self._brings_key(scope):
+            cookie = f"{self.cookie}={self.key}; Path=/; HttpOnly; SameSite=Lax"
+            await _answer(send, 303, [(b"location", b"/"), (b"set-cookie", cookie.encode())], b"")
+        elif not self._knows_key(headers):
+            await _refuse(scope, send, 403, "open the address that deatwin view printed: it carries the key")
+        else:
+            await self.app(scope, receive, self._with_policy(send))
+
+    def _refusal(self, scope: Scope, headers: _Headers) -> tuple[int, str]:
+        """Status and reason for which a request is refused whoever sends it; 0 where there is none."""
+        if headers.all("host") not in [[host] for host in self.hosts]:
+            return 421, "this server answers to its loopback address only"
+        if any(origin not in self.origins for origin in headers.all("origin")):
+            return 403, "pages of other sites may not ask"
+        if scope["type"] == "http" and scope["method"] not in ("GET", "HEAD"):
+            length = headers.all("content-length")
+            if headers.all("transfer-encoding") or len(length) != 1 or not length[0].isdecimal():
+                return 411, "say how much is sent"
+            if int(length[0][:20]) > self.most_bytes:
+                return 413, "the file is too large"
+        return 0, ""
+
+    def _brings_key(self, scope: Scope) -> bool:
+        if scope["type"] != "http" or scope["path"] != "/":
+            return False
+        given = parse_qs(scope["query_string"].decode("latin-1")).get("key", [""])[0]
+        return self._is_key(given)
+
+    def _knows_key(self, headers: _Headers) -> bool:
+        for text in headers.all("cookie"):
+            try:
+                held = SimpleCookie(text).get(self.cookie)
+            except CookieError:
+                continue
+            if held is not None and self._is_key(held.value):
+                return True
+        return False
+
+    def _is_key(self, given: str) -> bool:
+        return hmac.compare_digest(given.encode(), self.key.encode())
+
+    def _with_policy(self, send: Send) -> Send:
+        """The answers of the other application, with a policy for what the page may load where they set none."""
+
+        async def sending(message: MutableMapping[str, Any]) -> None:
+            if message["type"] == "http.response.start":
+                set_already = {name.lower() for name, _ in message.get("headers", [])}
+                added = [(name, value) for name, value in self.policy if name not in set_already]
+                message = {**message, "headers": [*message.get("headers", []), *added]}
+            await send(message)
+
+        return sending
+
+
+class _Headers:
+    """All values of each header."""
+
+    def __init__(self, pairs: Iterable[tuple[bytes, bytes]]) -> None:
+        self._pairs = [(name.lower().decode("latin-1"), value.decode("latin-1")) for name, value in pairs]
+
+    def all(self, name: str) -> list[str]:
+        return [value for key, value in self._pairs if key == name]
+
+
+def _policy(hosts: Iterable[str]) -> list[tuple[bytes, bytes]]:
+    sockets = " ".join(f"ws://{host}" for host in sorted(hosts))
+    content = (
+        "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval'; style-src 'self' 'unsafe-inline'; "
+        f"img-src 'self' data: blob:; font-src 'self' data:; connect-src 'self' {sockets}; "
+        "object-src 'none'; base-uri 'none'; form-action 'self'; frame-ancestors 'none'"
+    )
+    return [
+        (b"content-security-policy", content.encode()),
+        (b"x-content-type-options", b"nosniff"),
+        (b"referrer-policy", b"no-referrer"),
+        (b"cross-origin-resource-policy", b"same-origin"),
+    ]
+
+
+async def _refuse(scope: Scope, send: Send, status: int, reason: str) -> None:
+    if scope["type"] == "websocket":
+        await send({"type": "websocket.close", "code": 1008, "reason": reason})
+    else:
+        await _answer(send, status, [(b"content-type", b"text/plain; charset=utf-8")], f"{reason}\n".encode())
+
+
+async def _answer(send: Send, status: int, headers: list[tuple[bytes, bytes]], body: bytes) -> None:
+    headers = [*headers, (b"content-length", str(len(body)).encode()), (b"connection", b"close")]
+    await send({"type": "http.response.start", "status": status, "headers": headers})
+    await send({"type": "http.response.body", "body": body})

@@ -1,0 +1,140 @@
+"""Where the public recordings come from: the user's folder, or the download of the package nonlinear_benchmarks."""
+
+from __future__ import annotations
+
+import importlib
+import io
+import os
+from collections.abc import Iterable, Mapping
+from contextlib import redirect_stdout
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from types import MappingProxyType
+
+from deatwin.plant.errors import DataError
+from deatwin.scenarios.provenance import hashes
+from deatwin.scenarios.report.story import Table
+from deatwin.scenarios.stories import DATA_VARIABLE
+
+__all__ = ["PACKAGE", "SOURCES", "Source", "downloaded", "origins"]
+
+PACKAGE = "nonlinear_benchmarks"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Source:
+    """Who published a set of recordings.
+
+    Parameters
+    ----------
+    title, published : str
+        What it is, and who published it where.
+    loader : str
+        Function of nonlinear_benchmarks that downloads it; empty where the package lacks what the scenarios need.
+    """
+
+    title: str
+    published: str
+    loader: str = ""
+
+
+SOURCES: Mapping[str, Source] = MappingProxyType({
+    "silverbox": Source(
+        title="Silverbox", loader="Silverbox",
+        published="Wigren & Schoukens, European Control Conference 2013; nonlinearbenchmark.org",
+    ),
+    "emps": Source(
+        title="EMPS", loader="EMPS",
+        published="Janot, Gautier & Brunot, Workshop on Nonlinear System Identification Benchmarks 2019; "
+        "nonlinearbenchmark.org",
+    ),
+    "cascaded_tanks": Source(
+        title="Cascaded tanks", loader="Cascaded_Tanks",
+        published="Schoukens, Mattsson, Wigren & Noël, Workshop on Nonlinear System Identification Benchmarks 2016; "
+        "nonlinearbenchmark.org",
+    ),
+    # The package has the test signals of this benchmark only; those to learn from come out of a MATLAB program.
+    "boucwen_benchmark_h5": Source(
+        title="Bouc-Wen benchmark (simulated)",
+        published="Noël & Schoukens, Workshop on Nonlinear System Identification Benchmarks 2016; as HDF5 in "
+        "github.com/forgi86/dynonet, examples/BW",
+    ),
+    "buck_converter": Source(title="Buck converter", published="github.com/wilsonrljr/sysidentpy-data"),
+    "vhb4910": Source(title="VHB 4910", published="github.com/Chongran-Zhao/VHB4910_data, which names no licence"),
+})  # fmt: skip
+"""By the name of the set's folder."""
+
+
+def downloaded(name: str) -> Path:
+    """The folder to which nonlinear_benchmarks downloads a set; it does so once.
+
+    The package's own `Input_output_data` has one input and one output; what EMPS and the Silverbox need beyond them
+    (reference, pulses, the samples between the parts) is in the files, whose hash the reports give. So the loaders are
+    asked for the locations of their files, by ``data_file_locations=True``.
+
+    Parameters
+    ----------
+    name : str
+        One of `SOURCES`.
+
+    Returns
+    -------
+    path
+
+    Raises
+    ------
+    DataError
+        If the package lacks the set or is not installed, or the download fails.
+    """
+    wanted = f"the scenario needs the recordings {name}: give their folder by --data or {DATA_VARIABLE}"
+    loader = SOURCES[name].loader
+    if not loader:
+        raise DataError(wanted)
+    try:
+        load = getattr(importlib.import_module(PACKAGE), loader)
+    except ModuleNotFoundError:
+        raise DataError(f"{wanted}, or pip install {PACKAGE}, which downloads them") from None
+    try:
+        with redirect_stdout(io.StringIO()):  # it prints what it does, and results may be asked for there
+            files = load(data_file_locations=True)
+    except Exception as error:  # of the network, the archive or the package: it lets all through
+        raise DataError(
+            f"{PACKAGE} could not download the recordings {name} ({error}); give their folder by --data or "
+            f"{DATA_VARIABLE}"
+        ) from error
+    return Path(files if isinstance(files, str | os.PathLike) else files[0]).parent
+
+
+def origins(given: Path | None, files: Mapping[str, Iterable[Path]]) -> Table:
+    """Who published the recordings of a page, how they got here, and their hashes.
+
+    Parameters
+    ----------
+    given : path or None
+        Folder of all public recordings, as on the command line.
+    files : mapping of str to iterable of path
+        By sets of `SOURCES`, what was read of each.
+
+    Returns
+    -------
+    Table
+    """
+    rows = [
+        [SOURCES[name].title, SOURCES[name].published, _way(given), Path(one["file"]).name, one["sha256"]]
+        for name, read in files.items()
+        for one in hashes(read)
+    ]
+    columns = ["recordings", "published", "read from", "file", "SHA-256"]
+    return Table(title="Where the recordings come from", columns=columns, rows=rows)
+
+
+def _way(given: Path | None) -> str:
+    if given:
+        return "the folder given by --data"
+    if os.environ.get(DATA_VARIABLE):
+        return f"the folder given by {DATA_VARIABLE}"
+    try:
+        return f"the download of {PACKAGE} {version(PACKAGE)}"
+    except PackageNotFoundError:
+        return f"the download of {PACKAGE}"

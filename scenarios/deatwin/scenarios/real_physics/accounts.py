@@ -1,0 +1,105 @@
+"""What a story with a diagnosis says in rows and tables."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from deatwin.ident.mismatch import Diagnosis
+from deatwin.scenarios.report.story import Row, Table
+
+if TYPE_CHECKING:
+    from deatwin.scenarios.real_physics.case import Case, Trial
+
+__all__ = ["error_table", "measures", "tried_table"]
+
+
+def measures(case: Case, diagnosis: Diagnosis, trials: Sequence[Trial]) -> list[Row]:
+    """Hold a diagnosis and its free runs against what is demanded.
+
+    Parameters
+    ----------
+    case : Case
+        With the right answers.
+    diagnosis : Diagnosis
+        Of the fitted recordings.
+    trials : sequence of Trial
+        Over the held-out ones.
+
+    Returns
+    -------
+    list of Row
+    """
+    causes = [cause.effect for cause in diagnosis.causes]
+    right = bool(causes) and set(causes) <= set(case.documented) and diagnosis.verdict.value == "named"
+    rows = [
+        Row(
+            measure="The physics that is documented is named, and no other",
+            demanded=f"named: {' or '.join(case.documented)}",
+            reached=f"{diagnosis.verdict.value}: {', '.join(causes) or 'no cause'}", passed=right,
+        )
+    ]  # fmt: skip
+    for trial in trials:
+        base, amended = trial.base_error / case.scale, trial.amended_error / case.scale
+        rows.append(
+            Row(
+                measure=f"{trial.held_out.name}: free run, rms error, against the base plant's",
+                demanded=f"below {base:.4g} {case.unit}", reached=f"{amended:.4g} {case.unit}", passed=amended < base,
+            )
+        )  # fmt: skip
+    return rows
+
+
+def error_table(case: Case, trials: Sequence[Trial]) -> Table:
+    """Errors of all free runs over the held-out recordings.
+
+    Parameters
+    ----------
+    case : Case
+        With unit and scale.
+    trials : sequence of Trial
+        The runs.
+
+    Returns
+    -------
+    Table
+    """
+    rows = []
+    for trial in trials:
+        name = trial.held_out.name
+        rows.append([name, "calibrated base plant", f"{trial.base_error / case.scale:.4g}"])
+        rows.append([name, "amended plant", f"{trial.amended_error / case.scale:.4g}"])
+        rows += [
+            [name, f"{o.method}, {o.terms} parameters", o.failure or f"{o.free_run / case.scale:.4g}"]
+            for o in trial.rivals
+        ]
+    return Table(
+        title="Free runs over held-out recordings: root mean square errors",
+        columns=["recording", "model", f"error ({case.unit})"], rows=rows,
+    )  # fmt: skip
+
+
+def tried_table(case: Case, diagnosis: Diagnosis) -> Table:
+    """Effects that the diagnosis built in, with what each left.
+
+    Parameters
+    ----------
+    case : Case
+        With unit and scale.
+    diagnosis : Diagnosis
+        Of the fitted recordings.
+
+    Returns
+    -------
+    Table
+    """
+    tried = diagnosis.evidence.candidates if diagnosis.evidence is not None else ()
+    rows = [
+        [" and ".join(c.effects).replace("_", " ") or "none", f"{c.fitted / case.scale:.4g}",
+         f"{c.unseen / case.scale:.4g}"]
+        for c in sorted(tried, key=lambda c: c.fitted)
+    ]  # fmt: skip
+    return Table(
+        title="Effects that were built in", rows=rows,
+        columns=["effects", f"fitted part ({case.unit})", f"unseen part of the same recordings ({case.unit})"],
+    )  # fmt: skip

@@ -1,0 +1,97 @@
+"""What a figure shows, as a table: for results that draw themselves."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["drawn_table"]
+
+HEADER = ("panel", "horizontal", "vertical", "series", "kind", "x", "y")
+_SAME = 1e-9  # of a position and the tick that names it
+
+Rows = Iterator[tuple[str, str, Any]]
+
+
+def drawn_table(figure: Figure) -> str:
+    """The points of all that is drawn in a figure.
+
+    Parameters
+    ----------
+    figure : matplotlib Figure
+        As drawn.
+
+    Returns
+    -------
+    str
+        A CSV file with a row for each point: its panel, the labels of the axes with their units, the series, and how
+        it is drawn: the points of a line, the ends of a stroke, the tip of a bar, or the outline of a band. A place on
+        an axis that has a name is written by that name.
+    """
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(HEADER)
+    figure.draw_without_rendering()  # so that ticks have their texts
+    for number, axes in enumerate(figure.axes, start=1):
+        across, up = _names(axes.xaxis), _names(axes.yaxis)
+        for series, kind, points in _series(axes):
+            shown = "" if series.startswith("_") else series
+            for x, y in np.asarray(points, dtype=float).reshape(-1, 2).tolist():
+                writer.writerow([
+                    number, axes.get_xlabel(), axes.get_ylabel(), shown, kind, _cell(x, across), _cell(y, up)
+                ])  # fmt: skip
+    return text.getvalue()
+
+
+def _series(axes: Axes) -> Rows:
+    """Label, kind and points of each artist that is drawn in the panel's own coordinates."""
+    from matplotlib.collections import LineCollection, PathCollection, PolyCollection
+    from matplotlib.container import BarContainer
+
+    for line in axes.lines:
+        if line.get_transform() == axes.transData:
+            yield str(line.get_label()), "line", line.get_xydata()
+    for bars in axes.containers:
+        if isinstance(bars, BarContainer):
+            for bar in bars.patches:
+                yield str(bars.get_label()), "bar", _tip(bar, bars.orientation == "horizontal")
+    for collection in axes.collections:
+        label = str(collection.get_label())
+        if isinstance(collection, LineCollection):
+            for stroke in collection.get_segments():
+                yield label, "stroke", stroke
+        elif isinstance(collection, PathCollection):
+            yield label, "point", collection.get_offsets()
+        elif isinstance(collection, PolyCollection):
+            for path in collection.get_paths():
+                yield label, "band", path.vertices
+
+
+def _tip(bar: Any, lying: bool) -> tuple[float, float]:
+    x, y, width, height = bar.get_x(), bar.get_y(), bar.get_width(), bar.get_height()
+    return (x + width, y + height / 2) if lying else (x + width / 2, y + height)
+
+
+def _names(axis: Any) -> dict[float, str]:
+    """Places of an axis that have a name rather than a number."""
+    from matplotlib.category import StrCategoryFormatter
+    from matplotlib.ticker import FixedFormatter
+
+    if not isinstance(axis.get_major_formatter(), FixedFormatter | StrCategoryFormatter):
+        return {}
+    return {
+        float(place): tick.get_text() for place, tick in zip(axis.get_ticklocs(), axis.get_ticklabels(), strict=False)
+    }
+
+
+def _cell(value: float, names: dict[float, str]) -> str:
+    near = next((name for place, name in names.items() if abs(place - value) < _SAME), None)
+    return near or f"{value:.9g}"

@@ -1,0 +1,74 @@
+"""One run at a time in a folder: a lock that the system takes back from a process that is killed."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from deatwin.plant.errors import DataError
+
+__all__ = ["alone"]
+
+LOCK_FILE = ".lock"
+
+
+@contextmanager
+def alone(folder: Path) -> Iterator[None]:
+    """Hold the lock of a folder.
+
+    Where the file system knows no locks, nothing is locked.
+
+    Parameters
+    ----------
+    folder : path
+        Made if absent, and removed afterwards if it is empty.
+
+    Raises
+    ------
+    DataError
+        If another process holds it.
+    """
+    path = folder / LOCK_FILE
+    held = _held(path)
+    try:
+        yield
+    finally:
+        with suppress(PermissionError):  # Windows does not remove what is open: there it stays
+            path.unlink(missing_ok=True)
+        os.close(held)
+        with suppress(OSError):
+            folder.rmdir()
+
+
+def _held(path: Path) -> int:
+    """The lock file, open and locked."""
+    while True:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            file = os.open(path, os.O_RDWR | os.O_CREAT)
+        except FileNotFoundError:  # a run that has just ended took its folder away
+            continue
+        try:
+            _lock(file)
+        except (BlockingIOError, PermissionError):
+            os.close(file)
+            raise DataError(f"{path.parent.parent}: another process is running these cases; wait for it") from None
+        except OSError:
+            return file
+        with suppress(FileNotFoundError):
+            if os.fstat(file).st_ino == path.stat().st_ino:
+                return file
+        os.close(file)  # the run that held it has removed it meanwhile
+
+
+def _lock(file: int) -> None:
+    if os.name == "nt":
+        import msvcrt
+
+        msvcrt.locking(file, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined,unused-ignore]
+    else:
+        import fcntl
+
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -1,0 +1,58 @@
+"""The figure that holds both integrators against each other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.scenarios.report.drawing import Drawing
+from deatwin.scenarios.report.svg import COLOURS, draw
+
+__all__ = ["agreement"]
+
+Array = NDArray[np.float64]
+INK, MEASURED, AFTER = (COLOURS[role][0] for role in ("ink", "measured", "after"))
+
+
+def agreement(
+    timepts: Array, road: Array, here: Array, elsewhere: Array, noise: float
+) -> tuple[Drawing, Mapping[str, Array]]:
+    """Draw the bumps, the travel as both compute it, and their difference.
+
+    Parameters
+    ----------
+    timepts, road, here, elsewhere : ndarray, shape (n,)
+        Times, s; heights and travels, m, without the sensor's noise.
+    noise : float
+        Of the sensor, m.
+
+    Returns
+    -------
+    Drawing
+        The picture.
+    dict of str to ndarray
+        Its data.
+    """
+    difference = 1e6 * (here - elsewhere)
+    with draw((9.6, 5.8)) as figure:
+        top, middle, bottom = figure.subplots(3, 1, sharex=True, height_ratios=(2, 3, 2))
+        top.fill_between(timepts, 1e3 * road, -60.0, color=MEASURED, alpha=0.5, linewidth=0, step="post")
+        top.set(ylabel="road (mm)")
+        middle.plot(timepts, 1e3 * elsewhere, color=INK, linewidth=2.4, label="scipy, its own equations")
+        middle.plot(timepts, 1e3 * here, color=AFTER, linewidth=1.0, label="deatwin, the user's file and the drag")
+        middle.set(ylabel="travel (mm)")
+        bottom.plot(timepts, difference, color=AFTER)
+        bottom.set(ylabel="difference (µm)", xlabel="time (s)")
+        figure.legend(*middle.get_legend_handles_labels(), loc="outside upper left", ncols=2)
+        drawing = Drawing.of(
+            figure, "agreement", "One car, computed twice",
+            "Bumps and a pothole, without the sensor's noise. Both know the drag here; it is what the diagnosis is not "
+            f"told. The sensor's noise, {1e6 * noise:.0f} µm rms, is far above the difference.",
+        )  # fmt: skip
+    columns = {
+        "time_s": timepts, "road_mm": 1e3 * road, "deatwin_mm": 1e3 * here, "scipy_mm": 1e3 * elsewhere,
+        "difference_um": difference,
+    }  # fmt: skip
+    return drawing, columns

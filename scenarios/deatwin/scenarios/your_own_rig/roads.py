@@ -1,0 +1,178 @@
+"""What the car is driven over, and who computes how it moves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.plant.excitation import band_limited_noise
+from deatwin.plant.files import read_recording, write_recording
+from deatwin.plant.model import Plant
+from deatwin.plant.recording import Experiment, Recording
+from deatwin.scenarios.folder import ResultFolder
+from deatwin.scenarios.your_own_rig.elsewhere import CAR, drive
+from deatwin.scenarios.your_own_rig.quarter_car import plant
+
+__all__ = ["Drives", "bumps", "concealed", "record_elsewhere", "record_here", "rough_road", "unread"]
+
+Array = NDArray[np.float64]
+ROUGHNESS, BAND = 8e-3, 6.0
+"""Root mean square height of the road, m, and its band, Hz."""
+LENGTH = 12.0
+"""Of each drive, s."""
+BUMPS = ((1.0, 0.06, 0.5), (4.0, -0.05, 0.4), (6.5, 0.07, 0.8), (9.0, 0.05, 0.25))
+"""Times, s, heights, m, and durations, s: a bump, a pothole, two more bumps."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Drives:
+    """Two drives of one car, as they are read back from their files.
+
+    Parameters
+    ----------
+    rough, over_bumps : Recording
+        What is diagnosed, and what judges.
+    files : tuple of path
+        Read from.
+    """
+
+    rough: Recording
+    over_bumps: Recording
+    files: tuple[Path, Path]
+
+
+def rough_road(rng: np.random.Generator, step: float, seconds: float = LENGTH) -> Array:
+    """A road of band-limited noise.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Of the road.
+    step : float
+        Sample time, s.
+    seconds : float
+        Length of the drive.
+
+    Returns
+    -------
+    ndarray
+        Heights, m.
+    """
+    limit = 4 * ROUGHNESS
+    return band_limited_noise(
+        rng, seconds, step, mean=0.0, variance=ROUGHNESS**2, band=BAND, lower=-limit, upper=limit
+    )  # fmt: skip
+
+
+def bumps(step: float) -> Array:
+    """A level road with bumps and a pothole, which the strut takes faster than the rough road.
+
+    Parameters
+    ----------
+    step : float
+        Sample time, s.
+
+    Returns
+    -------
+    ndarray
+        Heights, m.
+    """
+    timepts = step * np.arange(round(LENGTH / step))
+    road = np.zeros(timepts.size)
+    for start, height, width in BUMPS:
+        inside = (timepts >= start) & (timepts < start + width)
+        road[inside] += height / 2 * (1 - np.cos(2 * np.pi * (timepts[inside] - start) / width))
+    return road
+
+
+def concealed() -> Plant:
+    """The car of `elsewhere` in deatwin's own terms: the user's plant with other values, and the catalogue's drag.
+
+    Returns
+    -------
+    Plant
+    """
+    nominal = plant()
+    drag = next(effect for effect in nominal.rig.effects() if effect.name == "quadratic_damping")
+    own = {name: getattr(CAR, name) for name in ("wheel", "spring", "damper", "tyre")}
+    return nominal.with_effects(drag).with_values({**own, "quadratic_damping.coefficient": CAR.orifice})
+
+
+def record_here(folder: ResultFolder, roads: tuple[Array, Array], rng: np.random.Generator) -> Drives:
+    """Let deatwin drive: its own equations, its own integrator.
+
+    Parameters
+    ----------
+    folder : ResultFolder
+        For the recordings.
+    roads : tuple of ndarray
+        The rough one and the bumps.
+    rng : numpy.random.Generator
+        Of the sensor's noise.
+
+    Returns
+    -------
+    Drives
+    """
+    made = [concealed().record(Experiment(recordings=(unread(road),)), rng).recordings[0] for road in roads]
+    return _kept(folder, "here", made[0], made[1])
+
+
+def record_elsewhere(folder: ResultFolder, roads: tuple[Array, Array], rng: np.random.Generator) -> Drives:
+    """Let scipy drive: other equations, another integrator.
+
+    Parameters
+    ----------
+    folder : ResultFolder
+        For the recordings.
+    roads : tuple of ndarray
+        The rough one and the bumps.
+    rng : numpy.random.Generator
+        Of the sensor's noise.
+
+    Returns
+    -------
+    Drives
+    """
+    rig = plant().rig
+    made = []
+    for road in roads:
+        travel, _, _ = drive(CAR, road, rig.sample_time)
+        made.append(_named(road, travel + rig.noise * rng.standard_normal(road.size)))
+    return _kept(folder, "elsewhere", made[0], made[1])
+
+
+def unread(road: Array) -> Recording:
+    """A road that nobody has driven over yet.
+
+    Parameters
+    ----------
+    road : ndarray
+        Heights, m.
+
+    Returns
+    -------
+    Recording
+        Whose readings are zeros.
+    """
+    return _named(road, np.zeros(road.size))
+
+
+def _named(road: Array, travel: Array) -> Recording:
+    return Recording.from_arrays(
+        road, travel, plant().rig.sample_time, input_names=("road",), output_names=("travel",), input_units=("m",),
+        output_units=("m",),
+    )  # fmt: skip
+
+
+def _kept(folder: ResultFolder, name: str, rough: Recording, over_bumps: Recording) -> Drives:
+    """Write both, and read them back as a user's own would be."""
+    names = (f"recordings/{name}_rough_road.csv", f"recordings/{name}_bumps.csv")
+    for file, recording in zip(names, (rough, over_bumps), strict=True):
+        folder.save(file, lambda path, recording=recording: write_recording(path, recording))  # type: ignore[misc]
+    files = folder.path / names[0], folder.path / names[1]
+    first, second = (read_recording(file, input_column="road_m", output_column="travel_m") for file in files)
+    return Drives(rough=first, over_bumps=second, files=files)
