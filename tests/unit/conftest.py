@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
@@ -87,3 +88,24 @@ def base() -> Plant:
 def full(base: Plant) -> Plant:
     """The diaphragm with all four effects."""
     return base.with_effects(Creep(), PermittivityDrift(), ElectrodeRC(), Hysteresis())
+
+
+@pytest.fixture
+def kept(tmp_path: Path) -> Callable[[Any], Any]:
+    """``kept(dataset)``: what comes back of a dataset from a NetCDF file, after a look that nothing was lost."""
+    xarray = pytest.importorskip("xarray")
+    pytest.importorskip("h5netcdf")
+
+    def through_a_file(data: Any) -> Any:
+        data.to_netcdf(tmp_path / "kept.nc", engine="h5netcdf")
+        with xarray.open_dataset(tmp_path / "kept.nc", engine="h5netcdf") as found:
+            back = found.load()
+        xarray.testing.assert_equal(back, data)
+        units = [{name: v.attrs.get("units") for name, v in one.variables.items()} for one in (back, data)]
+        assert units[0] == units[1]
+        assert set(back.attrs) == set(data.attrs)
+        for name, value in data.attrs.items():
+            np.testing.assert_array_equal(np.atleast_1d(back.attrs[name]), np.atleast_1d(value))
+        return back
+
+    return through_a_file

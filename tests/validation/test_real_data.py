@@ -9,14 +9,13 @@ import pytest
 
 from deatwin.ident.narx import NarxModel
 from deatwin.scenarios.folder import ResultFolder
-from deatwin.scenarios.real_data import LARGEST_ERROR, MOST_TERMS, judge, run
+from deatwin.scenarios.real_data import LARGEST_ERROR, MOST_TERMS, SETS, judge, run
 from deatwin.scenarios.real_data.methods import FRO, GROWN, LINEAR, REFINED, SEMP, Outcome, attempt
 from deatwin.scenarios.real_data.published import DOCUMENTED, documented_errors
-from deatwin.scenarios.real_data.records import buck, cascaded_tanks, emps, silverbox
+from deatwin.scenarios.real_data.records import buck, silverbox
 from deatwin.scenarios.stories import Setting
 
 DATA = Path(os.environ.get("DEATWIN_DATA") or Path(__file__).parents[2].parent / "shared" / "data")
-SETS = {"silverbox": silverbox, "buck_converter": buck, "cascaded_tanks": cascaded_tanks, "emps": emps}
 
 
 def required(name: str) -> None:
@@ -28,12 +27,12 @@ def test_a_documented_model_runs_as_its_authors_run_it() -> None:
     # SysIdentPy 0.9.0's own predict of these parameters on buck_valid: 0.6549432736167407 V rms from the third sample.
     required("buck_converter")
     name = next(iter(DOCUMENTED))
-    assert documented_errors(buck(DATA).test)[name] == pytest.approx(0.654943273616741, rel=1e-12)
+    assert documented_errors(buck(DATA / "buck_converter").test)[name] == pytest.approx(0.654943273616741, rel=1e-12)
 
 
 def test_the_converter_is_run_better_than_by_any_documented_model() -> None:
     required("buck_converter")
-    data = buck(DATA)
+    data = buck(DATA / "buck_converter")
     plain, refined = attempt(FRO, data), attempt(REFINED, data)
     assert isinstance(plain.model, NarxModel) and isinstance(refined.model, NarxModel)
     # The same terms and, by one step, the same parameters as SysIdentPy finds.
@@ -46,7 +45,7 @@ def test_the_converter_is_run_better_than_by_any_documented_model() -> None:
 
 def test_the_silverbox_reaches_beyond_what_it_was_learned_from() -> None:
     required("silverbox")
-    data = silverbox(DATA)
+    data = silverbox(DATA / "silverbox")
     assert np.abs(data.test.outputs).max() > 1.2 * np.abs(data.train.outputs).max()
     found = attempt(GROWN, data)
     assert found.terms <= MOST_TERMS
@@ -56,7 +55,7 @@ def test_the_silverbox_reaches_beyond_what_it_was_learned_from() -> None:
 
 def test_nothing_of_the_test_recording_is_learned() -> None:
     required("buck_converter")
-    data = buck(DATA)
+    data = buck(DATA / "buck_converter")
     other = replace(data, test=data.train)
     for method in (FRO, LINEAR, REFINED):
         one, two = attempt(method, data).model, attempt(method, other).model
@@ -67,7 +66,7 @@ def test_nothing_of_the_test_recording_is_learned() -> None:
 @pytest.mark.parametrize("name", SETS)
 def test_recordings_are_parted(name: str) -> None:
     required(name)
-    data = SETS[name](DATA)
+    data = SETS[name](DATA / name)
     assert data.train.sample_time == data.test.sample_time
     assert min(data.train.n_samples, data.test.n_samples) > 900
     assert all(path.is_file() for path in data.files)
@@ -76,7 +75,7 @@ def test_recordings_are_parted(name: str) -> None:
 def test_a_model_that_misses_does_not_pass() -> None:
     required("silverbox")
     required("buck_converter")
-    sets = [silverbox(DATA), buck(DATA)]
+    sets = [silverbox(DATA / "silverbox"), buck(DATA / "buck_converter")]
     poor = Outcome(
         data="", method="", terms=16, one_step=1.0, free_run=1.0, training=1.0, seconds=0.0, failure="", model=None,
         outputs=np.zeros(1),

@@ -39,7 +39,10 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureF
 
 CHECK = {
     "schema": "deatwin/check/1",
-    "operating": {"input_unit": "V", "output_unit": "mm"},
+    "operating": {
+        "input": 2.0, "output": 1.0, "static_gain": 1.0, "status": "ok", "sample_time": 0.02,
+        "input_unit": "V", "output_unit": "mm",
+    },
     "controller": {
         "kind": "linear", "name": "PI", "sample_time": 0.02, "operating_input": 2.0, "operating_output": 1.0,
         "command_min": 1.0, "command_max": 4.0, "closed_loop_time": 0.5, "windup": [0.1],

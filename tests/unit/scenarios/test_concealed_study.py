@@ -30,6 +30,7 @@ from deatwin.scenarios.concealed_physics.baselines import (
 from deatwin.scenarios.concealed_physics.confusion import by_effect, by_family
 from deatwin.scenarios.concealed_physics.figures import drawings, summary
 from deatwin.scenarios.concealed_physics.opened import Opened, open_key
+from deatwin.scenarios.concealed_physics.page import results_page, write_results
 from deatwin.scenarios.concealed_physics.rates import (
     Rate,
     bounds,
@@ -43,7 +44,7 @@ from deatwin.scenarios.concealed_physics.rates import (
 from deatwin.scenarios.concealed_physics.score import Goal, gaps_closed, score, sentence
 from deatwin.scenarios.concealed_physics.seal import Seal, digest, thresholds
 from deatwin.scenarios.concealed_physics.store import Store
-from deatwin.scenarios.concealed_physics.tables import csv_files, reported, results_page, tables, write_results
+from deatwin.scenarios.concealed_physics.tables import csv_files, reported, tables
 
 TINY_SEED = 1001
 

@@ -21,7 +21,7 @@ from deatwin.scenarios.control_check import study as running
 from deatwin.scenarios.control_check.matters import Achieved, Interval, Matter, Matters
 from deatwin.scenarios.control_check.promises import kept, promises
 from deatwin.scenarios.control_check.rates import Rate, broken, caught, in_words, inside, sound
-from deatwin.scenarios.control_check.record import Trials
+from deatwin.scenarios.control_check.record import Trials, name_of
 from deatwin.scenarios.control_check.study import Study
 from deatwin.scenarios.control_check.tables import tables, trials_csv, verdicts_seen
 from deatwin.scenarios.control_check.tracking import FleetRun, Tracked, Tracking
@@ -43,21 +43,25 @@ def outcome(number=0, verdict="pass", inside=1.0, sound=True, *, design="LQG", c
     )  # fmt: skip
 
 
+def put(trials: Trials, one: Outcome) -> None:
+    trials.put(name_of(one.number), one.to_dict())
+
+
 @pytest.mark.parametrize(
     "one", [outcome(3), outcome(4, NO_MODEL, None, None), outcome(5, "marginal", 0.987654321, False)]
 )
 def test_an_outcome_comes_back_from_its_file(tmp_path: Path, one: Outcome) -> None:
     trials = Trials(tmp_path, seed=7)
-    trials.put(one)
-    assert trials.get([one.number]) == (one,)
+    put(trials, one)
+    assert trials.outcomes([one.number]) == (one,)
     assert Outcome.from_dict(one.to_dict()) == one
 
 
 def test_a_study_goes_on_where_it_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     first = Trials(tmp_path, seed=0)
-    assert first.missing(4) == [0, 1, 2, 3]
     for number in (0, 2):
-        first.put(outcome(number))
+        put(first, outcome(number))
+    assert first.missing([name_of(number) for number in range(4)]) == ["001", "003"]
     run = []
 
     def fake(number, seed):
@@ -69,28 +73,36 @@ def test_a_study_goes_on_where_it_stopped(tmp_path: Path, monkeypatch: pytest.Mo
     found = running._trials(tmp_path, 4, 0, 1, lambda share, text: told.append((share, text)))
     assert run == [(1, 0), (3, 0)]
     assert [o.verdict for o in found] == ["pass", "fail", "pass", "fail"]
-    assert told == [(0.5, "trial 2 of 4"), (0.75, "trial 3 of 4"), (1.0, "trial 4 of 4")]
+    assert [share for share, _ in told] == pytest.approx([0.5, 0.75, 1.0])
+    assert [text.split(",")[0] for _, text in told] == ["trial 2 of 4", "trial 3 of 4", "trial 4 of 4"]
 
 
 def test_trials_of_another_seed_are_refused_before_any_is_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    Trials(tmp_path, seed=1).put(outcome(0))
+    put(Trials(tmp_path, seed=1), outcome(0))
     monkeypatch.setattr(running, "try_one", lambda *_: pytest.fail("a trial was run"))
-    with pytest.raises(DataError, match=r"000\.json: this trial was run with another seed or other code"):
+    with pytest.raises(DataError, match=r"another seal \(seed: 1 there, 0 now\)"):
         running._trials(tmp_path, 4, 0, 1, lambda *_: None)
 
 
 def test_trials_of_other_code_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    before = Trials(tmp_path, seed=0)
-    before.put(outcome(0))
-    # Its fields may have had other names.
-    path = tmp_path / "trials" / "000.json"
-    content = json.loads(path.read_text())
+    put(Trials(tmp_path, seed=0), outcome(0))
     monkeypatch.setattr(record, "_digest", lambda: "another")
-    with pytest.raises(DataError, match="other code"):
-        Trials(tmp_path, seed=0).get([0])
-    path.write_text(json.dumps({**content, "an_old_field": 1}))
-    with pytest.raises(DataError, match="other code"):
-        Trials(tmp_path, seed=0).get([0])
+    with pytest.raises(DataError, match=r"another seal \(code: [0-9a-f]{12} there, \"another\" now\)"):
+        Trials(tmp_path, seed=0)
+
+
+def test_trials_without_a_seal_are_gone_on_with_if_they_are_of_this_seed_and_code(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    put(Trials(tmp_path, seed=0), outcome(0))
+    (tmp_path / "seal.json").unlink()  # as former versions left them
+    assert Trials(tmp_path, seed=0).outcomes([0]) == (outcome(0),)
+    (tmp_path / "seal.json").unlink()
+    with pytest.raises(DataError, match=r"000\.json: this case was run under another seal"):
+        Trials(tmp_path, seed=1)
+    monkeypatch.setattr(record, "_digest", lambda: "another")
+    with pytest.raises(DataError, match="choose another folder"):
+        Trials(tmp_path, seed=0)
 
 
 @pytest.mark.parametrize(
@@ -100,28 +112,29 @@ def test_trials_of_other_code_are_refused(tmp_path: Path, monkeypatch: pytest.Mo
         lambda text: "[]",
         lambda text: "null",
         lambda text: text.replace('"verdict"', '"word"'),
-        lambda text: text.replace('"seed"', '"sead"'),
+        lambda text: "{}",
     ],
 )
-def test_a_malformed_trial_is_one_clear_error(tmp_path: Path, spoil) -> None:
+def test_a_malformed_trial_is_one_clear_error(tmp_path: Path, spoil, monkeypatch: pytest.MonkeyPatch) -> None:
     stored = Trials(tmp_path, seed=0)
-    stored.put(outcome(0))
+    put(stored, outcome(0))
     path = tmp_path / "trials" / "000.json"
     path.write_text(spoil(path.read_text()))
-    with pytest.raises(DataError, match=r"000\.json: it must hold a trial"):
-        stored.get([0])
+    monkeypatch.setattr(running, "try_one", lambda *_: pytest.fail("a trial was run"))
+    with pytest.raises(DataError, match=r"000\.json: (.*it must hold|this case was run under another seal)"):
+        running._trials(tmp_path, 4, 0, 1, lambda *_: None)
 
 
 def test_a_trial_that_has_not_been_run_is_said_so(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match=r"002\.json: this trial has not been run"):
-        Trials(tmp_path, seed=0).get([2])
+    with pytest.raises(DataError, match=r"002\.json: this case has not been run"):
+        Trials(tmp_path, seed=0).outcomes([2])
 
 
 def test_a_file_that_is_no_text_is_one_clear_error(tmp_path: Path) -> None:
     stored = Trials(tmp_path, seed=0)
     (tmp_path / "trials" / "000.json").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(DataError, match="it must hold a trial"):
-        stored.get([0])
+    with pytest.raises(DataError, match="it must hold the result of a case"):
+        stored.outcomes([0])
 
 
 def test_a_recording_without_a_model_is_an_outcome(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -160,6 +173,8 @@ def test_rates_are_written_with_their_exact_bound() -> None:
     # All of n: the lower bound is 0.05^(1/n).
     assert least(Rate(hits=20, count=20)) == pytest.approx(0.05 ** (1 / 20), rel=1e-9)
     assert in_words(Rate(hits=20, count=20)) == "20 of 20, 100 % (with 95 % confidence at least 86 %)"
+    # 89.89 %: a bound that is printed as 90 % would promise more than was shown.
+    assert in_words(Rate(hits=44, count=45)) == "44 of 45, 98 % (with 95 % confidence at least 89 %)"
     assert in_words(Rate(hits=0, count=0)) == "no trial"
 
 
@@ -262,7 +277,7 @@ def test_a_study_that_reaches_all() -> None:
     )
     assert rows[1].reached == "inverse 1.25 times, inverse with dynamics 1.25 times"
     assert rows[3].reached == "fail; on the true rig fail: steps overshoot by 51 %"
-    assert rows[5].reached == "9 of 9, 100 % (with 95 % confidence at least 72 %)"  # 0.05^(1/9) = 0.717
+    assert rows[5].reached == "9 of 9, 100 % (with 95 % confidence at least 71 %)"  # 0.05^(1/9) = 0.717
 
 
 def spec() -> Tracking:
@@ -354,7 +369,7 @@ def test_the_page_is_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
 
 def test_the_story_is_listed_with_its_sizes() -> None:
     story = STORIES["control-check"]
-    assert story.sizes == tuple(running.SIZES) == ("short", "standard")
+    assert story.sizes == tuple(running.SIZES) == ("short", "standard", "full")
     with pytest.raises(DataError, match="no size 'shrt'; did you mean"):
         story.require_size("shrt")
     assert story.run is control_check.run

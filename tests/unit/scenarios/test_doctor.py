@@ -14,7 +14,7 @@ from deatwin.scenarios.commands import doctor as command
 from deatwin.scenarios.commands.doctor import OPTIONAL, SLOWER
 
 ROOT = Path(__file__).parents[3]
-FOR_DEVELOPERS = {"test", "docs"}
+FOR_DEVELOPERS = {"test", "docs", "browser", "fuzz"}
 
 
 def told(capsys: pytest.CaptureFixture[str]) -> dict[str, Any]:

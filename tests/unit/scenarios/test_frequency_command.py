@@ -185,7 +185,9 @@ def test_the_page_shows_what_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         (["--band", "0", "5"], 1, "half the sampling rate, 5 Hz"),
         (["--level", "1.5"], 1, "level = 1.5"),
         (["--order", "2", "--operating-input", "3"], 1, "operating input 3 lies outside the training inputs"),
-        (["--order", "2", "--amplitude", "-1"], 1, "must be positive"),
+        (["--order", "1", "--amplitude", "-1"], 2, "give a positive number"),
+        (["--order", "2", "--amplitude", "inf"], 2, "give a positive number"),
+        (["--amplitude", "0.1"], 2, "give --order 2 or more"),
         (["--order", "9"], 2, "--order"),
     ],
 )

@@ -81,12 +81,20 @@ def decimals(*rows: str, header: str = "time_s;command_V") -> str:
 
 
 DESCRIPTION = '# deatwin/recording/1 {"schema": "%s", "sample_time": 0.02, "signals": [], "provenance": {}}\n' + table()
+DATED = (
+    '# deatwin/recording/1 {"schema": "deatwin/recording/1", "sample_time": 0.02, "signals": '
+    '[{"role": "input", "name": "command", "unit": "V", "header": "command_V"}, '
+    '{"role": "output", "name": "displacement", "unit": "m", "header": "displacement_mm"}], '
+    '"provenance": {"wf_start_time": "%s"}}\n'
+)
 FILES = {
     "good.csv": table(),
     "misspelt.csv": table("time_s,comand_V,displacement_mm"),
     "output.csv": table("time_s,command_V,displacment_mm"),
     "clockless.csv": table("number,command_V,displacement_mm"),
     "unit.csv": table("time_s,command_mm,displacement_mm"),
+    "unitless.csv": table("t,voltage,disp"),
+    "volts.csv": table("t,voltage,disp_V"),
     "extra.csv": table("time_s,command_V,displacement_mm,curent_uA"),
     "double.csv": table("time_s,command_V,command_V"),
     "gap.csv": table(row_22="", row_23="", row_24=""),
@@ -117,6 +125,10 @@ FILES = {
     "units.csv": "time_s,command_V\n(s),(mV)\n0.00,1\n0.02,2\n0.04,1\n",
     "damaged.csv": "# deatwin/recording/1 {\n" + table(),
     "schema.csv": DESCRIPTION % "deatwin/recording/9",
+    "wide.csv": "\n".join([",".join(f"c{k}" for k in range(10_001)), *[",".join(["1"] * 10_001)] * 2]),
+    "quotes.csv": table(row_8='0.12,"' + "2" * 140_000 + '",0.3'),
+    "dated.csv": DATED % "soon" + table(),
+    "later.csv": DATED % "later" + table(),
     "note.docx": "not a recording",
     "bare": table(),
     "fake.mat": "not a recording, whatever its name says" * 9,
@@ -140,10 +152,16 @@ FILES = {
     "electrode.toml": RIG.replace("= 35.0", "= 90.0"),
     "contact.toml": RIG.replace("= 6.0", "= 36.0"),
     "commands.toml": RIG.replace("gain = 800.0", "gain = 800.0\ncommand_min_V = 4\ncommand_max_V = 3"),
+    "metres.toml": RIG.replace("= 0.5", "= 0.0005"),
+    "huge.toml": RIG.replace("800.0", "8000000"),
+    "digits.toml": RIG.replace("800.0", "9" * 5000),
+    "hoop.toml": RIG + "[hoop]\n",
+    "above.toml": "gain = 800.0\n" + RIG,
     "soft.toml": RIG.replace("= 3.5", "= 2.0"),  # pulls in at a few kilovolts
     "deep.toml": "a = " + "[" * 100_000,
     "plants.py": PLANTS,
     "broken.py": "def strip(:\n",
+    "huge.json": '{"schema": "deatwin/narx/1", "sample_time_s": 1e400}',
     "truncated.json": '{"schema": "deatwin/narx/1", "ter',
     "deep.json": "[" * 100_000,
     "list.json": "[1]",
@@ -161,7 +179,10 @@ BYTES = {
 DATA = ("data/vhb4910", "data/emps", "data/silverbox")  # without recordings
 DESIGNED = {
     "schema": "deatwin/check/1",
-    "operating": {"input_unit": "V", "output_unit": "mm"},
+    "operating": {
+        "input": 2.0, "output": 1.0, "static_gain": 1.0, "status": "ok", "sample_time": 0.02,
+        "input_unit": "V", "output_unit": "mm",
+    },
     "controller": {
         "kind": "linear", "name": "PI", "sample_time": 0.02, "operating_input": 2.0, "operating_output": 1.0,
         "command_min": 1.0, "command_max": 4.0, "closed_loop_time": 0.5, "windup": [0.1],
@@ -178,6 +199,17 @@ ERRORS = {"DataError", "RigError", "ModelError", "SimulationError", "ControlErro
 NOT_FROM_THE_COMMAND_LINE = {
     "assemble.py: dt is": "typer refuses --dt first",
     "csvtable.py: cannot be read as numbers": "the last resort of a reader that knows no such cell",
+    "csvtable.py: lines; at most": "a file of 40 MB; test_intake.py makes it",
+    "evidence.py: it holds no trials": "python -m deatwin.scenarios.evidence, for those who keep the pages",
+    "evidence.py: its trials are of": "as above",
+    "evidence.py: it is no trial": "as above",
+    "evidence.py: it must be a": "as above",
+    "evidence.py: there is no block": "as above",
+    "documents.py: numbers, texts and lists; at most": "a file of 60 MB; test_intake.py makes it",
+    "arrays.py: columns; at most": "as of a CSV",
+    "unpacked.py: more entries of a cell or struct": "no library writes such a file; test_intake.py does",
+    "unpacked.py: more samples than it holds": "no library writes such a file; test_intake.py does",
+    "tdms.py: samples and has": "no library writes such a file",
     "table.py: it must be positive and finite": "readers pass over such a clock, or call the description damaged",
     "recordings.py: columns must be one-dimensional": "commands write columns of one length",
     "recordings.py: holds a comma": "commands write headers of their own",
@@ -199,7 +231,8 @@ class Row:
     @property
     def arguments(self) -> list[str]:
         words = shlex.split(self.given)
-        return [*words, *(["--out", "new"] if self.status == 1 and "--out" not in words else [])]
+        has_none = "--out" in words or words[0] == "view"
+        return [*words, *(["--out", "new"] if self.status == 1 and not has_none else [])]
 
     @property
     def pattern(self) -> str:
@@ -230,6 +263,11 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name in ("folder", "folder.csv", "folder.toml", "folder.json", "locked", *DATA):
         (desk / name).mkdir(parents=True)
     (desk / "locked").chmod(0o555)
+    for ending in ("csv", "toml", "json"):
+        os.mkfifo(desk / f"pipe.{ending}")
+        (desk / f"link.{ending}").symlink_to(f"gone.{ending}")
+        with open(desk / f"large.{ending}", "wb") as file:
+            file.truncate(10 * 2**30)  # sparse
     desk.chmod(0o755)
     write_models(desk)
     write_recordings(desk)
@@ -249,6 +287,7 @@ def write_models(desk: Path) -> None:
     (desk / "designed.json").write_text(json.dumps(DESIGNED), encoding="utf-8")
     for name, source, key, value in (
         ("terms.json", "narx.json", "terms", 3),
+        ("ragged.json", "narx.json", "theta_cov", [[1.0], [1.0, 2.0]]),
         ("effect.json", "model.json", "effects", ["crep"]),
     ):
         document = json.loads((desk / source).read_text(encoding="utf-8"))
@@ -258,6 +297,7 @@ def write_models(desk: Path) -> None:
 
 def write_recordings(desk: Path) -> None:
     """Recordings in other formats."""
+    from h5py import ExternalLink, File
     from nptdms import ChannelObject, TdmsWriter
     from xarray import Dataset
 
@@ -277,6 +317,12 @@ def write_recordings(desk: Path) -> None:
     }.items():
         savemat(desk / name, content, oned_as="column")
     Dataset({"time_s": ("row", clock), "command_V": ("none", [])}).to_netcdf(desk / "empty.nc", engine="h5netcdf")
+    for name, made in (
+        ("hollow.nc", lambda file: file.create_dataset("time_s", shape=(10**9,), dtype="f8")),
+        ("elsewhere.nc", lambda file: file.__setitem__("time_s", ExternalLink("other.nc", "/time_s"))),
+    ):
+        with File(desk / name, "w") as file:
+            made(file)
     with TdmsWriter(desk / "clocks.tdms") as file:
         file.write_segment([
             ChannelObject("one", name, values, {"wf_increment": 0.02, "wf_start_offset": start})

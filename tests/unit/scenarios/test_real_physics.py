@@ -169,7 +169,7 @@ def test_the_documented_physics_lowers_the_error_on_a_section(story: str) -> Non
     module, folder, samples, share = CASES[story]
     if not (DATA / folder).is_dir():
         pytest.skip(f"the recordings {folder} are absent: DEATWIN_DATA names their folder")
-    own = module.case(DATA)
+    own = module.case(DATA / folder)
     record = own.fitted[0].recordings[0]
     part = [Part.whole(Experiment(recordings=(record.section(0, min(samples, record.n_samples)),)))]
     effect = next(e for e in own.plant.rig.effects() if e.name in own.documented[:1])
@@ -180,7 +180,7 @@ def test_the_documented_physics_lowers_the_error_on_a_section(story: str) -> Non
 
 @needs("cascaded_tanks")
 def test_nothing_that_judges_is_fitted() -> None:
-    own = cascaded_tanks.case(DATA)
+    own = cascaded_tanks.case(DATA / "cascaded_tanks")
     fitted, judged = own.fitted[0].recordings[0].outputs, own.held_out[0].measured
     assert not np.array_equal(fitted[0][: judged.size], judged)
 
@@ -192,6 +192,6 @@ def test_the_arrow_head_is_not_in_what_is_diagnosed() -> None:
 
 @needs("emps")
 def test_the_rest_of_a_record_begins_where_the_fit_ends() -> None:
-    own = emps.case(DATA)
+    own = emps.case(DATA / "emps")
     assert own.held_out[1].first == own.fitted[0].recordings[0].n_samples
     assert own.held_out[1].measured.size + own.held_out[1].first == own.held_out[1].experiment.recordings[0].n_samples

@@ -2,7 +2,9 @@
 
 import re
 from dataclasses import dataclass, replace
+from html import unescape
 from html.parser import HTMLParser
+from math import inf
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -20,8 +22,10 @@ from deatwin.plant import Diaphragm, Experiment, Plant, Recording
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.errors import ModelError
 from deatwin.scenarios.folder import ResultFolder
+from deatwin.scenarios.provenance import RunRecord
 from deatwin.scenarios.report import Origin, write_report
-from deatwin.scenarios.report.quantities import with_interval
+from deatwin.scenarios.report.quantities import in_interval, with_interval
+from deatwin.scenarios.report.story import Note, StoryPage, write_story
 
 DIAGNOSIS = Diagnosis(
     output={"name": "displacement", "unit": "um"},
@@ -52,6 +56,26 @@ def test_an_interval_has_the_prefix_of_its_value() -> None:
     assert with_interval(950.0, 900.0, 1100.0, "Pa") == ("950 Pa", "900 to 1100 Pa")
     assert with_interval(26.1e3, 24.5e3, 27.7e3, "Pa") == ("26.1 kPa", "24.5 to 27.7 kPa")
     assert with_interval(-0.1, -0.12, -0.08, "1") == ("-0.1", "-0.12 to -0.08")
+
+
+def test_a_narrow_interval_has_the_digits_that_tell_its_ends_apart() -> None:
+    assert with_interval(25.012, 24.98, 25.04, "s") == ("25.01 s", "24.98 to 25.04 s")
+    assert with_interval(25.0, 24.99999, 25.00002, "s") == ("25.00000 s", "24.99999 to 25.00002 s")
+    assert with_interval(12345.6, 12340.0, 12351.0, "1") == ("12346", "12340 to 12351")
+    assert with_interval(25.0, 25.0, 25.0, "s") == ("25 s", "25 to 25 s")  # nothing to tell apart
+    assert in_interval(2.0, -inf, inf) == "2 (-inf to inf)"
+    assert in_interval(10.0, 9.98, 10.02) == "10.00 (9.98 to 10.02)"
+    assert in_interval(54.12, 50.2, 59.3) == "54.1 (50.2 to 59.3)"
+
+
+def test_code_of_a_note_is_shown_as_it_is(tmp_path: Path) -> None:
+    folder = ResultFolder(tmp_path)
+    code = "if a < b:\n        print('<b>')  # two  spaces\n"
+    notes = [Note(title="Monday", paragraphs=["Text."], code=code), Note(title="Tuesday", paragraphs=["No code."])]
+    page = StoryPage(title="a story", sentence="Told.", rows=[], notes=notes, figures=[])
+    write_story(folder, page, RunRecord(command=["test"], inputs=[], seed=0, jobs=1))
+    found = re.findall("<pre[^>]*><code>(.*?)</code></pre>", (tmp_path / "report.html").read_text("utf-8"), re.DOTALL)
+    assert [unescape(text) for text in found] == [code]
 
 
 @dataclass(frozen=True)
@@ -165,7 +189,7 @@ def test_the_page_shows_every_step_in_order(tmp_path: Path) -> None:
     shown = (
         "that of the readings while the command rests", "on a bound of its range", "30 kPa", "26.4 kPa", "25 to 27 kPa",
         "0.00250", "0.610 µm", "film: stiffness", "1234", "creep and delay (9.10)", "x v", "-0.0123", "94 %",
-        "at the ball", "from 30 to 2 %",
+        "at the ball", "from 30 to 2.0 %",
         "creep with the opposite sign does as well", "the error grows on unseen data: lowest amplitudes", "6.78",
         "97 %", "3.12 %", "not judged: it hardly differs",
     )  # fmt: skip

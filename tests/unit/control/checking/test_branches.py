@@ -1,24 +1,30 @@
 """The check on a rig and a model that are known in closed form: every way that it can go, and what the file holds."""
 
 import json
-from dataclasses import replace
+from dataclasses import dataclass, fields, replace
+from functools import partial
 
+import control
 import numpy as np
 import pytest
 
 from deatwin.control import (
     Check,
     ControlError,
+    Law,
     Limit,
+    LinearController,
     LinearStatus,
     Residual,
     Specification,
     Verdict,
     check,
+    from_control,
     lambda_tuning,
     linearise,
 )
-from deatwin.control.loop.residual import RMS_KEY, TIME_KEY
+from deatwin.control.checking.trial import Trial, require_short_runs
+from deatwin.control.loop.residual import DIVERGED, RMS_KEY, TIME_KEY
 from deatwin.control.stability.excited import BAND_KEY
 from deatwin.ident.narx import NarxModel, ThetaTrajectory
 from deatwin.ident.narx.operating import OperatingRange
@@ -169,6 +175,23 @@ def test_a_limit_that_says_nothing_is_refused(good, poor):
         Limit(good=good, poor=poor)
 
 
+REVERSED = {"gain": (1.5, 2.0), "stable_share": (0.9, 0.975), "overshoot": (0.5, 0.25), "limit_cycle": (0.3, 0.05)}
+
+
+@pytest.mark.parametrize("name", REVERSED)
+def test_limits_the_wrong_way_round_are_refused(name):
+    good, poor = REVERSED[name]
+    with pytest.raises(ControlError, match=rf"of {name} (more|less) is better.* good = {good:g} and poor = {poor:g}"):
+        Specification(**{name: Limit(good=good, poor=poor)})
+    kept = Specification(**{name: Limit(good=poor, poor=good)})
+    assert getattr(kept, name).good == poor
+
+
+def test_a_number_is_no_limit():
+    with pytest.raises(ControlError, match=r"overshoot = 0\.1: it must be a Limit"):
+        Specification(overshoot=0.1)
+
+
 def refused(error):
     def design(linear, *, command_limits):
         raise error
@@ -287,6 +310,71 @@ def test_a_controller_of_another_sample_time_is_refused_at_once(rig, fast):
     assert shares == []
 
 
+def test_what_is_no_controller_is_refused_with_what_would_be(rig):
+    model = from_control(control.tf([1.0], [1.0, -0.5], H))
+    for given, says in (
+        (model, r"LinearModel \(that is a model to design one on\): give a Controller"), ("PI", "= str: give"),
+    ):  # fmt: skip
+        with pytest.raises(ControlError, match=says):
+            checked(exact(), rig, controller=given)
+
+
+def test_a_controller_from_a_transfer_function_is_judged_by_its_own_margins(rig):
+    """As the how-to shows it; times its gain margin the loop's poles are on the unit circle."""
+    pi = control.ss(control.tf([0.2, -0.1], [1.0, -1.0], H))
+    law = Law.of_error(pi.A, pi.B[:, 0], pi.C[0], pi.D[0, 0])
+    mine = LinearController(
+        name="my PI", law=law, windup=pi.B[:, 0] / pi.D[0, 0], sample_time=H, closed_loop_time=FAST,
+        operating_input=0.0, operating_output=0.0, command_min=-1.0, command_max=1.0,
+    )  # fmt: skip
+    found = checked(exact(provenance={}), rig, controller=mine, samples=5)
+    seen = linearise(exact()).in_loop(rig.rig.reading)
+    bottom = np.convolve([1.0, -1.0], seen.denominator)
+    top = np.convolve([0.2, -0.1], seen.numerator)
+    size = max(top.size, bottom.size)
+    top, bottom = (np.pad(part, (0, size - part.size)) for part in (top, bottom))
+    for factor, stable in ((0.999, True), (1.001, False)):
+        poles = np.roots(bottom + factor * found.margins.gain * top)
+        assert bool(np.abs(poles).max() < 1.0) is stable
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Unlawful(LinearController):
+    """A controller whose law breaks, or is none."""
+
+    returned: object = None
+
+    def local(self, operating_input):
+        return self.returned or {}["law"]
+
+
+def test_a_controller_of_one_s_own_whose_law_breaks_is_one_clear_error(rig, fast):
+    values = {field.name: getattr(fast, field.name) for field in fields(fast)}
+    with pytest.raises(ControlError, match=r"Unlawful\.local raised KeyError at 0: 'law'") as caught:
+        checked(exact(), rig, controller=Unlawful(**values))
+    assert isinstance(caught.value.__cause__, KeyError)
+    with pytest.raises(ControlError, match=r"Unlawful\.local returned str at 0; it must return a Law"):
+        checked(exact(), rig, controller=Unlawful(**values, returned="PI"))
+
+
+def test_runs_without_an_end_are_refused_with_the_longest_closed_loop_time(rig, fast):
+    """50 times for the steps and 30 pi for three periods of a sine at a fifth of the bandwidth: 144.2 in all."""
+    longest = 200_000 * H / (50 + 30 * np.pi)
+    require_short_runs(replace(fast, closed_loop_time=longest - 1e-6))
+    with pytest.raises(ControlError, match=r"need 2e\+05 samples, and may have 200000; give 27\.7 s or less"):
+        require_short_runs(replace(fast, closed_loop_time=longest + 1e-6))
+    trial = Trial(controller=replace(fast, closed_loop_time=1.0), linear=linearise(exact()), rng=None)
+    assert trial.step_reference.size + trial.sine_reference.size == pytest.approx((50 + 30 * np.pi) / H, abs=1)
+    with pytest.raises(ControlError, match=r"give 27\.7 s or less"):
+        checked(exact(), rig, controller=replace(fast, closed_loop_time=1e9))
+
+
+@pytest.mark.parametrize("samples", [1.5, 0, True, "many"])
+def test_a_number_of_draws_that_is_none_is_refused(rig, samples):
+    with pytest.raises(ModelError, match=r"samples = .*; it must be an integer of at least 1"):
+        checked(exact(), rig, samples=samples)
+
+
 def test_a_controller_outside_of_the_training_data_is_refused(rig, fast):
     far = replace(fast, operating_input=1.2, command_max=2.0)
     with pytest.raises(ModelError, match="outside of the training data"):
@@ -363,6 +451,60 @@ def test_a_recording_tells_band_and_residual(rig, fast):
         checked(exact(), rig, controller=fast, recording=Recording.from_arrays(np.zeros(90), np.zeros(90), H))
 
 
+def test_a_model_whose_free_run_diverges_on_the_recording_fails_with_the_reason(rig, tmp_path):
+    """p y + 8 y³ grows without end beyond |y| = 0.33; a step to 1 V takes the linear part to 2."""
+    model = NarxModel.from_terms(
+        {"y(k-1)": POLE, "y(k-1)^3": 8.0, "u(k)": SLOPE * (1 - POLE)}, sample_time=H, operating=TRAINED,
+        provenance=KNOWN,
+    )  # fmt: skip
+    command = np.repeat([0.0, 1.0, 0.0, 1.0], 50)
+    steps = Recording.from_arrays(command, SLOPE * command, H)
+    found = checked(model, rig, recording=steps)
+    assert (found.verdict, found.worst_case.subject) == (Verdict.FAIL, "model")
+    assert "the model's free run fails on the recording: the free run diverged" in found.reason
+    assert found.controller is found.margins is None and found.operating.static_gain == pytest.approx(SLOPE)
+    document_of(found, tmp_path)
+    assert Check.load(tmp_path / "check.json").sentence == found.sentence
+
+
+def test_a_model_whose_free_run_diverged_where_it_was_identified_fails(rig):
+    found = checked(exact(provenance={**KNOWN, **DIVERGED}), rig)
+    assert (found.verdict, found.worst_case.subject) == (Verdict.FAIL, "model")
+    assert "from which it was identified" in found.reason
+
+
+def broken_design(linear, *, command_limits):
+    return {"gain": 1.0}["gian"]
+
+
+@dataclass(frozen=True)
+class Drawer:
+    """A design that is an object."""
+
+    opened: bool
+
+    def __call__(self, linear, *, command_limits):
+        if not self.opened:
+            raise OSError("the drawer is locked")
+        return "a drawing"
+
+
+@pytest.mark.parametrize(
+    ("design", "says", "cause"),
+    [
+        (broken_design, "the design broken_design raised KeyError: 'gian'", KeyError),
+        (partial(broken_design, nothing=1), "the design broken_design raised TypeError: .*nothing", TypeError),
+        (Drawer(opened=False), "the design Drawer raised OSError: the drawer is locked", OSError),
+        (Drawer(opened=True), "the design Drawer returned str; it must return a Controller", type(None)),
+    ],
+    ids=["function", "partial", "object", "no controller"],
+)
+def test_a_design_of_one_s_own_that_breaks_is_one_clear_error(rig, design, says, cause):
+    with pytest.raises(ControlError, match=says) as caught:
+        checked(exact(), rig, design=design)
+    assert type(caught.value.__cause__) is cause
+
+
 def test_a_model_whose_own_loops_all_diverge_fails(rig, tmp_path):
     """p y + 8 y³ grows without end beyond |y| = sqrt((1 - p)/8) = 0.33; the references go to 0.6."""
     model = NarxModel.from_terms(
@@ -408,6 +550,22 @@ def test_a_crossover_beyond_the_band_is_marginal_and_says_what_would_settle_it(r
     assert found.verdict is Verdict.MARGINAL
     assert found.worst_case.subject == "excitation"
     assert "would settle it" in found.reason
+
+
+def test_a_crossover_between_two_tones_is_marginal(rig, fast, passed):
+    """The lag is the same in every recording of the rig; only what it was asked differs."""
+    crossover = passed.margins.crossover_Hz
+    timepts = H * np.arange(2000)
+    command = sum(0.4 * np.sin(2 * np.pi * factor * crossover * timepts + factor) for factor in (0.25, 3.0))
+    output, value = [], 0.0
+    for u in command:
+        value = POLE * value + SLOPE * (1 - POLE) * u
+        output.append(value)
+    quiet = np.array(output) + 1e-3 * np.random.default_rng(2).standard_normal(2000)
+    found = checked(exact(), rig, controller=fast, recording=Recording.from_arrays(command, quiet, H))
+    assert (found.verdict, found.worst_case.subject) == (Verdict.MARGINAL, "excitation")
+    assert "lies in a hole of what the recording excited" in found.reason
+    assert found.excited_band_Hz == pytest.approx(3.0 * crossover, rel=0.05)
 
 
 def test_plots(passed):

@@ -39,6 +39,25 @@ def test_a_sound_design_passes(passed):
     assert passed.sentence.startswith("pass: the I controller")
 
 
+def test_a_dataset_holds_findings_margins_runs_and_the_whole_file(passed, kept):
+    back = kept(passed.to_xarray())
+    assert back.attrs["verdict"] == "pass" and set(back["finding_verdict"].values) == {"pass"}
+    np.testing.assert_array_equal(back["margin_phase_deg"], [row.phase_deg for row in passed.table])
+    assert back["margin_phase_deg"].attrs["units"] == "deg"
+    error = back["steps_reference"] - back["steps_output"]
+    assert float(np.sqrt((error**2).mean())) == pytest.approx(passed.steps.rms_error, rel=1e-12)
+    assert back["steps_command"].attrs["units"] == "V" and back["steps_output"].attrs["units"] == "m"
+    away = abs(back["steps_output"].values - back["predicted_middle"].values)
+    assert np.mean(away <= back["predicted_half_width"].values) > 0.95
+    document = json.loads(str(back["document"].values))
+    jsonschema.validate(document, SCHEMA)
+    assert document["sentence"] == passed.sentence
+    alone = kept(passed.steps.to_xarray())
+    np.testing.assert_array_equal(alone["measured"], passed.steps.measured)
+    draws = kept(passed.predicted.to_xarray())
+    np.testing.assert_allclose(draws["output"].mean("draw"), passed.predicted.middle, rtol=1e-12)
+
+
 def test_a_far_too_aggressive_controller_fails(passed, model, plant, recording):
     judged = checked(model, plant, controller=passed.controller.scaled(12.0), recording=recording)
     assert judged.verdict is Verdict.FAIL

@@ -124,3 +124,10 @@ def test_scaling_leaves_dynamics_that_are_fed_forward(made):
 def test_a_document_of_an_unknown_kind_is_refused(made):
     with pytest.raises(ControlError, match="'fuzzy' is not known; there are linear, inverse, scheduled"):
         controller_from_dict({**controller_to_dict(made.pi), "kind": "fuzzy"})
+
+
+@pytest.mark.parametrize("factor", [0.0, np.nan, np.inf])
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_loop_gain_of_nothing_is_refused(made, kind, factor):
+    with pytest.raises(ControlError, match="must be finite, not 0"):
+        made[kind].scaled(factor)

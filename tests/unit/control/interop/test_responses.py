@@ -106,3 +106,12 @@ def test_bad_input_is_one_clear_error(model, uncertain):
     without = linearise(NarxModel.from_terms({"y(k-1)": 1.0}, sample_time=H))
     with pytest.raises(ModelError, match="does not settle"):
         linear_frd(without, OMEGA)
+
+
+def test_a_dataset_holds_values_covariance_and_both_frequencies(uncertain, kept):
+    frd = linear_frd(uncertain, [1.0, 30.0])
+    back = kept(frd.to_xarray())
+    np.testing.assert_array_equal(back["real"] + 1j * back["imaginary"], frd.values)
+    np.testing.assert_array_equal(back["covariance"].sel(part="real", other_part="imaginary"), frd.covariance[:, 0, 1])
+    np.testing.assert_allclose(2 * np.pi * back["frequency_Hz"], [1.0, 30.0], rtol=1e-15)
+    assert back["real"].attrs["units"] == "m/V" and back["covariance"].attrs["units"] == "(m/V)^2"

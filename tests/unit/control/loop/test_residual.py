@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from deatwin.control import Residual, free_run_residual
-from deatwin.control.loop.residual import RMS_KEY, TIME_KEY
+from deatwin.control.loop.residual import RMS_KEY, TIME_KEY, DivergedError
 from deatwin.ident.narx import NarxModel
 from deatwin.plant import ModelError, Recording
 
@@ -114,5 +114,5 @@ def test_what_is_no_number_there_is_refused(rms, time):
 def test_a_free_run_that_diverges_is_refused():
     grows = NarxModel.from_terms({"y(k-1)": 1.5, "u(k-1)": 1.0}, sample_time=H)
     rng = np.random.default_rng(0)
-    with pytest.raises(ModelError, match="free run fails"):
+    with pytest.raises(DivergedError, match="free run fails"):
         free_run_residual(grows, Recording.from_arrays(rng.standard_normal(500), rng.standard_normal(500), H))

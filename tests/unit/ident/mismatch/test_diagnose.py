@@ -142,6 +142,35 @@ def test_the_file_keeps_its_schema_and_comes_back(which, request, tmp_path):
     assert Diagnosis.load(path).to_dict() == data
 
 
+def test_a_dataset_holds_tables_readings_and_the_whole_file(creeping, kept):
+    back = kept(creeping.to_xarray())
+    assert back["cause_effect"].values.tolist() == ["creep"] and back.attrs["verdict"] == "named"
+    assert back["cause_parameter_name"].values.tolist() == ["creep.modulus", "creep.time"]
+    named = creeping.causes[0].parameters["time"]
+    assert float(back["cause_parameter_high"][1]) == named.high and str(back["cause_parameter_unit"][1].values) == "s"
+    error = back["measured"] - back["amended"]
+    assert error.sizes["sample"] == 5000 and back["measured"].attrs["units"] == "um"
+    after = float(np.sqrt((error**2).where(back["unseen"], drop=True).mean()))
+    assert after == pytest.approx(2.0, rel=0.1)  # the sensor's noise
+    assert float(np.sqrt(((back["measured"] - back["base"]) ** 2).mean())) > 1.2 * after
+    assert back["record"].values.tolist() == [0] * 3000 + [1] * 2000
+    assert Diagnosis.from_dict(json.loads(str(back["document"].values))).to_dict() == creeping.to_dict()
+
+
+def test_each_step_has_a_dataset_of_its_own(creeping, kept):
+    evidence = creeping.evidence
+    sound = kept(evidence.checked.to_xarray())
+    assert bool(sound["sound"].all()) and sound.attrs["soundness"] == "SOUND"
+    detected = kept(evidence.detection.to_xarray())
+    assert detected.attrs["p_value"] == creeping.detect["p_value"]
+    np.testing.assert_array_equal(detected["statistic_p_value"], [s.p_value for s in evidence.detection.statistics])
+    density = float(detected["spectrum"].integrate("frequency"))
+    assert density == pytest.approx(float(evidence.detection.size**2 + evidence.noise**2), rel=0.5)
+    located = kept(evidence.location.to_xarray())
+    assert str(located["locate_place_place"][0].values) == creeping.locate["place"][0]["place"]
+    assert located["locate_time_from_s"].attrs["units"] == "s"
+
+
 def test_a_foreign_file_is_refused(tmp_path):
     path = tmp_path / "diagnosis.json"
     path.write_text('{"schema": "deatwin/plant/1"}')

@@ -11,7 +11,7 @@ import pytest
 
 from deatwin.ident.mismatch import Cause, Diagnosis, Interval, Verdict, diagnose
 from deatwin.ident.mismatch.diagnosis import FittedParameter
-from deatwin.ident.mismatch.say import number, say
+from deatwin.ident.mismatch.say import number, risk, say
 from deatwin.plant import Coupon, Creep, Experiment, Plant, Recording
 from deatwin.plant.effects.catalogue import catalogue
 from deatwin.plant.integrator.compiled import compiler
@@ -42,10 +42,17 @@ def shows(text: str, unit: str, field: float) -> bool:
 
 
 def foreign_numbers(data: dict) -> list[str]:
-    """Numbers of the sentence that are no field of the file."""
-    known = numbers_of({key: value for key, value in data.items() if key != "sentence"})
-    found = [(place.group(), data["sentence"][place.end() + 1 :][:1]) for place in NUMBER.finditer(data["sentence"])]
-    return [text for text, unit in found if not any(shows(text, unit, x) for x in known)]
+    """Numbers of the sentence that are no field of the file, nor the bound of a risk that is one."""
+    known, said = numbers_of({key: value for key, value in data.items() if key != "sentence"}), data["sentence"]
+    found = [(place.group(), said[place.end() + 1 :][:1], said[: place.start()]) for place in NUMBER.finditer(said)]
+    advised = data["next_experiment"] or {}
+    bounded = any(risk is not None and risk < 1e-3 for name, risk in advised.items() if name.startswith("confusion"))
+    return [
+        text
+        for text, unit, before in found
+        if not any(shows(text, unit, x) for x in known)
+        and not (bounded and text == "0.1" and unit == "%" and before.endswith(" below "))
+    ]
 
 
 def cause(effect, rng: np.random.Generator, share: float) -> Cause:
@@ -117,6 +124,7 @@ DIAGNOSES = {
     "ambiguous": made_up(Verdict.AMBIGUOUS, CREEP),
     "ambiguous, two and advice": made_up(Verdict.AMBIGUOUS, CREEP, RC, next_experiment=ADVICE),
     "ambiguous, heavier": made_up(Verdict.AMBIGUOUS, JUMP, next_experiment={**ADVICE, "added_mass_g": 4.5}),
+    "ambiguous, surely": made_up(Verdict.AMBIGUOUS, CREEP, next_experiment={**ADVICE, "confusion_after": 1e-269}),
     "ambiguous for good": made_up(Verdict.AMBIGUOUS, CREEP, next_experiment=NO_INPUT),
     "unknown": made_up(Verdict.UNKNOWN),
     "unknown, refuted": made_up(Verdict.UNKNOWN, verification=REFUTED),
@@ -181,6 +189,32 @@ def test_the_sentence_of_one_cause():
         "it explains 97 % of the mismatch, and the error on unseen data falls from 10.2 to 2.1 µm, "
         "with 2.0 µm of sensor noise."
     )
+
+
+def test_a_risk_below_a_thousandth_is_said_as_a_bound():
+    assert "from 30 to below 0.1 %." in DIAGNOSES["ambiguous, surely"].sentence
+    data = DIAGNOSES["ambiguous, surely"].to_dict()
+    assert foreign_numbers({**data, "next_experiment": ADVICE}) == ["0.1"]  # a bound of nothing is no field
+    assert [risk(share) for share in (0.3014, 0.0193, 0.00123, 0.001, 0.000999, 0.0)] == [
+        "30", "1.9", "0.12", "0.10", "below 0.1", "below 0.1",
+    ]  # fmt: skip
+
+
+def test_a_narrow_interval_has_the_digits_that_tell_its_ends_apart():
+    rng = np.random.default_rng(3)
+    for _ in range(300):
+        low = float(10 ** rng.uniform(-6, 6) * rng.choice([-1, 1]))
+        width = float(abs(low) * 10 ** rng.uniform(-7.5, 1))
+        at = Interval(value=low + 0.4 * width, low=low, high=low + width, unit="s")
+        told = made_up(Verdict.NAMED, replace(CREEP, parameters={**CREEP.parameters, "time": at})).to_dict()
+        shown = re.search(r"time constant of \S+ \S+ \((\S+) to (\S+)\)", told["sentence"])
+        assert shown is not None and shown[1] != shown[2]
+        assert foreign_numbers(told) == []
+    assert "54.13 s (54.12 to 54.15)" in made_up(
+        Verdict.NAMED, replace(CREEP, parameters={
+            **CREEP.parameters, "time": Interval(value=54.13, low=54.12, high=54.15, unit="s")
+        })
+    ).sentence  # fmt: skip
 
 
 def test_a_small_share_is_said_to_be_small():

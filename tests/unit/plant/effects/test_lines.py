@@ -80,3 +80,11 @@ def test_a_tone_is_added_to_the_reading(frequency):
     times = 12.0 + SAMPLE * np.arange(1, 401)
     alias = frequency - 50.0 * np.round(frequency / 50.0)
     np.testing.assert_allclose(reading, 4e-6 * np.cos(2 * np.pi * alias * times + 0.3), atol=1e-15)
+
+
+def test_a_tone_faster_than_the_effect_may_be_is_no_start():
+    """A rig with motions of microseconds, seen at the diaphragm's pace, has lines beyond the effect's range."""
+    times = 1e-4 * np.arange(6000)
+    residual = 1e-6 * np.sin(2 * np.pi * 1300.0 * times)
+    assert all(1e-4 <= s.frequency <= 1000.0 for s in PeriodicDisturbance().starts(times, residual))
+    assert PeriodicDisturbance().starts(10.0 * times, residual)  # ten times slower it is one

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from deatwin.plant.effects.delay import Delay
 from deatwin.plant.effects.sensor_curvature import SensorCurvature
@@ -24,8 +25,22 @@ def test_a_lag_is_exact_under_held_motion(chain):
     np.testing.assert_allclose(chain(NOISE, SensorLag(time=0.05))["reading"], exact, rtol=1e-9)
 
 
-def test_no_lag_passes_the_reading(chain):
-    np.testing.assert_allclose(chain(NOISE, SensorLag(time=0.0))["reading"], MOTION, rtol=1e-13)
+@pytest.mark.parametrize("inertia", [0.25, 0.5, 1.0])
+def test_a_lag_with_inertia_is_exact_under_held_motion(chain, inertia):
+    """The transition matrix of the second-order equation is that of scipy's matrix exponential."""
+    time = 0.05
+    rates = np.array([[0.0, 1.0, 0.0], [-1 / inertia, -1 / inertia, 1 / inertia], [0.0, 0.0, 0.0]]) / time
+    step, state, exact = expm(SAMPLE * rates), np.zeros(2), []
+    for x in MOTION:
+        state = step[:2, :2] @ state + step[:2, 2] * x
+        exact.append(state[0])
+    found = chain(NOISE, SensorLag(time=time, inertia=inertia))["reading"]
+    np.testing.assert_allclose(found, exact, rtol=1e-7, atol=1e-12)
+
+
+@pytest.mark.parametrize("inertia", [0.0, 0.5])
+def test_no_lag_passes_the_reading(chain, inertia):
+    np.testing.assert_allclose(chain(NOISE, SensorLag(time=0.0, inertia=inertia))["reading"], MOTION, rtol=1e-13)
 
 
 def test_a_lag_rolls_off_where_a_delay_does_not(chain):

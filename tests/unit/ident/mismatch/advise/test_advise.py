@@ -123,10 +123,10 @@ def test_polarity_is_reversed_only_where_the_drive_can():
 def test_the_rig_says_what_may_be_given_and_else_the_recordings_do():
     parts = [Part.whole(blank(sine(10.0, 0.5)))]
     used = limits_of(NOMINAL, parts)
-    assert (used.lowest, used.highest) == pytest.approx((1.6, 3.0), abs=1e-3)
+    assert (used.lowest, used.highest) == pytest.approx((0.0, 3.0), abs=1e-3)  # every experiment begins at rest
     free = limits_of(NOMINAL.with_rig(replace(NOMINAL.rig, command_range=(-5.0, 5.0))), parts)
     assert (free.lowest, free.highest) == (-5.0, 5.0)
-    assert free.bottom == pytest.approx(1.6, abs=1e-3)  # only a reversal goes where no recording has been
+    assert free.bottom == 0.0  # only a reversal goes to a polarity that no recording has used
 
 
 def test_safe_limits_stay_below_the_static_limits_of_the_film():

@@ -1,9 +1,13 @@
 """Residuals whose course in time, operating region or lines of a periodic input is known."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from deatwin.ident.mismatch.locate import Track, locate_frequency, locate_lines, locate_region, locate_time
+from deatwin.ident.mismatch.locate.location import Location
+from deatwin.plant.amplitudes import amplitude_unit
 
 STEP, NOISE = 0.02, 1.0
 
@@ -93,3 +97,16 @@ def test_spectra_draw_themselves():
     found = locate_frequency([track(NOISE * np.random.default_rng(7).standard_normal(3000))], NOISE)
     assert found.plot().get_xscale() == "log"
     assert found.to_dict() == []
+
+
+def test_a_location_writes_its_unit_as_a_person_does():
+    rng = np.random.default_rng(7)
+    noisy = [track(NOISE * rng.standard_normal(3000), stretch=rng.uniform(1.0, 2.0, 3000))]
+    silent = SimpleNamespace(plot=lambda ax: ax)
+    drawn = Location(
+        time=locate_time(noisy, NOISE**2), frequency=locate_frequency(noisy, NOISE), lines=None,
+        region=locate_region(noisy, 1e-6), place=silent, response=None, unit=amplitude_unit("m"),
+    ).plot()  # fmt: skip
+    labels = [axes.get_ylabel() for axes in drawn]
+    assert labels[0] == "residual (µm)" and labels[2] == "mean residual (µm)"
+    assert np.abs(drawn[0].lines[0].get_ydata()).max() == pytest.approx(1e6 * np.abs(noisy[0].residual).max())

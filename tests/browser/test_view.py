@@ -1,0 +1,207 @@
+"""The live view in a browser: drop a recording, diagnose it, watch, compare verdicts, open the report."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from deatwin.plant import CalibratedPlant, Coupon, Plant
+from deatwin.plant.files import write_csv
+from deatwin.plant.recording import Experiment, Recording
+
+PROGRAM = "import sys; from deatwin.scenarios.cli import main; sys.exit(main(sys.argv[1:]))"
+DROP = """
+const transfer = new DataTransfer();
+transfer.items.add(new File([arguments[0]], arguments[1], {type: "text/csv"}));
+const send = (where, what) => where.dispatchEvent(
+    new DragEvent(what, {bubbles: true, cancelable: true, dataTransfer: transfer}));
+const box = document.querySelector(".q-uploader");
+send(box, "dragover");
+const done = arguments[arguments.length - 1];
+const wait = setInterval(() => {
+    const target = document.querySelector(".q-uploader__dnd");
+    if (target) { clearInterval(wait); send(target, "drop"); done(); }
+}, 20);
+"""
+
+
+def strip() -> Plant:
+    """A strip of film: its diagnosis takes a few seconds."""
+    return Plant(rig=Coupon(sample_time=0.1, noise=2e-3))
+
+
+def write_lab(folder: Path) -> str:
+    """Write a model, and a result of former days; return a recording that is nowhere yet."""
+    from deatwin.plant import Creep
+
+    CalibratedPlant.nominal(strip()).save(folder / "strip.json")
+    (folder / "strip.json").rename(folder / "model.json")
+    rng = np.random.default_rng(3)
+    corners = 1 + rng.uniform(0.1, 1.0, 7)
+    stretch = np.interp(np.arange(600) / 100, np.arange(7), corners)
+    stretch[:100] = np.linspace(1, corners[1], 100)
+    silent = Recording.from_arrays(
+        stretch, np.zeros(600), 0.1, input_names=("stretch",), input_units=("1",),
+        output_names=("force",), output_units=("N",),
+    )  # fmt: skip
+    for name, plant in (("new.csv", strip()), ("old.csv", strip().with_effects(Creep(modulus=60e3, time=25.0)))):
+        record = plant.record(Experiment(recordings=(silent,)), rng).recordings[0]
+        columns = {"time_s": record.timepts.round(6), "stretch": record.inputs[0], "force_N": record.outputs[0]}
+        write_csv(folder / name, columns)
+    recording = (folder / "new.csv").read_text(encoding="utf-8")
+    (folder / "new.csv").unlink()
+    former = {
+        "schema": "deatwin/diagnosis/1", "output": {"name": "force", "unit": "N"}, "verdict": "named",
+        "noise": 0.002, "model_error": 0.05,
+        "detect": {"p_value": 0.0, "excess": 0.1, "smallest_detectable": {}},
+        "locate": {"time": [], "frequency": [], "region": [], "place": []},
+        "causes": [{
+            "effect": "creep", "family": "film", "probability": 0.98, "share_explained": 0.97,
+            "parameters": {"time": {"value": 25.0, "low": 24.0, "high": 26.0, "unit": "s"}},
+        }],
+        "set": ["creep"], "indistinguishable": [], "next_experiment": None, "free_form": None,
+        "sentence": "The film keeps creeping with a time constant of 25 s.",
+        "fit": {"fitted": {"before": 0.17, "after": 0.002},
+                "unseen": {"before": 0.14, "after": 0.002, "gain_low": 0.1}},
+        "warnings": [],
+    }  # fmt: skip
+    (folder / "former").mkdir()
+    (folder / "former" / "diagnosis.json").write_text(json.dumps(former), encoding="utf-8")
+    return recording
+
+
+@pytest.fixture
+def lab(tmp_path: Path) -> Iterator[tuple[Path, str, str]]:
+    """A folder that is shown, the page's address, and a recording to drop."""
+    if os.environ.get("DEATWIN_BROWSER") != "required":
+        pytest.importorskip("nicegui", reason="the live view needs the extra `view`")
+    recording = write_lab(tmp_path)
+    process = subprocess.Popen(
+        [sys.executable, "-c", PROGRAM, "view", str(tmp_path), "--no-browser", "--json"],
+        stdout=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    assert process.stdout is not None
+    lines = iter(process.stdout.readline, "")
+    text = "".join(line for line in iter(lambda: next(lines, "}\n"), "}\n"))
+    try:
+        yield tmp_path, json.loads(text + "}")["address"], recording
+        process.send_signal(signal.SIGINT)
+        assert process.wait(30) == 0
+    finally:
+        process.kill()
+        process.communicate()
+
+
+class Page:
+    """What a test does on the page."""
+
+    def __init__(self, tab: Any) -> None:
+        self.tab = tab
+
+    def until(self, script: str, seconds: float = 60) -> Any:
+        """Wait until a script returns something."""
+        end = time.monotonic() + seconds
+        while not (found := self.tab.run(script)):
+            if time.monotonic() > end:
+                pytest.fail(f"{script}: {self.tab.run('return document.body.innerText')}")
+            time.sleep(0.1)
+        return found
+
+    def click(self, text: str) -> None:
+        """Click what bears a text."""
+        self.until(
+            f"const found = [...document.querySelectorAll('button, .q-item__label, [role=option]')]"
+            f".find(e => e.innerText.trim() === {json.dumps(text)}); if (found) found.click(); return !!found"
+        )
+
+    def field(self, label: str) -> Any:
+        """The field of a label."""
+        return self.until(f"return document.querySelector('input[aria-label^={json.dumps(label)}]')")
+
+    def drop(self, text: str, name: str) -> None:
+        """Drop a file on the page."""
+        self.tab.browser.execute_async_script(DROP, text, name)
+
+    def says(self, selector: str, text: str, seconds: float = 60) -> str:
+        """Wait until something says a text."""
+        words = f"[...document.querySelectorAll({json.dumps(selector)})].map(e => e.innerText).join('\\n')"
+        return str(self.until(f"const t = {words}; return t.includes({json.dumps(text)}) ? t : ''", seconds))
+
+
+def test_a_recording_is_dropped_diagnosed_and_compared(
+    lab: tuple[Path, str, str], tab: Any, axe: Callable[[], list[str]]
+) -> None:
+    folder, address, recording = lab
+    tab.open(address)
+    page = Page(tab)
+    page.says(".compared", "The film keeps creeping")  # what lies there is shown
+
+    page.drop(recording, "new.csv")
+    page.says("[role=alert]", 'new.csv: no column "command_V"; the file has "time_s", "stretch", "force_N"')
+    assert not (folder / "new.csv").exists()
+    page.click("Columns, gaps, seed")
+    page.field("Input column").send_keys("stretch")
+    page.field("Output column").send_keys("force_N\t")
+    page.drop(recording, "../new.csv")
+    page.says(".q-chip", "new.csv")
+    assert (folder / "new.csv").read_text(encoding="utf-8") == recording
+
+    page.field("Rig file").send_keys("model")
+    page.click("model.json")
+    page.click("Diagnose")
+    page.says(".job", "running")
+    page.says(".job", "calibrating the base plant", 120)
+    page.says(".job .verdict", "done", 180)
+    table = page.says(".compared", "diagnosis-1")
+    assert "Nothing is missing" in table and "The film keeps creeping" in table and "0.140 → 0.00200 N" in table
+    assert (folder / "diagnosis-1" / "run.json").is_file()
+    page.until("return document.querySelectorAll('.compared svg').length === 2")
+    look_at(tab, axe)
+
+    assert tab.errors() == []
+    own = re.match(r"http://127\.0\.0\.1:\d+/", address)[0]  # type: ignore[index]
+    asked = tab.requests()
+    assert asked and [url for url in asked if not url.startswith((own, own.replace("http", "ws")))] == []
+    tab.open(page.until("return document.querySelector('.job a').href"))
+    assert "Nothing is missing" in tab.run("return document.querySelector('h1').innerText")
+    assert tab.errors() == []
+
+
+def look_at(tab: Any, axe: Callable[[], list[str]]) -> None:
+    """The page is as wide as the view in light and dark, and readable."""
+    pictures = os.environ.get("DEATWIN_PICTURES")
+    for scheme in ("light", "dark"):
+        tab.media(scheme=scheme)
+        for width in (400, 1400):
+            tab.size(width)
+            time.sleep(0.5)  # Quasar's transitions of colour
+            assert tab.overflow() <= 0, (scheme, width)
+            if pictures:
+                tab.browser.save_screenshot(f"{pictures}/view-{scheme}-{width}.png")
+        assert axe() == [], scheme
+
+
+def test_a_running_diagnosis_is_cancelled(lab: tuple[Path, str, str], tab: Any) -> None:
+    folder, address, _ = lab
+    tab.open(address)
+    page = Page(tab)
+    page.field("Recordings").send_keys("old")
+    page.click("old.csv")
+    page.field("Rig file").send_keys("model")
+    page.click("model.json")
+    page.click("Columns, gaps, seed")
+    page.field("Input column").send_keys("stretch")
+    page.field("Output column").send_keys("force_N\t")
+    page.click("Diagnose")
+    page.click("Cancel")
+    page.says(".job .verdict", "cancelled")
+    assert not (folder / "diagnosis-1").exists() and (folder / "former" / "diagnosis.json").is_file()

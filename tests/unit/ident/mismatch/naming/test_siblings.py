@@ -1,0 +1,115 @@
+"""What acts like an effect, on a rig that only passes the command on: all is known in closed form."""
+
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+
+from deatwin.ident.greybox.fit import Part, calibrate
+from deatwin.ident.mismatch.naming.contribution import contribution
+from deatwin.ident.mismatch.naming.siblings import siblings
+from deatwin.plant import (
+    Delay,
+    Experiment,
+    Parameter,
+    Plant,
+    Recording,
+    Rig,
+    SensorCurvature,
+    SensorDrift,
+    SensorLag,
+    StartProcedure,
+)
+from deatwin.plant.builder import Builder
+from deatwin.plant.effects.base import Place
+from deatwin.plant.excitation import band_limited_noise
+
+STEP, GAIN, LAG = 0.02, 1e-4, 0.03
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mirror(Rig):
+    """The reading is the command, in metres."""
+
+    sample_time: float = STEP
+    noise: float = 1e-8
+
+    kind: ClassVar[str] = "mirror"
+    input_name: ClassVar[str] = "command"
+    input_unit: ClassVar[str] = "V"
+    output_name: ClassVar[str] = "displacement"
+    output_unit: ClassVar[str] = "m"
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        return (
+            Parameter(name="gain", value=GAIN, unit="m/V", lower=1e-6, upper=1e-2),
+            Parameter(name="zero", value=0.0, unit="m", lower=-1e-3, upper=1e-3),
+        )
+
+    @property
+    def start(self) -> StartProcedure:
+        return StartProcedure(rest_command=0.0, ramp=0.0, hold=0.0)
+
+    def write(self, build: Builder) -> Any:
+        command = build.place(Place.DRIVE, "command", build.command)
+        return build.place(Place.SENSOR, "reading", build.parameter("gain") * command + build.parameter("zero"))
+
+
+COMMANDS = 2.0 + band_limited_noise(np.random.default_rng(3), 30.0, STEP)
+
+
+def lagged(commands: np.ndarray, time: float) -> np.ndarray:
+    """The exact lag of held commands, from rest at 0 V."""
+    decay, y, found = np.exp(-STEP / time), 0.0, []
+    for x in commands:
+        y = x + (y - x) * decay
+        found.append(y)
+    return np.array(found)
+
+
+def explained() -> tuple[Any, Any]:
+    readings = GAIN * lagged(COMMANDS, LAG)
+    record = Recording.from_arrays(
+        COMMANDS, readings, STEP, input_names=("command",), input_units=("V",), output_names=("displacement",),
+        output_units=("m",),
+    )  # fmt: skip
+    part = Part.whole(Experiment(recordings=(record,)))
+    fit = calibrate(Plant(rig=Mirror()).with_effects(SensorLag(time=0.02)), [part], tolerance=1e-10)
+    return SimpleNamespace(fitted=(part,), jobs=1, nominal=Plant(rig=Mirror())), fit
+
+
+def test_a_delay_acts_as_a_lag_does_and_a_drift_does_not():
+    bench, fit = explained()
+    others = [SensorDrift(), SensorCurvature(), Delay()]
+    (found,) = siblings(bench, fit, ("sensor_lag",), others)
+    assert found.effect.name == "delay"
+    # Both changes, off gain and zero, in closed form: a dead time s samples long interpolates the readings linearly.
+    basis = np.linalg.qr(np.column_stack([COMMANDS, np.ones_like(COMMANDS)]))[0]
+
+    def off(change: np.ndarray) -> np.ndarray:
+        return change - basis @ (basis.T @ change)
+
+    def late(time: float) -> np.ndarray:
+        times = STEP * np.arange(COMMANDS.size)
+        return np.interp(times - time, np.concatenate([[-1.0, -STEP], times]), np.concatenate([[0.0, 0.0], COMMANDS]))
+
+    wanted = off(lagged(COMMANDS, LAG) - COMMANDS)
+    change = off(late(found.estimate.time) - COMMANDS)
+    share = (change @ wanted) ** 2 / (change @ change) / (wanted @ wanted)
+    assert share > 0.5
+    assert found.share == pytest.approx(share, rel=0.02)  # the start from rest, one sample, is not quite the same
+
+
+def test_what_an_effect_does_by_itself_is_the_difference_without_it():
+    bench, fit = explained()
+    does = contribution(bench, fit, ("sensor_lag",))
+    np.testing.assert_allclose(does, GAIN * (lagged(COMMANDS, LAG) - COMMANDS), atol=1e-9)
+    assert not contribution(bench, fit, ()).any()
+
+
+def test_where_nothing_else_may_be_tried_there_are_no_siblings():
+    bench, fit = explained()
+    assert siblings(bench, fit, ("sensor_lag",), []) == []

@@ -1,0 +1,97 @@
+"""What models, runs and validations look like as datasets, and that NetCDF files keep them."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from deatwin.ident.greybox import Part, calibrate
+from deatwin.ident.narx import NarxModel, validate
+from deatwin.ident.narx.document import fields_of
+from deatwin.ident.narx.linear import LinearModel
+from deatwin.ident.narx.linear.document import fields_of as linear_fields_of
+from deatwin.ident.narx.predictive import one_step_band
+from deatwin.plant import Experiment, Plant, Recording
+
+pytest.importorskip("xarray")
+MODEL = NarxModel.from_terms(
+    {"y(k-1)": 0.6, "u(k-1)": 0.3, "u(k-1)^2": 0.1}, sample_time=0.02, noise_variance=4e-4,
+    theta_cov=np.diag([1e-4, 2e-4, 3e-4]), input_units=("V",), output_units=("m",),
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def record() -> Recording:
+    """What the model makes of noise, with noise of its own."""
+    rng = np.random.default_rng(0)
+    u, y = rng.standard_normal(400), np.zeros(400)
+    for k in range(1, 400):
+        y[k] = 0.6 * y[k - 1] + 0.3 * u[k - 1] + 0.1 * u[k - 1] ** 2 + 0.02 * rng.standard_normal()
+    return Recording.from_arrays(u, y, 0.02, start=3.0, input_units=("V",), output_units=("m",))
+
+
+def test_a_narx_model_comes_back_whole(kept):
+    back = kept(MODEL.to_xarray())
+    assert back["term"].values.tolist() == ["y(k-1)", "u(k-1)", "u(k-1)^2"]
+    assert float(back["theta"].sel(term="u(k-1)^2")) == 0.1
+    assert float(back["theta_cov"].sel(term="u(k-1)", other_term="u(k-1)")) == 2e-4
+    assert back["noise_variance"].values.tolist() == [4e-4] and back["noise_variance"].attrs["units"] == "(m)^2"
+    again = NarxModel(**fields_of(json.loads(str(back["document"].values))))
+    assert str(again) == str(MODEL) and again.theta.tolist() == MODEL.theta.tolist()
+
+
+def test_runs_and_bands_stand_over_time(record, kept):
+    run = MODEL.simulate(record)
+    back = kept(run.to_xarray())
+    assert back["computed"].dims == ("output", "time") and float(back["time"][0]) == 3.0
+    np.testing.assert_array_equal(back["measured"] - back["computed"], record.outputs - run.outputs)
+    assert back["computed"].attrs["units"] == "m" and back.attrs["status"] == "OK"
+    sure = replace(MODEL, theta_cov=np.zeros((3, 3)))  # so that the band is that of the noise
+    band = kept(one_step_band(sure, record, level=0.9).to_xarray())
+    inside = ((band["lower"] <= band["measured"]) & (band["measured"] <= band["upper"])).mean()
+    assert 0.86 < float(inside) < 0.94
+    assert band.attrs["level"] == 0.9
+
+
+def test_a_validation_has_each_test_at_its_lags(record, kept):
+    found = validate(MODEL, record)
+    back = kept(found.to_xarray())
+    np.testing.assert_allclose(back["one_step_mean_square"], 4e-4, rtol=0.2)
+    for test, name in zip(found.tests, back["test"].values, strict=True):
+        row = back["correlation"].sel(test=name)
+        np.testing.assert_array_equal(row.sel(lag=test.lags), test.values)
+        assert int(np.isfinite(row).sum()) == test.lags.size
+    assert back.attrs["status"] == "PASSED"
+
+
+def test_a_linear_model_and_its_response(kept):
+    model = LinearModel(a=[1, -0.6], b=[[0, 0.3, 0.1]], sample_time=0.02, theta_cov=1e-4 * np.eye(4),
+                        input_units=("V",), output_units=("m",))  # fmt: skip
+    back = kept(model.to_xarray())
+    assert back["a"].values.tolist() == [1.0, -0.6, 0.0]
+    assert back["b"].sel(input="input").values.tolist() == [0.0, 0.3, 0.1]
+    again = LinearModel(**linear_fields_of(json.loads(str(back["document"].values))))
+    assert again.theta.tolist() == model.theta.tolist()
+    omega = np.array([0.0, 10.0])
+    response = kept(model.frequency_response(omega).to_xarray())
+    shift = np.exp(-1j * omega * 0.02)
+    expected = (0.3 * shift + 0.1 * shift**2) / (1 - 0.6 * shift)
+    np.testing.assert_allclose(response["real"][0], expected.real, rtol=1e-12)
+    np.testing.assert_allclose(response["imaginary"][0], expected.imag, rtol=1e-12, atol=1e-15)
+    assert response["omega"].attrs["units"] == "rad/s"
+    np.testing.assert_allclose(response["frequency_Hz"], [0.0, 10 / (2 * np.pi)])
+
+
+def test_a_calibration_keeps_values_intervals_and_residuals(oscillator, experiment, kept):
+    rng = np.random.default_rng(1)
+    plant = Plant(rig=oscillator())
+    measured: Experiment = plant.with_values({"stiffness": 450.0}).record(experiment(rng.standard_normal(200)), rng)
+    found = calibrate(plant, [Part.whole(measured)], names=["stiffness", "damping"])
+    back = kept(found.to_xarray())
+    stiffness = back.sel(parameter="stiffness")
+    assert float(stiffness["value"]) == pytest.approx(450.0, rel=0.02)
+    assert (float(stiffness["low"]), float(stiffness["high"])) == found.interval("stiffness")
+    assert str(stiffness["unit"].values) == "N/m"
+    assert back["residual"].attrs["units"] == "m" and back.sizes["sample"] == 200
+    assert float(np.sqrt((back["residual"] ** 2).mean())) == pytest.approx(back.attrs["rms"], rel=1e-12)

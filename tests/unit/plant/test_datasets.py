@@ -1,0 +1,95 @@
+"""What results look like as datasets, and that NetCDF files keep them."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from deatwin.plant import CalibratedPlant, Creep, DataError, Diaphragm, Experiment, Plant, Recording, actuation_curve
+from deatwin.plant.datasets import columns, dataset
+
+pytest.importorskip("xarray")
+
+
+def test_complex_numbers_units_truth_and_what_is_absent(kept):
+    data = dataset(
+        {"": ("x", [1 + 2j, 3 - 4j], "m/V"), "gain": ("x", [1j, 2.0]), "bare": ("x", [1, 2])},
+        {"x": ("x", [0.5, 1.5], "Hz")},
+        {"exact": True, "missing": None, "none": [], "names": ["a", "b"]},
+        {"schema": "some/1", "text": "µm", "numbers": [1.5, None]},
+    )
+    back = kept(data)
+    assert back["real"].values.tolist() == [1.0, 3.0] and back["imaginary"].values.tolist() == [2.0, -4.0]
+    assert back["real"].attrs["units"] == "m/V" and "units" not in back["gain_imaginary"].attrs
+    assert back["gain_imaginary"].values.tolist() == [1.0, 0.0]
+    assert set(back.attrs) == {"exact", "names"} and back.attrs["exact"] == 1
+    assert json.loads(str(back["document"].values)) == {"schema": "some/1", "text": "µm", "numbers": [1.5, None]}
+    assert back["document"].attrs["schema"] == "some/1"
+
+
+def test_tables_become_columns_with_holes_and_without_what_is_no_cell():
+    rows = [{"name": "a", "size": 1.0, "parts": [1]}, {"name": None, "size": None, "late": True}]
+    found = columns("row", rows, {"size": "m"})
+    assert list(found) == ["row_name", "row_size", "row_late"]
+    assert found["row_name"][1].tolist() == ["a", ""] and found["row_size"][2] == "m"
+    np.testing.assert_array_equal(found["row_size"][1], [1.0, np.nan])
+    np.testing.assert_array_equal(found["row_late"][1], [np.nan, 1.0])
+    assert columns("row", []) == {}
+
+
+def test_without_xarray_the_error_says_what_to_install(monkeypatch):
+    import sys
+
+    monkeypatch.setitem(sys.modules, "xarray", None)
+    with pytest.raises(DataError, match=r"needs the package xarray; pip install .deatwin\[files\]"):
+        dataset({}, {}, {})
+
+
+@pytest.fixture(scope="module")
+def two_records() -> Experiment:
+    blank = [Recording.from_arrays(np.full(n, 2.0 + n / 100), np.zeros(n), 0.02, start=start, input_units=("V",),
+                                   output_units=("m",)) for n, start in ((20, 0.0), (30, 1.0))]  # fmt: skip
+    return Experiment(recordings=tuple(blank))
+
+
+def test_a_simulation_stands_along_its_experiment(two_records, kept):
+    found = Plant(rig=Diaphragm()).simulate(two_records)
+    back = kept(found.to_xarray(two_records))
+    assert back.sizes == {"sample": 50}
+    np.testing.assert_array_equal(back["reading"][20:], found.outputs[1][0])
+    np.testing.assert_array_equal(back["time"][[0, 20]], [r.timepts[0] for r in two_records.recordings])
+    assert back["record"].values.tolist() == [0] * 20 + [1] * 30
+    assert back["command"].attrs["units"] == "V" and float(back["command"][0]) == 2.2
+    assert back["reading"].attrs["units"] == "m" and back["time"].attrs["units"] == "s"
+    name = next(iter(found.watched[0]))
+    np.testing.assert_array_equal(back[name][:20], found.watched[0][name])
+
+
+def test_a_calibrated_plant_and_its_prediction(two_records, kept):
+    plant = Plant(rig=Diaphragm()).with_effects(Creep(modulus=40e3))
+    names = ("shear_modulus", "creep.modulus")
+    known = replace(CalibratedPlant.nominal(plant), names=names, covariance=np.array([[4e-4, 1e-5], [1e-5, 9e-4]]))
+    back = kept(known.to_xarray())
+    assert float(back["value"].sel(parameter="creep.modulus")) == 40e3
+    assert str(back["unit"].sel(parameter="creep.modulus").values) == "Pa"
+    assert float(back["covariance"].sel(fitted="shear_modulus", other_fitted="creep.modulus")) == 1e-5
+    again = CalibratedPlant._from_dict(json.loads(str(back["document"].values)))
+    assert again.to_dict() == known.to_dict()
+
+
+def test_a_prediction_stands_along_its_experiment(two_records, kept):
+    predicted = CalibratedPlant.nominal(Plant(rig=Diaphragm())).predict(two_records)
+    band = kept(predicted.to_xarray(two_records))
+    np.testing.assert_array_equal(band["deviation"][20:], predicted.deviation[1])
+    assert band["mean"].attrs["units"] == "m"
+
+
+def test_an_actuation_curve_stands_over_its_command(kept):
+    curve = actuation_curve(Plant(rig=Diaphragm()), np.array([1.0, 2.0, 3.0]))
+    back = kept(curve.to_xarray())
+    np.testing.assert_array_equal(back["command"], [1.0, 2.0, 3.0])
+    reading = curve.axes[1][0]
+    np.testing.assert_array_equal(back[reading], curve.readings)
+    assert back[reading].attrs["units"] == "m" and back["command"].attrs["units"] == "V"
+    assert back.attrs["end"] == "COMMAND"
