@@ -98,7 +98,7 @@ def main(folder: Path) -> None:
                 print(f"dask, two workers: {swept(folder / 'dask', None):.0f} µs a case")
     spread, flat = stores[0], CaseStore(folder / "flat", SEAL)
     write(flat)
-    stats = [path.stat() for path in spread.cases.rglob("*.json")]
+    stats = [path.stat() for path in spread.cases.rglob("*.nc")]
     on_disk = np.mean([getattr(stat, "st_blocks", 0) for stat in stats]) * 512
     print(f"bytes a case: {np.mean([stat.st_size for stat in stats]):.0f}, on the disk {on_disk:.0f}")
     for name, store in (("spread", spread), ("side by side", flat)):
@@ -107,7 +107,7 @@ def main(folder: Path) -> None:
     print(f"reading back: {shortest(lambda: [spread.get(name) for name in names], COUNT):.0f} µs a case")
     run_study([{"number": 0}], small, folder / "warm").to_xarray()  # loads xarray
     study = run_study(({"number": k} for k in range(STUDY)), small, folder / "study", jobs=1)
-    length = np.mean([path.stat().st_size for path in study.store.cases.rglob("*.json")])
+    length = np.mean([path.stat().st_size for path in study.store.cases.rglob("*.nc")])
     print(f"a study's case of 3 numbers and an array of 10: {length:.0f} bytes")
     print(f"to_xarray: {shortest(study.to_xarray, STUDY):.0f} µs a case")
     study.to_netcdf(folder / "study.nc")

@@ -10,12 +10,17 @@ import importlib.util
 import json
 import os
 import shutil
+import subprocess
+import sys
 import tempfile
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any, NoReturn
 
 import pytest
+
+from deatwin.scenarios.stories import STORIES
 
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 OPTIONS = (
@@ -34,6 +39,11 @@ AXE_PACKAGE = "axe_playwright_python"
 """Carries a current axe.min.js; nothing of it is imported."""
 LEVELS = ["wcag2a", "wcag2aa"]
 HEADINGS = ["heading-order", "empty-heading", "page-has-heading-one"]
+RESULTS = "DEATWIN_REPORTS"
+"""Names a folder with a folder of results for each scenario, as ``deatwin scenario NAME --out FOLDER/NAME`` leaves it;
+the study reads those that are there, and runs the others into it."""
+RAW = ("cases", "trials", "running")
+"""Folders of results that no report leads to."""
 
 
 def _without(reason: str) -> NoReturn:
@@ -167,3 +177,36 @@ def axe(browser: Any) -> Callable[[], list[str]]:
         ]
 
     return check
+
+
+@pytest.fixture(scope="session")
+def scenario(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    """Gives the results of a scenario at its smallest size: those of a former run, or its own."""
+    given = os.environ.get(RESULTS)
+    kept = Path(given).resolve() if given else tmp_path_factory.mktemp("scenarios")
+    shown = tmp_path_factory.mktemp("shown")
+
+    @cache
+    def complaint(name: str) -> str:
+        return "" if (kept / name / "report.html").is_file() else run_scenario(name, kept / name)
+
+    @cache
+    def copied(name: str) -> Path:  # the tests write beside the report
+        return shutil.copytree(kept / name, shown / name, ignore=shutil.ignore_patterns(*RAW))
+
+    def results(name: str) -> Path:
+        if "needs the recordings" in complaint(name):
+            pytest.skip(complaint(name))
+        assert not complaint(name)
+        return copied(name)
+
+    return results
+
+
+def run_scenario(name: str, folder: Path) -> str:
+    """Run a scenario as a user would, in its smallest size, and return its complaint."""
+    size = [word for least in STORIES[name].sizes[:1] for word in ("--size", least)]
+    program = "import sys; from deatwin.scenarios.cli import main; sys.exit(main(sys.argv[1:]))"
+    line = ["scenario", name, *size, "--out", str(folder), "--jobs", "1", "--quiet"]
+    done = subprocess.run([sys.executable, "-c", program, *line], capture_output=True, text=True, check=False)
+    return done.stderr.strip() or f"it ended with the status {done.returncode}" if done.returncode else ""

@@ -1,8 +1,13 @@
-"""Reports as a reader has them: on a screen and on a phone, light and dark, on paper, and without a net."""
+"""Reports as a reader has them: on a screen and on a phone, light and dark, on paper, and without a net.
+
+Those of commands and of three scenarios that are made small here. ``-m study`` looks at those of all scenarios, which
+take an hour and a half to run; with ``DEATWIN_REPORTS=FOLDER`` they are kept there, and read from there the next time.
+"""
 
 from __future__ import annotations
 
 import base64
+import io
 import re
 import time
 from collections.abc import Callable
@@ -11,10 +16,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.image import imsave
 
 from deatwin.plant import Coupon, Creep, Plant
 from deatwin.plant.files import write_csv
 from deatwin.plant.recording import Experiment, Recording
+from deatwin.scenarios.stories import STORIES
 
 COLUMNS = ["--input-column", "stretch", "--output-column", "force_N"]
 MODULE = """
@@ -26,8 +33,8 @@ def strip():
 SCREENS = ((400, "light", True), (1400, "dark", True), (400, "dark", False), (1400, "light", False))
 """Width, scheme, and whether axe-core looks too: what it looks at differs by width or by scheme, not by both."""
 LARGEST = 5_000_000
-STORIES = ("regression-lessons", "prestretch-sweep", "svb-benchmark")
-REPORTS = ("diagnose", "identify", "check", "frequency", *STORIES)
+LESSENED = ("regression-lessons", "prestretch-sweep", "svb-benchmark")
+REPORTS = ("diagnose", "identify", "check", "frequency", *LESSENED)
 
 
 def pulls(seed: int, plant: Plant) -> Recording:
@@ -85,7 +92,7 @@ def stories(folder: Path, patch: pytest.MonkeyPatch) -> None:
         (svb_benchmark, "PLAN", small), (sampling, "FLIPS", 300),
     ):  # fmt: skip
         patch.setattr(module, name, less)
-    for name in STORIES:
+    for name in LESSENED:
         story(name).run(Setting(
             folder=ResultFolder(folder / name), data=None, command=["deatwin", "scenario", name], jobs=1, seed=0,
             progress=lambda *_: None,
@@ -103,10 +110,13 @@ def reports(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.fixture(params=REPORTS)
-def report(request: pytest.FixtureRequest, reports: Path) -> Path:
-    """One of the reports."""
-    return reports / str(request.param) / "report.html"
+@pytest.fixture(params=[*REPORTS, *(pytest.param(f"scenario {name}", marks=pytest.mark.study) for name in STORIES)])
+def report(request: pytest.FixtureRequest) -> Path:
+    """One of the reports; in a study those of all scenarios too."""
+    kind = str(request.param)
+    if kind in REPORTS:
+        return Path(request.getfixturevalue("reports")) / kind / "report.html"
+    return Path(request.getfixturevalue("scenario")(kind.removeprefix("scenario "))) / "report.html"
 
 
 # Each of these looks at the page that is open and returns what is wrong with it.
@@ -148,16 +158,29 @@ def illegible(tab: Any) -> list[str]:
             if (!known.has(colour)) known.set(colour, light(colour));
             return known.get(colour);
         };
+        const over = (words, image) => {  // the shade of a map below the middle of words, or null beside it
+            const text = words.getBoundingClientRect(), map = image.getBoundingClientRect();
+            const x = text.x + text.width / 2 - map.x, y = text.y + text.height / 2 - map.y;
+            if (x < 0 || y < 0 || x >= map.width || y >= map.height) return null;
+            const flipped = image.getCTM().d < 0, shot = document.createElement("canvas").getContext("2d");
+            shot.canvas.width = Math.ceil(map.width); shot.canvas.height = Math.ceil(map.height);
+            shot.drawImage(image, 0, 0, map.width, map.height);
+            const place = [Math.floor(x), Math.floor(flipped ? map.height - 1 - y : y)];
+            const [r, g, b, a] = shot.getImageData(...place, 1, 1).data;
+            return a === 255 ? `rgb(${r} ${g} ${b})` : null;
+        };
         const faint = new Set();
         for (const figure of document.querySelectorAll("figure")) {
             const behind = level(getComputedStyle(figure).backgroundColor);
             const title = figure.querySelector("h3").textContent;
-            const contrast = (colour) => {
-                const [low, high] = [behind, level(colour)].sort((a, b) => a - b);
+            const contrast = (colour, ground = behind) => {
+                const [low, high] = [ground, level(colour)].sort((a, b) => a - b);
                 return (high + 0.05) / (low + 0.05);
             };
+            const images = [...figure.querySelectorAll("svg image")];
             for (const words of figure.querySelectorAll("svg text")) {
-                const found = contrast(getComputedStyle(words).fill);
+                const map = images.map(image => over(words, image)).find(Boolean);
+                const found = contrast(getComputedStyle(words).fill, map ? level(map) : behind);
                 if (found < 4.5) faint.add(`${title}: "${words.textContent.trim()}" ${found.toFixed(2)}`);
             }
             for (const line of figure.querySelectorAll("svg [id*=line2d_] > path")) {
@@ -255,10 +278,12 @@ def downloads_wrong(tab: Any, folder: Path, into: Path) -> list[str]:
     for name in dict.fromkeys(tab.run(f"return {links}.map(a => a.getAttribute('href'))")):
         got = into / Path(name).name
         tab.run(f"{links}.find(a => a.getAttribute('href') === arguments[0]).click()", name)
-        limit = time.monotonic() + 20
-        while time.monotonic() < limit and not (got.is_file() and got.stat().st_size):
+        limit = time.monotonic() + 10
+        while (wrongly := not got.is_file() or got.read_bytes() != (folder / name).read_bytes()):
+            if time.monotonic() > limit:
+                break
             time.sleep(0.02)
-        if not got.is_file() or got.read_bytes() != (folder / name).read_bytes():
+        if wrongly:
             wrong.append(f"{name}: not what the folder has")
     return wrong
 
@@ -313,6 +338,25 @@ FIGURE = (
     + '<path d="M0 0L9 9"/>' * 10 + '<text fill="#ddd" y="50">faint</text></svg></div>'
     + '<a class="data" href="figures/a.csv" download>Data</a></figure>'
 )  # fmt: skip
+
+
+def on_a_map() -> str:
+    """Words on a map, black above white, that is drawn upside down as matplotlib draws them."""
+    stream = io.BytesIO()
+    imsave(stream, np.array([[1.0], [0.0]]), cmap="gray", format="png")
+    address = f"data:image/png;base64,{base64.b64encode(stream.getvalue()).decode()}"
+    words = "".join(
+        f'<text x="5" y="{y}" font-size="8" fill="{ink}">{name}</text>'
+        for y, ink, name in ((20, "#000", "on black"), (35, "#fff", "legible"), (70, "#fff", "on white"),
+                             (85, "#000", "legible"))
+    )  # fmt: skip
+    return (
+        '<figure style="background: #888"><h3>A</h3><svg viewBox="0 0 300 100" width="300" height="100">'
+        f'<image href="{address}" transform="scale(1 -1) translate(0 -100)" width="300" height="100" '
+        f'preserveAspectRatio="none" style="image-rendering: pixelated"/>{words}</svg></figure>'
+    )
+
+
 OTHERWISE = """<script>document.querySelector("a.data").addEventListener("click", event => {
     event.preventDefault();
     Object.assign(document.createElement("a"), {href: "data:text/csv,y", download: "a.csv"}).click();
@@ -344,6 +388,9 @@ def test_every_check_can_fail(tab: Any, axe: Callable[[], list[str]], tmp_path: 
     opened(page(FIGURE))
     assert figures_missing(tab, tmp_path) == ["figures/b.csv: a figure's data, but no figure"]
     assert [line[:11] for line in illegible(tab)] == ['A: "faint" ']
+    opened(page(on_a_map()))
+    assert [line[:12] for line in illegible(tab)] == ['A: "on black', 'A: "on white']
+    opened(page(FIGURE))
     assert "figure 0: the key does not zoom" in zoom_fails(tab)
     assert provenance_missing(tab) == ["command", "seed", "versions"]
     tab.media("print", "dark")

@@ -9,6 +9,11 @@ from pathlib import Path
 
 __all__ = ["run"]
 
+INSTRUMENTED = [
+    "deatwin.plant.files", "deatwin.plant.documents", "deatwin.scenarios.real_data", "deatwin.scenarios.sweep",
+    "tomllib", "json",
+]  # fmt: skip
+
 
 def run(kinds: str) -> None:
     """Fuzz the readers of some kinds for a while.
@@ -16,7 +21,7 @@ def run(kinds: str) -> None:
     Parameters
     ----------
     kinds : str
-        Name of a mapping of `readers`.
+        Name of a mapping of `readers` or `studies`.
     """
     parser = argparse.ArgumentParser(description=f"Fuzz the readers of {kinds.lower()} with atheris.")
     parser.add_argument("--seconds", type=int, default=60)
@@ -27,11 +32,12 @@ def run(kinds: str) -> None:
 
     import atheris
 
-    with atheris.instrument_imports(include=["deatwin.plant.files", "deatwin.plant.documents", "tomllib", "json"]):
+    with atheris.instrument_imports(include=INSTRUMENTED):
         import mutations
         import readers
+        import studies
 
-    chosen: Mapping[str, readers.Kind] = getattr(readers, kinds)
+    chosen: Mapping[str, readers.Kind] = getattr(readers, kinds, None) or getattr(studies, kinds)
     chosen = {given.kind: chosen[given.kind]} if given.kind else chosen
     names = list(chosen)
 

@@ -22,6 +22,8 @@ from deatwin.control.checking.result import Check
 from deatwin.ident.mismatch import Diagnosis
 from deatwin.ident.narx import NarxModel
 from deatwin.ident.narx.linear.model import LinearModel
+from deatwin.ident.narx.trajectory import ThetaTrajectory
+from deatwin.ident.narx.validate import Validation, validate
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.errors import DeatwinError
 from deatwin.plant.files import read_experiment, read_recordings, write_recording
@@ -63,12 +65,13 @@ zero = "displacement at zero volts"
 
 @dataclass(frozen=True, kw_only=True)
 class Kind:
-    """A kind of file: how its name ends, how it is read, what a sound object is, and sound files."""
+    """A kind of file: how its name begins and ends, how it is read, what a sound object is, and sound files."""
 
     ending: str
     read: Callable[[Path], Any]
     require_sound: Callable[[Any], None]
     seeds: Callable[[], tuple[bytes, ...]]
+    stem: str = "taken"
 
 
 class TooSlow(BaseException):
@@ -90,7 +93,7 @@ def probe(kind: Kind, content: bytes) -> Any:
     """
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always")
-        path = Path(folder) / f"taken{kind.ending}"
+        path = Path(folder) / f"{kind.stem}{kind.ending}"
         path.write_bytes(content)
         try:
             with limited():
@@ -327,6 +330,38 @@ def linear_seeds() -> tuple[bytes, ...]:
     return (written(".json", Arx().fit([Recording.from_arrays(u, y, 0.1)]).model_.save),)
 
 
+@cache
+def theta_seeds() -> tuple[bytes, ...]:
+    """Parameters along three times."""
+    model = NarxModel.from_terms({"y(k-1)": 0.8, "u(k-1)": 0.1}, sample_time=0.02)
+    trajectory = ThetaTrajectory(
+        model=model, timepts=np.array([0.02, 0.04, 0.06]), theta=np.array([[0.8, 0.79, 0.78], [0.1, 0.1, 0.11]]),
+        theta_cov=np.tile(1e-4 * np.eye(2), (3, 1, 1)), drift_variance=np.array([1e-6, 0.0]), log_likelihood=-12.5,
+    )  # fmt: skip
+    return (written(".json", trajectory.save),)
+
+
+@cache
+def validation_seeds() -> tuple[bytes, ...]:
+    """Of a model on noise."""
+    rng = np.random.default_rng(2)
+    model = NarxModel.from_terms({"y(k-1)": 0.5, "u(k-1)": 0.3}, sample_time=0.1)
+    noise = Recording.from_arrays(rng.normal(size=200), rng.normal(size=200), 0.1)
+    return (written(".json", validate(model, noise, max_lag=3).save),)
+
+
+def exported(path: Path) -> Any:
+    """The controller of a check as C source."""
+    from deatwin.scenarios.commands.export import _Given
+
+    return _Given.load(str(path)).source(name="loop")
+
+
+def require_source(found: Any) -> None:
+    """C source that bears the name."""
+    assert "loop" in found.text and "\x1b" not in found.text
+
+
 def stored(name: str) -> Callable[[], tuple[bytes, ...]]:
     """A file that deatwin wrote once, with its long lists cut."""
     return lambda: ((SEEDS / name).read_bytes(),)
@@ -359,5 +394,8 @@ DOCUMENTS: Mapping[str, Kind] = {
     "linear": document(LinearModel, linear_seeds),
     "diagnosis": document(Diagnosis, stored("diagnosis.json")),
     "check": document(Check, stored("check.json")),
+    "theta": document(ThetaTrajectory, theta_seeds),
+    "validation": document(Validation, validation_seeds),
+    "controller": Kind(ending=".json", read=exported, require_sound=require_source, seeds=stored("check.json")),
 }
 KINDS: Mapping[str, Kind] = {**RECORDINGS, **RIGS, **DOCUMENTS}

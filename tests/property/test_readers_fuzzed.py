@@ -23,10 +23,24 @@ from deatwin.plant.rigs.rigschema import rig_schema
 from deatwin.plant.schemacheck import shape_fault, shipped_schema
 
 FUZZ = Path(__file__).parents[1] / "fuzz"
+MODULES = ("readers", "mutations", "studies")
 KINDS = (
     "csv", "mat", "mat73", "tdms", "netcdf", "netcdf4", "rig", "plant", "narx", "linear", "diagnosis", "check",
+    "theta", "validation", "controller",
+    "sweep seal", "study seal", "study key", "case", "control-check", "control-story",
+    "concealed-physics", "scenarios", "story", "story run", "shown run", "former run",
+    "public csv", "public mat", "public hdf5", "pull",
 )  # fmt: skip
-NEEDS = {"mat73": ["h5py"], "tdms": ["nptdms"], "netcdf": ["xarray"], "netcdf4": ["xarray", "h5netcdf", "h5py"]}
+DOCUMENTS = ("plant", "narx", "linear", "diagnosis", "check", "theta", "validation")
+STUDIES = (
+    "sweep seal", "study seal", "study key", "control-check", "control-story", "concealed-physics",
+    "scenarios", "story", "story run", "shown run", "former run",
+)  # fmt: skip
+"""JSON that studies keep."""
+NEEDS = {
+    "public hdf5": ["h5py"],
+    "mat73": ["h5py"], "tdms": ["nptdms"], "netcdf": ["xarray"], "netcdf4": ["xarray", "h5netcdf", "h5py"],
+}  # fmt: skip
 bounded = settings(
     deadline=None, derandomize=True, database=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
@@ -43,11 +57,16 @@ def fuzz() -> Iterator[dict[str, ModuleType]]:
     """The modules that the harnesses of atheris use too; scripts, not a package."""
     sys.path.insert(0, str(FUZZ))
     try:
-        yield {name: importlib.import_module(name) for name in ("readers", "mutations")}
+        yield {name: importlib.import_module(name) for name in MODULES}
     finally:
         sys.path.remove(str(FUZZ))
-        for name in ("readers", "mutations"):
+        for name in MODULES:
             sys.modules.pop(name, None)
+
+
+def kinds(fuzz: dict[str, ModuleType]) -> dict[str, Any]:
+    """All kinds of files by their names."""
+    return {**fuzz["readers"].KINDS, **fuzz["studies"].STUDIES, **fuzz["studies"].PUBLIC}
 
 
 def require_packages(kind: str) -> None:
@@ -56,15 +75,15 @@ def require_packages(kind: str) -> None:
 
 
 def test_every_kind_of_file_is_spoilt_here(fuzz: dict[str, ModuleType]) -> None:
-    assert tuple(fuzz["readers"].KINDS) == KINDS
+    assert tuple(kinds(fuzz)) == KINDS
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_files_that_are_sound_are_read(kind: str, fuzz: dict[str, ModuleType]) -> None:
     require_packages(kind)
-    readers = fuzz["readers"]
-    for seed in readers.KINDS[kind].seeds():
-        assert readers.probe(readers.KINDS[kind], seed) is not None
+    chosen = kinds(fuzz)[kind]
+    for seed in chosen.seeds():
+        assert fuzz["readers"].probe(chosen, seed) is not None
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -74,7 +93,7 @@ def test_spoilt_files_give_a_sound_object_or_one_clear_error(
     kind: str, fuzz: dict[str, ModuleType], data: st.DataObject
 ) -> None:
     require_packages(kind)
-    chosen = fuzz["readers"].KINDS[kind]
+    chosen = kinds(fuzz)[kind]
     seed = data.draw(st.sampled_from(chosen.seeds()))
     content = fuzz["mutations"].mutated(seed, lambda low, high: data.draw(st.integers(low, high)))
     fuzz["readers"].probe(chosen, content)
@@ -85,7 +104,7 @@ def test_spoilt_files_give_a_sound_object_or_one_clear_error(
 @given(content=st.binary(max_size=300) | st.text(max_size=100).map(lambda text: text.encode("utf-8", "replace")))
 def test_any_bytes_give_one_clear_error(kind: str, fuzz: dict[str, ModuleType], content: bytes) -> None:
     require_packages(kind)
-    fuzz["readers"].probe(fuzz["readers"].KINDS[kind], content)
+    fuzz["readers"].probe(kinds(fuzz)[kind], content)
 
 
 def places(value: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
@@ -107,20 +126,20 @@ def changed(document: Any, path: tuple[Any, ...], value: Any) -> Any:
     return copied
 
 
-@pytest.mark.parametrize("kind", ["plant", "narx", "linear", "diagnosis", "check"])
+@pytest.mark.parametrize("kind", [*DOCUMENTS, "controller", *STUDIES])
 @settings(bounded, max_examples=60)
 @given(data=st.data())
 def test_documents_with_another_value_give_a_sound_object_or_one_clear_error(
     kind: str, fuzz: dict[str, ModuleType], data: st.DataObject
 ) -> None:
-    chosen = fuzz["readers"].KINDS[kind]
+    chosen = kinds(fuzz)[kind]
     document = json.loads(chosen.seeds()[0])
     path = data.draw(st.sampled_from(list(places(document))))
     spoilt = changed(document, path, data.draw(json_values))
     fuzz["readers"].probe(chosen, json.dumps(spoilt).encode())
 
 
-@pytest.mark.parametrize("kind", ["plant", "narx", "linear", "diagnosis", "check"])
+@pytest.mark.parametrize("kind", DOCUMENTS)
 @settings(bounded, max_examples=60)
 @given(data=st.data())
 def test_values_are_refused_where_the_schema_refuses_them(
@@ -220,7 +239,7 @@ def test_every_written_rig_file_is_as_reader_and_schema_have_it() -> None:
         jsonschema.validate(rig, shipped_schema("deatwin/rig/1"))
 
 
-@pytest.mark.parametrize("name", ["recordings", "rigs", "documents"])
+@pytest.mark.parametrize("name", ["recordings", "rigs", "documents", "studies", "public"])
 def test_atheris_finds_nothing_in_a_few_seconds(name: str, tmp_path: Path) -> None:
     pytest.importorskip("atheris")
     done = subprocess.run(

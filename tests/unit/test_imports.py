@@ -19,12 +19,14 @@ PARTS = {
     "deatwin.ident": {"numpy", "casadi"},
     "deatwin.ident.narx": {"numpy", "casadi", "scipy.linalg", "scipy.special"},
     "deatwin.ident.frequency": {"numpy", "casadi", "scipy.linalg", "scipy.special"},
-    "deatwin.control": {
+    # scipy.optimize fits plants, and loads the last four.
+    "deatwin.ident.greybox": {
         "numpy", "casadi", "scipy.linalg", "scipy.special", "scipy.optimize",
-        # what scipy.optimize loads
         "scipy.sparse", "scipy.spatial", "scipy.fft", "scipy.constants",
     },
 }  # fmt: skip
+# Not even a diagnosis needs a law's whole class to look up its quantile, nor filters before there is a signal.
+PARTS |= {part: PARTS["deatwin.ident.greybox"] for part in ("deatwin.ident.mismatch", "deatwin.control")}
 COUNT = """
 import importlib, json, sys
 loaded = {}

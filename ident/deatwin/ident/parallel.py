@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from multiprocessing import current_process
 from typing import Any, TypeVar
 
 import numpy as np
 
-__all__ = ["run_jobs", "spawn_generators"]
+__all__ = ["run_jobs", "spawn_generators", "stream_jobs"]
 
 Result = TypeVar("Result")
 PARENT = os.getppid()
@@ -60,22 +60,41 @@ def run_jobs(
     list
         In the order of `jobs`.
     """
-    tasks = list(jobs)
     results: list[Result] = []
-    if workers == 1:
-        for task in tasks:
-            results.append(_alone(function, task))
-            if finished is not None:
-                finished(len(results))
-        return results
-    from joblib import Parallel, delayed
-
-    stream = Parallel(n_jobs=workers, return_as="generator")(delayed(_in_worker)(function, task) for task in tasks)
-    for result in stream:
+    for result in stream_jobs(function, jobs, workers=workers):
         results.append(result)
         if finished is not None:
             finished(len(results))
     return results
+
+
+def stream_jobs(
+    function: Callable[..., Result], jobs: Iterable[tuple[Any, ...]], *, workers: int = 1
+) -> Iterator[Result]:
+    """Call a function once for each tuple of arguments, and give each result as soon as it and those before it exist.
+
+    Parameters
+    ----------
+    function : callable
+        As in `run_jobs`.
+    jobs : iterable of tuple
+        As there.
+    workers : int
+        As there.
+
+    Yields
+    ------
+    result
+        In the order of `jobs`.
+    """
+    tasks = list(jobs)
+    if workers == 1:
+        for task in tasks:
+            yield _alone(function, task)
+        return
+    from joblib import Parallel, delayed
+
+    yield from Parallel(n_jobs=workers, return_as="generator")(delayed(_in_worker)(function, task) for task in tasks)
 
 
 def _in_worker(function: Callable[..., Result], task: tuple[Any, ...]) -> Result:

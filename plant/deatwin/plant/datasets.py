@@ -17,7 +17,7 @@ __all__ = ["PARTS", "Variables", "clock", "columns", "dataset", "squared"]
 
 PARTS = ("real", "imaginary")
 Variables = Mapping[str, tuple[Any, ...]]
-"""By its name the dimensions of a variable (one or several), its values, and its unit where it has one."""
+"""By its name the dimensions of a variable (one or several), its values, and where it has them its unit and meaning."""
 
 
 def dataset(
@@ -28,8 +28,8 @@ def dataset(
     Parameters
     ----------
     variables, coords : mapping of str to tuple
-        Dimensions, values and unit of each. A complex variable becomes two, ``real`` and ``imaginary`` after its name,
-        or these alone for a variable without a name.
+        Dimensions, values, unit and meaning of each. A complex variable becomes two, ``real`` and ``imaginary`` after
+        its name, or these alone for a variable without a name.
     attributes : mapping of str to str, number, sequence or None
         Of the whole; None and empty sequences are left out, a truth value is written as 0 or 1.
     document : mapping, optional
@@ -39,7 +39,7 @@ def dataset(
     Returns
     -------
     xarray.Dataset
-        With the unit of each variable in its attribute ``units``.
+        With the unit of each variable in its attribute ``units``, and what it means in ``long_name``.
 
     Raises
     ------
@@ -129,14 +129,15 @@ def squared(unit: str) -> str:
     return f"({unit})^2" if unit else ""
 
 
-def _parts(name: str, dimensions: Any, values: Any, unit: str = "") -> list[tuple[str, tuple[Any, ...]]]:
+def _parts(name: str, dimensions: Any, values: Any, *told: str) -> list[tuple[str, tuple[Any, ...]]]:
     """A variable, or the two that a complex one becomes."""
     array = np.asarray(values)
     if not np.iscomplexobj(array):
-        return [(name, (dimensions, array, unit))]
+        return [(name, (dimensions, array, *told))]
     before = f"{name}_" if name else ""
-    return [(before + part, (dimensions, v, unit)) for part, v in zip(PARTS, (array.real, array.imag), strict=True)]
+    return [(before + part, (dimensions, v, *told)) for part, v in zip(PARTS, (array.real, array.imag), strict=True)]
 
 
-def _variable(dimensions: Any, values: Any, unit: str = "") -> tuple[Any, np.ndarray, dict[str, str]]:
-    return dimensions, np.asarray(values), {"units": unit} if unit else {}
+def _variable(dimensions: Any, values: Any, *told: str) -> tuple[Any, np.ndarray, dict[str, str]]:
+    attributes = {key: text for key, text in zip(("units", "long_name"), told, strict=False) if text}
+    return dimensions, np.asarray(values), attributes

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from typing import Annotated, Any
 
 import typer
 
@@ -18,20 +19,68 @@ from deatwin.scenarios.commands.scenario import scenario, scenarios
 from deatwin.scenarios.commands.simulate import simulate
 from deatwin.scenarios.commands.view import view
 from deatwin.scenarios.options import fold_experiments
+from deatwin.scenarios.usage import Command, Group, unwrapped
 from deatwin.scenarios.voice import complain
 
 __all__ = ["app", "main"]
 
 DONE, WRONG_INPUT, INTERRUPTED = 0, 1, 130
 
+
+class Commands(Group):
+    """The commands; one that is interrupted says so, and what it kept where it knows."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command that is named.
+
+        Parameters
+        ----------
+        ctx : typer.Context
+            With the arguments.
+
+        Returns
+        -------
+        None
+
+        Raises
+        ------
+        typer.Exit
+            With the status 130 after Ctrl-C.
+        """
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt as stop:
+            complain(str(stop) or "interrupted")
+            raise typer.Exit(INTERRUPTED) from None
+
+
 app = typer.Typer(
+    cls=Commands,
     help="Simulate, identify and diagnose dielectric elastomer actuators, and check their controllers.\n\n"
     "Start here: deatwin demo\n\nWhat a command takes: deatwin diagnose --help",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
 )
 for command in (demo, simulate, identify, frequency, diagnose, check, export, scenario, scenarios, view, doctor):
-    app.command()(command)
+    app.command(cls=Command, help=unwrapped(command.__doc__))(command)
+
+
+def _tell_version(asked: bool) -> None:
+    if asked:
+        from importlib.metadata import version
+
+        print(f"deatwin {version('deatwin')}")
+        raise typer.Exit
+
+
+Version = Annotated[
+    bool, typer.Option("--version", callback=_tell_version, is_eager=True, help="Print the version and exit.")
+]
+
+
+@app.callback()
+def _program(version: Version = False) -> None:  # what stands before a command; the help is that of `app`
+    pass
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

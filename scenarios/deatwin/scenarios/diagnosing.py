@@ -12,6 +12,7 @@ from deatwin.plant.effects import Effect
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment
 from deatwin.scenarios.folder import ResultFolder
+from deatwin.scenarios.partial import FinishedSteps, remove_partial
 from deatwin.scenarios.provenance import RunRecord, hashes
 from deatwin.scenarios.report import Origin, write_report
 from deatwin.scenarios.voice import Progress
@@ -70,20 +71,15 @@ class DiagnosisTask:
         ------
         DeatwinError
             If the recordings cannot be used at all.
+        KeyboardInterrupt
+            With a line that says which steps were finished and where they are kept; there is no diagnosis then.
         """
         inputs = hashes(self.files)
         record = RunRecord(command=self.command, inputs=inputs, seed=self.seed, jobs=self.jobs)
-        diagnosis = diagnose(
-            self.plant,
-            self.experiments,
-            effects=self.effects,
-            jobs=self.jobs,
-            seed=self.seed,
-            progress=progress,
-        )
-        folder.save("diagnosis.json", diagnosis.save)
+        diagnosis = self._diagnosed(folder, record, progress)
         if diagnosis.model is not None:
             folder.save("model.json", diagnosis.model.save)
+        remove_partial(folder)
         rivals = diagnosis.evidence.rivals if diagnosis.evidence is not None else {}
         for effects, rival in rivals.items():
             folder.save(f"{RIVALS}/{effects}.json", rival.save)
@@ -93,4 +89,17 @@ class DiagnosisTask:
         write_report(folder, diagnosis, Origin.of(record))
         folder.remove_former(rf"{RIVALS}/[^/]+\.json|figures/\w+\.csv")
         folder.text("run.json", json.dumps(record.finished([*folder.written, "run.json"]), indent=1) + "\n")
+        return diagnosis
+
+    def _diagnosed(self, folder: ResultFolder, record: RunRecord, progress: Progress) -> Diagnosis:
+        """The diagnosis, written; or, where it is interrupted, the steps that were finished."""
+        finished = FinishedSteps(progress)
+        try:
+            diagnosis = diagnose(
+                self.plant, self.experiments, effects=self.effects, jobs=self.jobs, seed=self.seed,
+                progress=finished.tell, through=finished.take,
+            )  # fmt: skip
+            folder.save("diagnosis.json", diagnosis.save)
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt(finished.save(folder, self.plant, record)) from None
         return diagnosis

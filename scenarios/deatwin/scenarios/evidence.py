@@ -5,9 +5,11 @@
     python -m deatwin.scenarios.evidence docs --control-check FOLDER --remark "Run at commit 0123abc."
     python -m deatwin.scenarios.evidence docs --control-story FOLDER --remark "Run at commit 0123abc."
     python -m deatwin.scenarios.evidence docs --concealed-physics FOLDER --remark "Run at commit 0123abc."
+    python -m deatwin.scenarios.evidence docs --scenarios FOLDER --remark "commit 0123abc"
 
 reads the folder into ``docs/data/``, and writes the pages. ``--control-check`` takes the trials of a control check,
-``--control-story`` all else, from the same folder or from that of another run.
+``--control-story`` all else, from the same folder or from that of another run. ``--scenarios`` takes the measures of
+all others, each from the folder of its name; of those that are not there what was kept stays.
 """
 
 from __future__ import annotations
@@ -16,21 +18,26 @@ import argparse
 import json
 import re
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from deatwin.plant.errors import DataError, DeatwinError
+from deatwin.plant.intake import clipped
 from deatwin.scenarios.concealed_physics.page import DATA as CONCEALED
 from deatwin.scenarios.concealed_physics.page import markdown_table, opened_data, page_of
 from deatwin.scenarios.control_check.page import STORY, story_blocks, story_data
 from deatwin.scenarios.control_check.rates import Rate, caught, inside, least_percent, sound
 from deatwin.scenarios.control_check.trials import Outcome
+from deatwin.scenarios.report.measured import MEASURED, measured_blocks, measured_data
+from deatwin.scenarios.sweep.casefile import CASE_ENDING, read_case
+from deatwin.scenarios.sweep.kept import read_object
 
 __all__ = ["blocks", "main", "pages", "trials_data", "with_blocks"]
 
 TRIALS = "deatwin/control-trials/1"
-DATA = {"control-check": TRIALS, "control-story": STORY, "concealed-physics": CONCEALED}
+DATA = {"control-check": TRIALS, "control-story": STORY, "concealed-physics": CONCEALED, "scenarios": MEASURED}
 """Files in ``docs/data/`` by their names without ending, with their schemas."""
 BLOCK = re.compile(r"(<!-- made by evidence: ([\w-]+) -->\n).*?(<!-- end -->)", re.DOTALL)
 Data = Mapping[str, Mapping[str, Any]]
@@ -60,22 +67,30 @@ def trials_data(folder: Path | str, remark: str = "") -> dict[str, Any]:
     DataError
         If there are no trials, one is malformed, or they are of several seeds or codes.
     """
-    found = sorted(Path(folder).glob("trials/**/*.json"))
+    found = sorted(path for ending in _READERS for path in Path(folder).glob(f"trials/**/*{ending}"))
     if not found:
-        raise DataError(f"{folder}: it holds no trials (trials/000.json and so on)")
+        raise DataError(f"{folder}: it holds no trials (trials/000.nc and so on)")
     rows, sealed = [], set()
     for path in found:
         try:
-            row = json.loads(path.read_text(encoding="utf-8"))
+            row = _READERS[path.suffix](path)
             sealed.add((row.pop("schema"), row.pop("seed"), row.pop("code")))
-            rows.append(Outcome.from_dict(row).to_dict())
-        except (ValueError, KeyError, TypeError, AttributeError) as error:
-            raise DataError(f"{path}: it is no trial: {error!r}") from None
+            rows.append({**Outcome.from_dict(row).to_dict(), "number": int(row["number"])})
+        except DataError:
+            raise
+        except (ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
+            raise DataError(f"{path}: it is no trial: {clipped(repr(error), 200)}") from None
     if len(sealed) > 1:
         raise DataError(f"{folder}: its trials are of {len(sealed)} seeds or codes; they must be of one")
     _, seed, code = sealed.pop()
-    rows.sort(key=lambda row: int(row["number"]))
+    rows.sort(key=lambda row: row["number"])
     return {"schema": TRIALS, "seed": seed, "code": code, "remark": remark, "trials": rows}
+
+
+_READERS: dict[str, Callable[[Path], dict[str, Any]]] = {
+    CASE_ENDING: read_case, ".json": lambda path: read_object(path, "a trial"),
+}  # fmt: skip
+"""Of the file of a trial, by its ending; former versions wrote JSON."""
 
 
 def blocks(data: Data) -> dict[str, list[str]]:
@@ -91,31 +106,54 @@ def blocks(data: Data) -> dict[str, list[str]]:
     dict of str to list of str
         Markdown by the name of the block.
     """
-    trials, concealed = data["control-check"], data["concealed-physics"]
+    with _as_written("control-check"):
+        control, checked = _of_trials(data["control-check"])
+    with _as_written("concealed-physics"):
+        missed, concealed = _of_concealed(data["concealed-physics"])
+    with _as_written("control-story"):
+        story = story_blocks(data["control-story"])
+    with _as_written("scenarios"):
+        measured = measured_blocks(data["scenarios"])
+    studies = markdown_table(["study", "cases", "goals met", "run"], [concealed, checked])
+    return {**control, "studies": studies, "concealed-missed": missed, **story, **measured}
+
+
+def _of_trials(trials: Mapping[str, Any]) -> tuple[dict[str, list[str]], list[str]]:
+    """The blocks of a control check, and its row among the studies."""
     outcomes = [Outcome.from_dict(row) for row in trials["trials"]]
-    goals = concealed["goals"]
-    missed = [goal for goal in goals if goal["met"] == "no"]
     head = ["trials", "passed", "inside the band", "broken limits caught", "sound, not passed"]
+    row = [
+        "[control check](control-check.md)", str(len(outcomes)), f"{sum(_kept(outcomes))} of 2",
+        f"seed {trials['seed']}, code `{trials['code'][:12]}`",
+    ]  # fmt: skip
     return {
         "trials": _run(trials, outcomes),
         "promises": markdown_table(["demanded", "reached"], _promises(outcomes)),
         "by-design": markdown_table(["design", *head], _grouped(outcomes, lambda o: o.design)),
         "by-concealed": markdown_table(["concealed", *head], _grouped(outcomes, lambda o: o.concealed or "nothing")),
-        "studies": markdown_table(
-            ["study", "cases", "goals met", "run"],
-            [["[concealed physics](concealed-physics.md)", f"{concealed['done']} of {concealed['planned']}",
-              f"{sum(g['met'] == 'yes' for g in goals)} of {sum(g['met'] != 'reported' for g in goals)}",
-              f"seed {concealed['seed']}, deatwin {concealed['version']}"],
-             ["[control check](control-check.md)", str(len(outcomes)),
-              f"{sum(_kept(outcomes))} of 2", f"seed {trials['seed']}, code `{trials['code'][:12]}`"]],
-        ),
-        "concealed-missed": markdown_table(
-            ["goal of concealed physics that was missed", "demanded", "reached"],
-            [[goal["goal"], goal["demanded"], goal["reached"]] for goal in missed],
-        ),
         "control": markdown_table(["control check: demanded", "reached"], _promises(outcomes)),
-        **story_blocks(data["control-story"]),
-    }  # fmt: skip
+    }, row
+
+
+def _of_concealed(concealed: Mapping[str, Any]) -> tuple[list[str], list[str]]:
+    """The goals of concealed physics that were missed, and its row among the studies."""
+    goals = concealed["goals"]
+    missed = [[goal["goal"], goal["demanded"], goal["reached"]] for goal in goals if goal["met"] == "no"]
+    row = [
+        "[concealed physics](concealed-physics.md)", f"{concealed['done']} of {concealed['planned']}",
+        f"{sum(g['met'] == 'yes' for g in goals)} of {sum(g['met'] != 'reported' for g in goals)}",
+        f"seed {concealed['seed']}, deatwin {concealed['version']}",
+    ]  # fmt: skip
+    return markdown_table(["goal of concealed physics that was missed", "demanded", "reached"], missed), row
+
+
+@contextmanager
+def _as_written(name: str) -> Iterator[None]:
+    """Make one clear error of what a data file lacks that has the right schema."""
+    try:
+        yield
+    except (KeyError, TypeError, ValueError, AttributeError, IndexError, ArithmeticError) as error:
+        raise DataError(f"data/{name}.json: not as this module writes it: {clipped(repr(error), 200)}") from None
 
 
 def with_blocks(text: str, made: Mapping[str, Sequence[str]]) -> str:
@@ -162,12 +200,13 @@ def pages(docs: Path | str) -> dict[str, str]:
     Raises
     ------
     DataError
-        If a data file is missing, damaged or of another schema.
+        If a data file is missing, damaged or of another schema; the text names it.
     """
     folder = Path(docs)
     data = {name: _read(folder / "data" / f"{name}.json", schema) for name, schema in DATA.items()}
     made = blocks(data)
-    whole = {"concealed-physics.md": page_of(data["concealed-physics"])}
+    with _as_written("concealed-physics"):
+        whole = {"concealed-physics.md": page_of(data["concealed-physics"])}
     parts = {name: with_blocks((folder / name).read_text(encoding="utf-8"), made)
              for name in ("control-check.md", "validation.md")}  # fmt: skip
     return whole | parts
@@ -194,6 +233,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--control-check", type=Path, metavar="FOLDER", help="the trials of that scenario")
     parser.add_argument("--control-story", type=Path, metavar="FOLDER", help="results of control-check but its trials")
     parser.add_argument("--concealed-physics", type=Path, metavar="FOLDER", help="results of that scenario")
+    parser.add_argument("--scenarios", type=Path, metavar="FOLDER", help="of folders with the results of others")
     parser.add_argument("--remark", default="", help="a sentence on the run, such as its commit")
     given = parser.parse_args(arguments)
     try:
@@ -203,6 +243,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
             _write(given.docs, "control-story", story_data(given.control_story, given.remark))
         if given.concealed_physics is not None:
             _write(given.docs, "concealed-physics", {**opened_data(given.concealed_physics), "remark": given.remark})
+        if given.scenarios is not None:
+            kept = _read(given.docs / "data" / "scenarios.json", MEASURED)
+            with _as_written("scenarios"):
+                measured_blocks(kept)  # it is joined to what is read, and so must be sound
+            _write(given.docs, "scenarios", measured_data(given.scenarios, given.remark, kept))
         for name, text in pages(given.docs).items():
             write_text_atomic(given.docs / name, text)
     except (DeatwinError, OSError) as error:
@@ -212,11 +257,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _read(path: Path, schema: str) -> Mapping[str, Any]:
-    try:
-        found: Any = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise DataError(f"{path}: cannot be read: {error}") from None
-    if not isinstance(found, dict) or found.get("schema") != schema:
+    found = read_object(path, f"the data of a page, {schema}")
+    if found.get("schema") != schema:
         raise DataError(f"{path}: it must be a {schema} file")
     return found
 

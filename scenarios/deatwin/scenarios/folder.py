@@ -100,7 +100,8 @@ class ResultFolder:
             return
         for name in former if isinstance(former, list) else []:
             if re.fullmatch(pattern, str(name)) and name not in self.written:
-                (self.path / name).unlink(missing_ok=True)
+                with suppress(OSError, ValueError):  # no name of a file: this version has not written it
+                    (self.path / name).unlink(missing_ok=True)
 
     @property
     def summary(self) -> str:

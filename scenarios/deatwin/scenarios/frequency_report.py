@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.frequency import FrequencyResponse
+from deatwin.ident.frequency.output_responses.excitation import TestSignal
 from deatwin.ident.frequency.output_responses.powers import AMPLIFICATION
 from deatwin.ident.frequency.output_responses.result import Nofrf, NofrfStatus
 from deatwin.scenarios.folder import ResultFolder
@@ -20,6 +22,9 @@ from deatwin.scenarios.report.svg import COLOURS, draw, inline, standalone
 __all__ = ["write_responses"]
 
 Array = NDArray[np.float64]
+
+IN_ITS_UNIT = ("real", "imaginary", "gain", "gain_low", "gain_high", "truncation")
+"""Columns in the unit of the response."""
 
 
 def write_responses(found: Responses, folder: ResultFolder, record: RunRecord | None = None) -> None:
@@ -34,34 +39,61 @@ def write_responses(found: Responses, folder: ResultFolder, record: RunRecord | 
     record : RunRecord, optional
         The run, for the end of the page.
     """
-    folder.csv("frequency.csv", first_columns(found.first, found.level))
+    folder.csv(_table("frequency"), _with_unit(first_columns(found.first, found.level), found.first.unit))
     for response in found.gfrfs[1:]:
-        folder.csv(f"gfrf{response.order}.csv", _map_columns(response, found.level))
+        folder.csv(_table(f"gfrf{response.order}"), _map_columns(response, found.level))
     if found.nofrfs is not None and found.signal is not None:
-        folder.csv("nofrf.csv", _nofrf_columns(found.nofrfs, found.level))
-        point = float(found.first.point.operating_input[0])
-        folder.csv("test_signal.csv", {
-            "time_s": np.arange(len(found.signal)) * found.signal.sample_time, "deviation": found.signal.values,
-            "input": point + found.signal.values,
-        })  # fmt: skip
+        for response, error in _fitted(found.nofrfs):
+            folder.csv(_table(f"nofrf{response.order}"), _nofrf_columns(response, error, found.level))
+        folder.csv(_table("test_signal"), _signal_columns(found, found.signal))
     drawings = list(_drawings(found, folder))
     write_story(folder, _page(found, drawings), record or RunRecord(command=(), inputs=(), seed=0, jobs=1))
 
 
+def _table(name: str) -> str:
+    return f"figures/{name}.csv"
+
+
+def _picture(name: str) -> str:
+    return f"figures/{name}.svg"
+
+
 def _map_columns(response: FrequencyResponse, level: float) -> dict[str, Array]:
     frequencies = {f"f{i}_Hz": column for i, column in enumerate(response.frequency_Hz.T, start=1)}
-    return {**frequencies, **columns_of(response, level)}
+    return {**frequencies, **_with_unit(columns_of(response, level), response.unit)}
 
 
-def _nofrf_columns(found: Nofrf, level: float) -> dict[str, Array]:
-    parts = [
-        {
-            "order": np.full(g.frequency_Hz.size, float(g.order)), "frequency_Hz": g.frequency_Hz,
-            **columns_of(g, level), "truncation": error,
-        }
-        for g, error in zip(found.orders[: found.order], found.truncation, strict=False)
-    ]  # fmt: skip
-    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+def _fitted(found: Nofrf) -> Iterator[tuple[FrequencyResponse, Array]]:
+    """The orders that were asked for, with their truncation errors."""
+    return zip(found.orders[: found.order], found.truncation, strict=False)
+
+
+def _nofrf_columns(response: FrequencyResponse, truncation: Array, level: float) -> dict[str, Array]:
+    columns = {**columns_of(response, level), "truncation": truncation}
+    return {"frequency_Hz": response.frequency_Hz, **_with_unit(columns, response.unit)}
+
+
+def _signal_columns(found: Responses, signal: TestSignal) -> dict[str, NDArray[np.floating]]:
+    point = float(found.first.point.operating_input[0])
+    suffix = _suffix(found.model.input_units[0])
+    return {
+        "time_s": np.arange(len(signal)) * signal.sample_time,
+        f"deviation{suffix}": signal.values,
+        f"input{suffix}": point + signal.values,
+    }
+
+
+def _with_unit(columns: Mapping[str, Array], unit: str) -> dict[str, Array]:
+    """Columns of a response with its unit in the headers, as in ``gain_um_per_V2``."""
+    return {f"{name}{_suffix(unit)}" if name in IN_ITS_UNIT else name: values for name, values in columns.items()}
+
+
+def _suffix(unit: str) -> str:
+    """The end of a header; empty where there is no unit."""
+    above, *below = unit.split("/")
+    divided = [part.replace("^", "") for part in below if not re.fullmatch(r"1(\^\d+)?", part)]
+    parts = [*([] if above in ("", "1") else [above]), *(f"per_{part}" for part in divided)]
+    return "".join(f"_{part}" for part in parts)
 
 
 def _drawings(found: Responses, folder: ResultFolder) -> Iterator[Drawing]:
@@ -82,10 +114,10 @@ def _drawings(found: Responses, folder: ResultFolder) -> Iterator[Drawing]:
                     found.excited_Hz, found.first.frequency_Hz.max(), color=COLOURS["measured"][0], alpha=0.12,
                     linewidth=0,
                 )  # fmt: skip
-        folder.text("frequency.svg", standalone(figure))
+        folder.text(_picture("frequency"), standalone(figure))
         yield Drawing(
             name="frequency", title="First order", caption=caption, svg=inline(figure, "frequency", "First order"),
-            data="frequency.csv",
+            data=_table("frequency"),
         )  # fmt: skip
     for response in found.gfrfs[1:]:
         name, title = f"gfrf{response.order}", f"{symbol_of(response)} over two frequencies"
@@ -93,19 +125,21 @@ def _drawings(found: Responses, folder: ResultFolder) -> Iterator[Drawing]:
             axes = response.plot(figure.add_subplot())
             axes.set_aspect("equal")
             axes.grid(False)
-            folder.text(f"{name}.svg", standalone(figure))
+            folder.text(_picture(name), standalone(figure))
             shown = inline(figure, name, title)
             caption = f"{at}.{_hatching(response)}"
-            yield Drawing(name=name, title=title, caption=caption, svg=shown, data=f"{name}.csv")
+            yield Drawing(name=name, title=title, caption=caption, svg=shown, data=_table(name))
     if found.nofrfs is not None and found.signal is not None:
         with draw((7.4, 0.8 + 2.2 * found.nofrfs.order)) as figure:
             for axes in found.nofrfs.plot_orders(list(figure.subplots(found.nofrfs.order, 1, sharex=True))):
                 for error in axes.get_lines()[1:]:
                     error.set_color(COLOURS["measured"][0])  # that of the library is not for the dark
                 axes.legend(markerscale=1)
-            folder.text("nofrf.svg", standalone(figure))
+            folder.text(_picture("nofrf"), standalone(figure))
+            data, *further = [_table(f"nofrf{response.order}") for response, _ in _fitted(found.nofrfs)]
             yield Drawing(
-                name="nofrf", title="NOFRFs", data="nofrf.csv", svg=inline(figure, "nofrf", "NOFRFs"),
+                name="nofrf", title="NOFRFs", data=data, further=tuple(further),
+                svg=inline(figure, "nofrf", "NOFRFs"),
                 caption=f"For the test signal of {written(found.ranges_Hz[0])} Hz. {at}, with 95 % bands."
                 f"{_hatching(*found.nofrfs.orders[: found.nofrfs.order])} The truncation error, dotted where it shows, "
                 "is what orders beyond those fitted may make; where it comes near the gain, Gₙ is not known.",
@@ -113,9 +147,9 @@ def _drawings(found: Responses, folder: ResultFolder) -> Iterator[Drawing]:
         with draw((7.4, 2.8)) as figure:
             axes = found.signal.plot(figure.add_subplot())
             axes.set_ylabel(f"deviation of the {axes.get_ylabel()}")
-            folder.text("test_signal.svg", standalone(figure))
+            folder.text(_picture("test_signal"), standalone(figure))
             yield Drawing(
-                name="test_signal", title="Test signal", data="test_signal.csv",
+                name="test_signal", title="Test signal", data=_table("test_signal"),
                 svg=inline(figure, "test_signal", "Test signal"),
                 caption="One period, as deviations from the operating input; all its lines are in phase.",
             )  # fmt: skip

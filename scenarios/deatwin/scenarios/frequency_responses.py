@@ -150,13 +150,14 @@ class Responses:
             yield f"no NOFRFs: {self.missing}"
 
     def to_json(self) -> dict[str, Any]:
-        """Everything but the maps, as plain data: H_1 under the names of its table."""
+        """Everything but the maps, as plain data: H_1 under the names of its table, which are without its unit."""
         point = self.first.point
         return {
             "operating_input": float(point.operating_input[0]), "stable": self.first.status.ok,
             "equilibria": point.outputs.tolist(), "order": len(self.gfrfs), "level": self.level,
             "band_Hz": list(self.band_Hz), "output_ranges_Hz": [bands.tolist() for bands in self.ranges_Hz],
             "messages": list(self.lines), "nofrf": self._nofrf_json(),
+            "unit": self.first.unit,
             **{name: [_number(v) for v in column] for name, column in first_columns(self.first, self.level).items()},
         }  # fmt: skip
 

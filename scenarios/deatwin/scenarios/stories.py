@@ -8,11 +8,14 @@ from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from deatwin.plant.errors import DataError, nearest
 from deatwin.scenarios.folder import ResultFolder
 from deatwin.scenarios.voice import Progress
+
+if TYPE_CHECKING:
+    from deatwin.scenarios.provenance import RunRecord
 
 __all__ = ["DATA_VARIABLE", "STORIES", "Setting", "Story", "data_folder", "story"]
 
@@ -47,6 +50,22 @@ class Setting:
     progress: Progress
     size: str | None = None
 
+    def record(self, inputs: Sequence[dict[str, str]] = ()) -> RunRecord:
+        """The record of a run that starts now.
+
+        Parameters
+        ----------
+        inputs : sequence of dict
+            Files that go into it, as `deatwin.scenarios.provenance.hashes` gives them.
+
+        Returns
+        -------
+        RunRecord
+        """
+        from deatwin.scenarios.provenance import RunRecord
+
+        return RunRecord(command=self.command, inputs=list(inputs), seed=self.seed, jobs=self.jobs)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Story:
@@ -62,6 +81,10 @@ class Story:
         Has a function ``run(setting)`` that returns plain data with a ``sentence``.
     sizes : tuple of str
         In which it can be had, if there are several.
+    times : tuple of float
+        About how many minutes each size takes on two cores.
+    resumes : bool
+        Whether an interrupted or killed run goes on with the same command, and repeats nothing that is through.
     """
 
     name: str
@@ -69,6 +92,15 @@ class Story:
     minutes: float
     module: str
     sizes: tuple[str, ...] = ()
+    times: tuple[float, ...] = ()
+    resumes: bool = False
+
+    @property
+    def told(self) -> str:
+        """The line, and after it which times the sizes take and whether the story resumes."""
+        sizes = ", ".join(f"{size} {_in_words(time)}" for size, time in zip(self.sizes, self.times, strict=True))
+        about = "; ".join(text for text in (sizes, "resumes" if self.resumes else "") if text)
+        return f"{self.line} ({about})" if about else self.line
 
     def require_size(self, size: str | None) -> None:
         """Raise DataError unless the story can be had in a size.
@@ -138,7 +170,7 @@ STORIES: Mapping[str, Story] = MappingProxyType({
             line="what prestretch does: each claim that is made for it, with a number",
         ),
         Story(
-            name="svb-benchmark", minutes=8, module="deatwin.scenarios.svb_benchmark",
+            name="svb-benchmark", minutes=8, module="deatwin.scenarios.svb_benchmark", resumes=True,
             line="how often the true NARX structure is found: all methods on systems whose equations are known",
         ),
         Story(
@@ -159,16 +191,16 @@ STORIES: Mapping[str, Story] = MappingProxyType({
         ),
         Story(
             name="concealed-physics", minutes=240, module="deatwin.scenarios.concealed_physics",
-            sizes=("tiny", "standard", "full"),
+            sizes=("tiny", "standard", "full"), times=(5, 240, 480), resumes=True,
             line="the diagnosis on trial: effects are concealed from it in sealed cases, and it has to find them",
         ),
         Story(
-            name="unexplained-drift", minutes=5, module="deatwin.scenarios.unexplained_drift",
+            name="unexplained-drift", minutes=5, module="deatwin.scenarios.unexplained_drift", resumes=True,
             line="six actuators, their drifts concealed: what the diagnosis names, and what repeatability proves",
         ),
         Story(
             name="control-check", minutes=3, module="deatwin.scenarios.control_check",
-            sizes=("short", "standard", "full"),
+            sizes=("short", "standard", "full"), times=(3, 15, 55), resumes=True,
             line="designs on rigs that no check has seen: what the inverse buys, and if verdicts keep their word",
         ),
         Story(
@@ -177,6 +209,10 @@ STORIES: Mapping[str, Story] = MappingProxyType({
         ),
     )
 })  # fmt: skip
+
+
+def _in_words(minutes: float) -> str:
+    return f"{minutes / 60:g} h" if minutes >= 90 else f"{minutes:g} min"
 
 
 def story(name: str) -> Story:

@@ -61,7 +61,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
     folder = data_folder(setting.data, "vhb4910")
     own = case(folder)
     told = tell(setting, own)
-    far = [pull(file) for file in files_of(folder / "loading_unloading", FITTED_RATES[-1:], (FAR,))]
+    far = [pull(file) for file in far_files(folder)]
     wider = diagnose(own.plant, [*own.fitted, *far], jobs=setting.jobs, seed=setting.seed)
     found = ", ".join(cause.effect for cause in wider.causes)
     result = {
@@ -108,7 +108,8 @@ def case(folder: Path) -> Case:
             HeldOut(name="The pull to 1.5 at 0.03 1/s", experiment=lower),
             HeldOut(name="Half an hour at a stretch of 2", experiment=pull(relaxed)),
         ),
-        unit="N", scale=1.0, files=(*files, *held, relaxed), law=lambda amended: _law(amended, higher),
+        unit="N", scale=1.0, files=(*files, *held, relaxed, *far_files(folder)),
+        law=lambda amended: _law(amended, higher),
         notes=(
             "Diagnosed: pulls to stretches of 1.5 and 2 and back at 0.01 and 0.05 1/s, each from rest. Judged: the "
             "same at 0.03 1/s, and a strip that is stretched to 2 within seconds and held for half an hour.",
@@ -177,6 +178,26 @@ def files_of(folder: Path, rates: Iterable[str], stretches: Sequence[str]) -> li
                 raise DataError(f"{folder}: no file {rate}_{stretch}*.csv; it must hold the recordings vhb4910")
             found.append(files[0])
     return found
+
+
+def far_files(folder: Path) -> list[Path]:
+    """The pulls that go further than those that are judged.
+
+    Parameters
+    ----------
+    folder : path
+        With the folder ``loading_unloading``.
+
+    Returns
+    -------
+    list of path
+
+    Raises
+    ------
+    DataError
+        If one is absent.
+    """
+    return files_of(folder / "loading_unloading", FITTED_RATES[-1:], (FAR,))
 
 
 def pull(file: Path) -> Experiment:

@@ -1,18 +1,24 @@
-"""What a command says: lines for people, JSON for machines, progress on the terminal."""
+"""What a command says: lines for people, JSON for machines, progress as a bar or, off a terminal, in lines."""
 
 from __future__ import annotations
 
 import json
 import logging
 import sys
+import threading
+import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any
 
-__all__ = ["Progress", "Voice", "complain"]
+__all__ = ["PlainProgress", "Progress", "Voice", "complain"]
 
 Progress = Callable[[float, str], None]
+EVERY = 30.0
+"""Off a terminal a line of progress comes so often, s."""
+TELLING = 0.05
+"""Share of the work that tells how long the rest takes."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,7 +30,7 @@ class Voice:
     as_json : bool
         The result goes to stdout as JSON and nothing else does.
     quiet : bool
-        Neither lines nor progress.
+        Neither lines nor progress; the progress of a command goes to stderr, beside the JSON as well.
     """
 
     as_json: bool = False
@@ -58,7 +64,7 @@ class Voice:
 
     @contextmanager
     def progress(self, title: str) -> Iterator[Progress]:
-        """A bar on stderr with the time left, where stderr is a terminal.
+        """A bar on stderr with the time left; where stderr is no terminal, a plain line from time to time.
 
         Parameters
         ----------
@@ -70,8 +76,12 @@ class Voice:
         callable
             Takes the share that is done, from 0 to 1, and what is being done.
         """
-        if self.quiet or not sys.stderr.isatty():
+        if self.quiet:
             yield lambda share, text="": None  # type: ignore[misc]
+            return
+        if not sys.stderr.isatty():
+            with _lines(PlainProgress(title)) as plain:
+                yield plain.tell
             return
         from rich.console import Console
         from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
@@ -81,6 +91,88 @@ class Voice:
         with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
             task = bar.add_task(title, total=1.0)
             yield lambda share, text="": bar.update(task, completed=share, description=text or title)  # type: ignore[misc]
+
+
+class PlainProgress:
+    """Progress in lines, for files and pipes: what is being done, the share that is done, the time left.
+
+    Parameters
+    ----------
+    title : str
+        Shown until the first step names itself.
+    clock : callable
+        Gives the time in s.
+    """
+
+    def __init__(self, title: str, clock: Callable[[], float] = time.monotonic) -> None:
+        self._title, self._clock = title, clock
+        self._share, self._doing = 0.0, title
+        self._first: tuple[float, float] | None = None  # what is done already when work is gone on with took no time
+
+    def tell(self, share: float, text: str = "") -> None:
+        """Take how far the work is.
+
+        Parameters
+        ----------
+        share : float
+            That is done, from 0 to 1.
+        text : str
+            What is being done.
+        """
+        if self._first is None:
+            self._first = (self._clock(), share)
+        self._share, self._doing = share, text or self._title
+
+    @property
+    def line(self) -> str:
+        """One line, without control characters."""
+        doing = "".join(c if c.isprintable() else " " for c in self._doing)
+        parts = [" ".join(doing.split()), f"{100 * self._share:.0f} % done"]
+        if not doing.endswith(" left"):  # a study knows better how long its cases take, and says so
+            parts.append(self._left())
+        return ", ".join(parts)
+
+    def _left(self) -> str:
+        began, before = self._first or (self._clock(), self._share)
+        done = self._share - before
+        if done < TELLING * (1.0 - before) or done <= 0.0:
+            return "time left not known yet"
+        return f"about {_in_words((self._clock() - began) * (1.0 - self._share) / done)} left"
+
+
+def print_lines(progress: PlainProgress, wait: Callable[[float], bool]) -> None:
+    """Print a line of progress on stderr again and again.
+
+    Parameters
+    ----------
+    progress : PlainProgress
+        Gives the lines.
+    wait : callable
+        Waits so many seconds; True when the work has ended.
+    """
+    while not wait(EVERY):
+        with suppress(OSError, ValueError):  # whoever listened is gone: the work goes on
+            print(progress.line, file=sys.stderr, flush=True)
+
+
+@contextmanager
+def _lines(progress: PlainProgress) -> Iterator[PlainProgress]:
+    """Print lines beside the work: a step of it may take long."""
+    ended = threading.Event()
+    printer = threading.Thread(target=print_lines, args=(progress, ended.wait), daemon=True, name="deatwin-progress")
+    printer.start()
+    try:
+        yield progress
+    finally:
+        ended.set()
+        printer.join()
+
+
+def _in_words(seconds: float) -> str:
+    minutes = seconds / 60
+    if minutes >= 180:
+        return f"{minutes / 60:.0f} h"
+    return f"{minutes:.0f} min" if minutes >= 1.5 else f"{max(seconds, 1):.0f} s"
 
 
 def complain(text: str) -> None:

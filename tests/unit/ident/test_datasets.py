@@ -9,9 +9,12 @@ import pytest
 from deatwin.ident.greybox import Part, calibrate
 from deatwin.ident.narx import NarxModel, validate
 from deatwin.ident.narx.document import fields_of
+from deatwin.ident.narx.lasso import LassoPath
 from deatwin.ident.narx.linear import LinearModel
 from deatwin.ident.narx.linear.document import fields_of as linear_fields_of
 from deatwin.ident.narx.predictive import one_step_band
+from deatwin.ident.narx.preprocess import choose_sampling, choose_sections
+from deatwin.ident.narx.preprocess.orders import OrderChoice, OrderTrial, TrialStatus
 from deatwin.plant import Experiment, Plant, Recording
 
 pytest.importorskip("xarray")
@@ -95,3 +98,60 @@ def test_a_calibration_keeps_values_intervals_and_residuals(oscillator, experime
     assert str(stiffness["unit"].values) == "N/m"
     assert back["residual"].attrs["units"] == "m" and back.sizes["sample"] == 200
     assert float(np.sqrt((back["residual"] ** 2).mean())) == pytest.approx(back.attrs["rms"], rel=1e-12)
+
+
+def test_the_choice_of_sampling_stands_over_the_lag(kept):
+    time = 0.01 * np.arange(4000)
+    slow = np.sin(2 * np.pi * time) + 0.3 * np.sin(0.7 * time)  # of period 1 s, or 100 samples
+    found = choose_sampling(Recording.from_arrays(slow, slow, 0.01), n_lags=300)
+    back = kept(found.to_xarray())
+    assert float(back["linear"].sel(lag=0)) == 1.0 and float(back["lag_time"].sel(lag=100)) == pytest.approx(1.0)
+    lowest = int(np.argmin(back["linear"].sel(lag=slice(0, 100)).values))
+    assert back.attrs["linear_minimum"] == lowest == pytest.approx(50, abs=3)
+    assert back.attrs["status"] == "DECIMATE" and back.attrs["factor"] > 1
+    assert back["lag_time"].attrs["units"] == "s"
+
+
+def test_the_choice_of_orders_is_a_table_with_the_chosen_one_marked(kept):
+    tried = [
+        OrderTrial(output_lags=1, input_lags=1, degree=1, n_terms=2, error=0.2, mean_square=0.04, standard_error=0.001,
+                   status=TrialStatus.DONE),
+        OrderTrial(output_lags=(1, 3), input_lags=1, degree=2, n_terms=5, error=0.1, mean_square=0.01,
+                   standard_error=0.001, status=TrialStatus.DONE),
+        OrderTrial(output_lags=2, input_lags=1, degree=3, status=TrialStatus.FAILED, reason="too few samples"),
+    ]  # fmt: skip
+    back = kept(OrderChoice(trials=tuple(tried), unit="m").to_xarray())
+    assert back["chosen"].values.tolist() == [False, True, False]
+    assert back["output_lags"].values.tolist() == ["1", "(1, 3)", "2"]
+    assert back["error"].attrs["units"] == "m" and back["mean_square"].attrs["units"] == "(m)^2"
+    np.testing.assert_array_equal(back["error"], [0.2, 0.1, np.inf])
+    assert str(back["reason"].values[2]) == "too few samples"
+    none = kept(OrderChoice(trials=tuple(tried[2:])).to_xarray())
+    assert none["chosen"].values.tolist() == [False] and none.attrs["n_done"] == 0
+
+
+def test_sections_keep_where_they_lie_and_every_test(kept):
+    rng = np.random.default_rng(3)
+    record = Recording.from_arrays(rng.standard_normal(4000), rng.standard_normal(4000), 0.01, start=5.0)
+    found = choose_sections(record)
+    back = kept(found.to_xarray())
+    training = back.sel(section="training")
+    assert (float(training["section_start"]), float(training["section_end"])) == (
+        found.training.start, found.training.end,
+    )  # fmt: skip
+    assert float(back["record_start"][0]) == 5.0 and back["record_start"].attrs["units"] == "s"
+    assert int(back["section_n_samples"].sum()) <= 4000
+    # Input and output, three statistics each, three tests of each.
+    assert back.sizes["test"] == 18 and set(back["test_kind"].values) == {"trend", "change", "spread"}
+    assert back["test_p_value"].values.tolist() == [one.p_value for one in found.tests[0]]
+    assert float(back["segment"][0]) == pytest.approx(2.0)  # 4000 samples in 20 segments of 0.01 s
+
+
+def test_the_path_of_the_lasso_stands_over_its_knots(kept):
+    path = LassoPath(
+        terms=MODEL.terms[:2], penalties=np.array([0.5, 0.1]), coefficients=np.array([[0.0, 0.4], [0.0, 0.2]]),
+        errors=np.array([np.inf, 0.01]), chosen=1,
+    )  # fmt: skip
+    back = kept(path.to_xarray())
+    assert back["coefficient"].sel(term="u(k-1)").values.tolist() == [0.0, 0.2]
+    assert back["penalty"].values.tolist() == [0.5, 0.1] and back.attrs["chosen"] == 1

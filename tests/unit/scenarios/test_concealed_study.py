@@ -45,6 +45,7 @@ from deatwin.scenarios.concealed_physics.score import Goal, gaps_closed, score, 
 from deatwin.scenarios.concealed_physics.seal import Seal, digest, thresholds
 from deatwin.scenarios.concealed_physics.store import Store
 from deatwin.scenarios.concealed_physics.tables import csv_files, reported, tables
+from deatwin.scenarios.sweep.casefile import decode, encode
 
 TINY_SEED = 1001
 
@@ -185,7 +186,7 @@ def test_a_result_is_not_written_into_a_folder_that_was_sealed_anew(made: tuple[
     (store.folder / "seal.json").write_text(json.dumps(sealed(key, code="other").to_dict()), encoding="utf-8")
     with pytest.raises(DataError, match="sealed anew"):
         store.put("clean-009", {"status": "done"})
-    assert not (store.cases / "clean-009.json").exists()
+    assert not (store.cases / "clean-009.nc").exists()
 
 
 def goal(goals: list[Goal], *words: str) -> Goal:
@@ -359,9 +360,8 @@ def test_an_altered_seal_a_foreign_case_and_a_missing_one_are_refused(
     made: tuple[Store, dict[str, Any]], tmp_path: Path
 ) -> None:
     store, key = made
-    case = tmp_path / "cases" / "e1.json"
-    text = case.read_text(encoding="utf-8")
-    case.write_text(text.replace(store.seal.hash, "0" * 64), encoding="utf-8")
+    case = tmp_path / "cases" / "e1.nc"
+    case.write_bytes(encode({**decode(case.read_bytes()), "seal": "0" * 64}))
     with pytest.raises(DataError, match="another seal"):
         open_key(store, key)
     case.unlink()
@@ -398,7 +398,7 @@ def test_an_interrupted_study_keeps_what_is_done_and_repeats_nothing(
     monkeypatch.setattr(running, "cover", fake)
     with pytest.raises(KeyboardInterrupt):
         running.carry_out(tmp_path, "tiny", 2, 1, lambda *_: None)
-    assert len(list((tmp_path / "cases").glob("*.json"))) == 5
+    assert len(list((tmp_path / "cases").glob("*.nc"))) == 5
     store = running.carry_out(tmp_path, "tiny", 2, 1, lambda share, text: told.append((share, text)))
     names = [each.name for each in running.labels("tiny", 2)]
     assert sorted(c for c in calls if c != "interrupt") == sorted(names)
@@ -427,18 +427,18 @@ def test_a_killed_tiny_study_is_gone_on_with_and_holds(tmp_path: Path) -> None:
                "--out", str(tmp_path), "--quiet"]  # fmt: skip
     program = [sys.executable, "-c", "import sys; from deatwin.scenarios.cli import main; sys.exit(main(sys.argv[1:]))"]
     first = subprocess.Popen([*program, *command], start_new_session=True)
-    while len(list((tmp_path / "cases").glob("*.json"))) < 4 and first.poll() is None:
+    while len(list((tmp_path / "cases").glob("*.nc"))) < 4 and first.poll() is None:
         time.sleep(0.2)
     os.killpg(first.pid, signal.SIGKILL)
     first.wait()
-    before = {path.name: path.read_bytes() for path in (tmp_path / "cases").glob("*.json")}
+    before = {path.name: path.read_bytes() for path in (tmp_path / "cases").glob("*.nc")}
     seal = (tmp_path / "seal.json").read_bytes()
     assert len(before) >= 4
 
     assert main(command) == 0
     names = [each.name for each in running.labels("tiny", TINY_SEED)]
-    after = {path.name: path.read_bytes() for path in (tmp_path / "cases").glob("*.json")}
-    assert set(after) == {f"{name}.json" for name in names}  # nothing lost
+    after = {path.name: path.read_bytes() for path in (tmp_path / "cases").glob("*.nc")}
+    assert set(after) == {f"{name}.nc" for name in names}  # nothing lost
     assert {name: after[name] for name in before} == before  # nothing repeated
     assert (tmp_path / "seal.json").read_bytes() == seal
 

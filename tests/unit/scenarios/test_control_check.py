@@ -29,6 +29,7 @@ from deatwin.scenarios.control_check.trials import NO_MODEL, Outcome, try_one
 from deatwin.scenarios.control_check.verdicts import judge
 from deatwin.scenarios.folder import ResultFolder
 from deatwin.scenarios.stories import STORIES, Setting
+from deatwin.scenarios.sweep.casefile import decode, encode
 
 H = 0.02
 PASS, MARGINAL, FAIL = Verdict.PASS, Verdict.MARGINAL, Verdict.FAIL
@@ -91,48 +92,42 @@ def test_trials_of_other_code_are_refused(tmp_path: Path, monkeypatch: pytest.Mo
         Trials(tmp_path, seed=0)
 
 
-def test_trials_without_a_seal_are_gone_on_with_if_they_are_of_this_seed_and_code(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    put(Trials(tmp_path, seed=0), outcome(0))
-    (tmp_path / "seal.json").unlink()  # as former versions left them
-    assert Trials(tmp_path, seed=0).outcomes([0]) == (outcome(0),)
-    (tmp_path / "seal.json").unlink()
-    with pytest.raises(DataError, match=r"000\.json: this case was run under another seal"):
-        Trials(tmp_path, seed=1)
-    monkeypatch.setattr(record, "_digest", lambda: "another")
-    with pytest.raises(DataError, match="choose another folder"):
+@pytest.mark.parametrize("file", ["000.nc", "000.json"])
+def test_trials_without_a_seal_are_refused(tmp_path: Path, file: str) -> None:
+    (tmp_path / "trials").mkdir()
+    (tmp_path / "trials" / file).write_bytes(b"{}")
+    with pytest.raises(DataError, match=r"holds cases (but no seal|as JSON files, as former versions wrote them)"):
         Trials(tmp_path, seed=0)
 
 
 @pytest.mark.parametrize(
     "spoil",
     [
-        lambda text: text[: len(text) // 2],
-        lambda text: "[]",
-        lambda text: "null",
-        lambda text: text.replace('"verdict"', '"word"'),
-        lambda text: "{}",
+        lambda whole: whole[: len(whole) // 2],
+        lambda whole: b"{}",
+        lambda whole: whole.replace(b'"pass"', b'"fail"'),
+        lambda whole: encode({"word" if key == "verdict" else key: value for key, value in decode(whole).items()}),
+        lambda whole: encode({}),
     ],
 )
 def test_a_malformed_trial_is_one_clear_error(tmp_path: Path, spoil, monkeypatch: pytest.MonkeyPatch) -> None:
     stored = Trials(tmp_path, seed=0)
     put(stored, outcome(0))
-    path = tmp_path / "trials" / "000.json"
-    path.write_text(spoil(path.read_text()))
+    path = tmp_path / "trials" / "000.nc"
+    path.write_bytes(spoil(path.read_bytes()))
     monkeypatch.setattr(running, "try_one", lambda *_: pytest.fail("a trial was run"))
-    with pytest.raises(DataError, match=r"000\.json: (.*it must hold|this case was run under another seal)"):
+    with pytest.raises(DataError, match=r"000\.nc: (.*it must hold|this case was run under another seal)"):
         running._trials(tmp_path, 4, 0, 1, lambda *_: None)
 
 
 def test_a_trial_that_has_not_been_run_is_said_so(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match=r"002\.json: this case has not been run"):
+    with pytest.raises(DataError, match=r"002\.nc: this case has not been run"):
         Trials(tmp_path, seed=0).outcomes([2])
 
 
 def test_a_file_that_is_no_text_is_one_clear_error(tmp_path: Path) -> None:
     stored = Trials(tmp_path, seed=0)
-    (tmp_path / "trials" / "000.json").write_bytes(b"\xff\xfe\x00")
+    (tmp_path / "trials" / "000.nc").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(DataError, match="it must hold the result of a case"):
         stored.outcomes([0])
 
@@ -370,6 +365,7 @@ def test_the_page_is_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
 def test_the_story_is_listed_with_its_sizes() -> None:
     story = STORIES["control-check"]
     assert story.sizes == tuple(running.SIZES) == ("short", "standard", "full")
+    assert story.told.endswith(" (short 3 min, standard 15 min, full 55 min; resumes)")
     with pytest.raises(DataError, match="no size 'shrt'; did you mean"):
         story.require_size("shrt")
     assert story.run is control_check.run

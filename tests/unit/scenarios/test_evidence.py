@@ -8,7 +8,11 @@ import pytest
 
 from deatwin.plant.errors import DataError
 from deatwin.scenarios import evidence
+from deatwin.scenarios.control_check.record import Trials
 from deatwin.scenarios.control_check.trials import Outcome
+from deatwin.scenarios.real_data.methods import LINEAR
+from deatwin.scenarios.report.measured import measured_blocks, measured_data
+from deatwin.scenarios.stories import STORIES
 
 DOCS = Path(__file__).parents[3] / "docs"
 
@@ -137,7 +141,7 @@ def test_a_story_becomes_data_and_its_tables_and_leaves_those_of_trials_alone(st
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
-        ("run.json", "{", "run.json: cannot be read"),
+        ("run.json", "{", "run.json: not a readable JSON file"),
         ("control-check.json", "[]", "control-check.json: it must hold an object"),
         ("control-check.json", json.dumps({**STORY, "tracking": []}), "control-check.json or run.json is no story's"),
         ("control-check.json", json.dumps({**STORY, "fleet": None}), "control-check.json or run.json is no story's"),
@@ -151,6 +155,91 @@ def test_a_folder_without_a_story_changes_nothing(story, docs, name, content, me
     assert before == {path: path.read_bytes() for path in docs.rglob("*") if path.is_file()}
 
 
+MISSED = {"measure": "smooth |H(f)|", "demanded": "below 1", "reached": "2", "passed": False}
+SILVERBOX = {
+    "verdict": "named", "causes": ["cubic_stiffness"], "measures": [{**MISSED, "passed": True}, MISSED],
+    "held_out": {
+        "The arrow-head": {"base": 0.25, "amended": 0.003, "black_boxes": {
+            LINEAR: 0.0001, "FRO, refined": 0.002, "grown by the free-run error": None,
+        }},
+        "Another": {"base": 9.0, "amended": 9.0, "black_boxes": {}},
+    },
+}  # fmt: skip
+
+
+@pytest.fixture
+def scenarios(tmp_path: Path) -> Path:
+    """A folder of folders as scenarios leave them, one of which is unknown and one of which has data of its own."""
+    for name, result in (("silverbox", SILVERBOX), ("semp-fleet", {"measures": [MISSED]})):
+        folder = tmp_path / "scenarios" / name
+        folder.mkdir(parents=True)
+        (folder / f"{name}.json").write_text(json.dumps(result), encoding="utf-8")
+        (folder / "run.json").write_text(json.dumps({"seed": 9, "versions": {"deatwin": "7.8"}}), encoding="utf-8")
+    for name in ("notes", "control-check"):
+        (tmp_path / "scenarios" / name).mkdir()
+    return tmp_path / "scenarios"
+
+
+def kept(docs: Path, key: str) -> list[dict[str, object]]:
+    """Rows of the data of scenarios."""
+    return json.loads((docs / "data" / "scenarios.json").read_text(encoding="utf-8"))[key]
+
+
+def test_what_scenarios_reached_becomes_data_and_tables_and_leaves_that_of_others(scenarios: Path, docs: Path) -> None:
+    others = [row for row in kept(docs, "measures") if row["story"] not in ("silverbox", "semp-fleet")]
+    assert others
+    assert evidence.main([str(docs), "--scenarios", str(scenarios), "--remark", "commit 0123abc"]) == 0
+    rows = kept(docs, "measures")
+    assert [row for row in rows if row["story"] not in ("silverbox", "semp-fleet")] == others
+    assert [row["passed"] for row in rows if row["story"] == "silverbox"] == [True, False]
+    names = [row["story"] for row in kept(docs, "stories")]
+    assert names == sorted(names, key=list(STORIES).index) and len(set(names)) == len(names)
+    page = (docs / "validation.md").read_text(encoding="utf-8")
+    # The linear model is none of the black boxes, and the one whose run left counts for nothing.
+    assert "| a cubic spring | cubic spring | cubic stiffness | 250 to 3 mV | 2 mV |" in page
+    assert "| `silverbox` | 1 of 2 | seed 9, deatwin 7.8; commit 0123abc |" in page
+    assert page.count("| `silverbox` | smooth ∣H(f)∣ | below 1 | 2 |") == 1  # among what was missed
+    assert page.count("| `semp-fleet` | smooth ∣H(f)∣ | below 1 | 2 |") == 2  # and among the NARX models
+    assert evidence.main([str(docs)]) == 0
+    assert (docs / "validation.md").read_text(encoding="utf-8") == page
+
+
+@pytest.mark.parametrize(("amended", "verdict", "shown", "ahead"), [
+    (0.001, "named", "cubic stiffness", 0), (0.003, "unknown", "unknown", 1),
+])  # fmt: skip
+def test_a_black_box_is_ahead_where_it_errs_less(amended: float, verdict: str, shown: str, ahead: int) -> None:
+    errors = {**SILVERBOX["held_out"]["The arrow-head"], "recording": "The arrow-head", "amended": amended}
+    row = {"story": "silverbox", "verdict": verdict, "causes": ["cubic_stiffness"], **errors}
+    made = measured_blocks({"stories": [], "measures": [], "recordings": [row]})["recordings-of-others"]
+    assert f"| {shown} | 250 to {1000 * amended:g} mV | 2 mV |" in made[2]
+    assert f"it is ahead on {ahead} of 1." in made[-1]
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("semp-fleet/run.json", None, "run.json"),
+        ("semp-fleet/semp-fleet.json", "[]", "semp-fleet.json: it must hold"),
+        ("semp-fleet/semp-fleet.json", '{"measures": [{}]}', "is not that scenario's: KeyError('measure')"),
+        ("silverbox/silverbox.json", '{"measures": []}', "is not that scenario's: KeyError('held_out')"),
+    ],
+)
+def test_a_folder_without_what_its_scenario_reached_changes_nothing(scenarios, docs, name, content, message, capsys):
+    if content is None:
+        (scenarios / name).unlink()
+    else:
+        (scenarios / name).write_text(content, encoding="utf-8")
+    before = {path: path.read_bytes() for path in docs.rglob("*") if path.is_file()}
+    assert evidence.main([str(docs), "--scenarios", str(scenarios)]) == 1
+    assert message in capsys.readouterr().err
+    assert before == {path: path.read_bytes() for path in docs.rglob("*") if path.is_file()}
+
+
+def test_a_folder_without_any_scenario_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="holds no scenario's results in a folder of its name"):
+        measured_data(tmp_path)
+
+
 def test_trials_of_two_runs_are_not_put_together(results: Path) -> None:
     put(results, outcome(5, "pass", 1.0, True), seed=10)
     with pytest.raises(DataError, match="its trials are of 2 seeds or codes"):
@@ -161,7 +250,7 @@ def test_trials_of_two_runs_are_not_put_together(results: Path) -> None:
     ("spoil", "message"),
     [
         (lambda folder: (folder / "trials/002.json").write_text("{}"), r"002\.json: it is no trial"),
-        (lambda folder: (folder / "trials/002.json").write_text("[1]"), r"002\.json: it is no trial"),
+        (lambda folder: (folder / "trials/002.json").write_text("[1]"), r"002\.json: it must hold a trial"),
         (lambda folder: shutil.rmtree(folder / "trials"), "it holds no trials"),
     ],
 )
@@ -179,3 +268,15 @@ def test_data_of_another_schema_and_unknown_blocks_are_refused(docs: Path) -> No
     (docs / "data" / "control-check.json").write_text('{"schema": "deatwin/control-trials/9"}', encoding="utf-8")
     with pytest.raises(DataError, match="must be a deatwin/control-trials/1 file"):
         evidence.pages(docs)
+
+
+def test_trials_are_read_as_the_scenario_writes_them(tmp_path: Path) -> None:
+    stored = Trials(tmp_path, seed=9)
+    for one in TRIALS:
+        stored.put(f"{one.number:03d}", one.to_dict())
+    data = evidence.trials_data(tmp_path)
+    assert [Outcome.from_dict(row) for row in data["trials"]] == TRIALS and data["seed"] == 9
+    path = stored.path("002")
+    path.write_bytes(path.read_bytes()[:-4])
+    with pytest.raises(DataError, match=r"002\.nc: damaged or altered"):
+        evidence.trials_data(tmp_path)

@@ -21,11 +21,12 @@ from deatwin.scenarios.frequency_report import write_responses
 from deatwin.scenarios.frequency_responses import respond
 
 STEP = 0.1
-FILES = (
-    "frequency.csv", "frequency.svg", "gfrf2.csv", "gfrf2.svg", "gfrf3.csv", "gfrf3.svg", "nofrf.csv", "nofrf.svg",
-    "test_signal.csv", "test_signal.svg", "report.html", "run.json",
-)  # fmt: skip
-PAGE = ("frequency.csv", "gfrf2.csv", "gfrf3.csv", "nofrf.csv", "test_signal.csv")
+PICTURES = ("frequency", "gfrf2", "gfrf3", "nofrf", "test_signal")
+TABLES = ("frequency", "gfrf2", "gfrf3", "nofrf1", "nofrf2", "nofrf3", "test_signal")
+FILES = {
+    "report.html", "run.json", *(f"figures/{name}.svg" for name in PICTURES),
+    *(f"figures/{name}.csv" for name in TABLES),
+}  # fmt: skip
 
 
 def model_of(equation: Mapping[str, float], centre: float = 0.0, **more: Any) -> NarxModel:
@@ -57,26 +58,31 @@ def square(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+def files_of(folder: Path) -> set[str]:
+    return {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
+
+
 def table(path: Path) -> NDArray[Any]:
     return np.genfromtxt(path, delimiter=",", names=True)
 
 
 def test_order_one_keeps_its_table(square: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["frequency", "narx.json", "--out", "response"]) == 0
-    found = table(square / "response/frequency.csv")
+    found = table(square / "response/figures/frequency.csv")
     assert found.dtype.names is not None
     assert found.dtype.names[:7] == (
-        "frequency_Hz", "real", "imaginary", "gain", "gain_low", "gain_high", "phase_deg"
+        "frequency_Hz", "real_m_per_V", "imaginary_m_per_V", "gain_m_per_V", "gain_low_m_per_V", "gain_high_m_per_V",
+        "phase_deg",
     )  # fmt: skip
     expected = 0.4 * one_by_a(found["frequency_Hz"])
-    np.testing.assert_allclose(found["real"] + 1j * found["imaginary"], expected, rtol=1e-12)
+    np.testing.assert_allclose(found["real_m_per_V"] + 1j * found["imaginary_m_per_V"], expected, rtol=1e-12)
     # d ln H / d ln b = 1 and d ln H / d a = e^(-jwT) / A, each parameter known to 1 %
     turn = np.exp(-2j * np.pi * found["frequency_Hz"] * STEP)
     relative = 0.01 * np.hypot(1, (0.6 * turn * one_by_a(found["frequency_Hz"])).real)
-    np.testing.assert_allclose(found["gain_high"] / found["gain"] - 1, 1.959964 * relative, rtol=1e-6)
+    np.testing.assert_allclose(found["gain_high_m_per_V"] / found["gain_m_per_V"] - 1, 1.959964 * relative, rtol=1e-6)
     assert len(found) == 200 and found["frequency_Hz"][[0, -1]] == pytest.approx([0.005, 5.0])
-    written = {path.name for path in (square / "response").iterdir()}
-    assert written == {"frequency.csv", "frequency.svg", "report.html", "run.json"}
+    written = files_of(square / "response")
+    assert written == {"figures/frequency.csv", "figures/frequency.svg", "report.html", "run.json"}
     assert "the operating point is stable" in capsys.readouterr().out
 
 
@@ -85,27 +91,27 @@ def test_all_orders(
 ) -> None:
     assert main(["frequency", "narx.json", "--order", "3", "--out", "response"]) == 0
     folder = square / "response"
-    assert {path.name for path in folder.iterdir()} == set(FILES)
-    second, third = table(folder / "gfrf2.csv"), table(folder / "gfrf3.csv")
+    assert files_of(folder) == FILES
+    second, third = table(folder / "figures/gfrf2.csv"), table(folder / "figures/gfrf3.csv")
     expected = 0.1 * one_by_a(second["f1_Hz"] + second["f2_Hz"])
-    np.testing.assert_allclose(second["real"] + 1j * second["imaginary"], expected, rtol=1e-12)
-    assert second["f1_Hz"].max() == 1.0 and third["gain"].max() == 0.0  # the band that the training data excited
+    np.testing.assert_allclose(second["real_m_per_V2"] + 1j * second["imaginary_m_per_V2"], expected, rtol=1e-12)
+    assert second["f1_Hz"].max() == 1.0  # the band that the training data excited
+    assert third["gain_m_per_V3"].max() == 0.0
     assert set(third["f3_Hz"]) == {0.5}
     # A Hammerstein system: G_n is H_n, which depends on the sum of the frequencies alone.
-    nofrfs = table(folder / "nofrf.csv")
-    for order, factor in ((1, 0.4), (2, 0.1)):
-        rows = nofrfs[nofrfs["order"] == order]
-        assert rows["frequency_Hz"].max() == pytest.approx(order)
-        np.testing.assert_allclose(
-            rows["real"] + 1j * rows["imaginary"], factor * one_by_a(rows["frequency_Hz"]), rtol=1e-8
-        )
-    assert np.abs(nofrfs["gain"][nofrfs["order"] == 3]).max() < 1e-9
-    signal = table(folder / "test_signal.csv")
-    assert signal["deviation"].max() == pytest.approx(1.0)  # up to the end of the training inputs
+    for order, factor, unit in ((1, 0.4, "m_per_V"), (2, 0.1, "m_per_V2")):
+        rows = table(folder / f"figures/nofrf{order}.csv")
+        assert rows["frequency_Hz"].max() == pytest.approx(order) and f"truncation_{unit}" in rows.dtype.names
+        found = rows[f"real_{unit}"] + 1j * rows[f"imaginary_{unit}"]
+        np.testing.assert_allclose(found, factor * one_by_a(rows["frequency_Hz"]), rtol=1e-8)
+    assert np.abs(table(folder / "figures/nofrf3.csv")["gain_m_per_V3"]).max() < 1e-9
+    signal = table(folder / "figures/test_signal.csv")
+    assert signal.dtype.names == ("time_s", "deviation_V", "input_V")
+    assert signal["deviation_V"].max() == pytest.approx(1.0)  # up to the end of the training inputs
     page = (folder / "report.html").read_text(encoding="utf-8")
-    assert page.count("<figure>") == page.count("<svg ") == len(PAGE)
-    assert all(f'href="{name}"' in page for name in PAGE)
-    assert set(validate("run", folder / "run.json")["outputs"]) == set(FILES)
+    assert page.count("<figure>") == page.count("<svg ") == len(PICTURES)
+    assert all(f'href="figures/{name}.csv"' in page for name in TABLES)
+    assert set(validate("run", folder / "run.json")["outputs"]) == FILES
     said = capsys.readouterr().out
     assert "order 2 can have energy at 0 to 2 Hz" in said and "order 3 can have energy at 0 to 3 Hz" in said
     assert "NOFRFs: excitation and levels suit these orders" in said
@@ -115,9 +121,43 @@ def test_a_second_run_leaves_nothing_of_the_first(square: Path, monkeypatch: pyt
     monkeypatch.setattr(frequency_report, "_drawings", lambda *_: iter(()))
     folder = square / "response"
     assert main(["frequency", "narx.json", "--order", "3", "--out", "response"]) == 0
-    (folder / "gfrf8.csv").write_text("somebody's own")  # no run has written it
+    (folder / "figures/gfrf8.csv").write_text("somebody's own")  # no run has written it
     assert main(["frequency", "narx.json", "--out", "response"]) == 0
-    assert {path.name for path in folder.iterdir()} == {"frequency.csv", "report.html", "run.json", "gfrf8.csv"}
+    assert files_of(folder) == {"figures/frequency.csv", "report.html", "run.json", "figures/gfrf8.csv"}
+
+
+def test_a_run_removes_what_releases_before_wrote_beside_the_report(
+    square: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(frequency_report, "_drawings", lambda *_: iter(()))
+    folder = square / "response"
+    folder.mkdir()
+    former = ["frequency.csv", "nofrf.csv", "gfrf2.svg", "report.html"]
+    for name in (*former, "gfrf3.csv"):
+        (folder / name).write_text("")
+    (folder / "run.json").write_text(json.dumps({"outputs": former}))
+    assert main(["frequency", "narx.json", "--out", "response"]) == 0
+    assert files_of(folder) == {"figures/frequency.csv", "report.html", "run.json", "gfrf3.csv"}  # which no run wrote
+
+
+@pytest.mark.parametrize(
+    ("units", "headers"),
+    [
+        (("V", "m"), ("gain_m_per_V", "gain_m_per_V2", "deviation_V")),
+        (("1", "N"), ("gain_N", "gain_N", "deviation")),
+        (("V", "1"), ("gain_per_V", "gain_per_V2", "deviation_V")),
+        (("V", "m/s"), ("gain_m_per_s_per_V", "gain_m_per_s_per_V2", "deviation_V")),
+        (("", ""), ("gain", "gain", "deviation")),
+    ],
+)
+def test_headers_have_their_units(
+    units: tuple[str, str], headers: tuple[str, str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(frequency_report, "_drawings", lambda *_: iter(()))
+    found = respond(replace(model_of(SQUARE), input_units=units[:1], output_units=units[1:]), 2, amplitude=0.1)
+    write_responses(found, ResultFolder(tmp_path))
+    for name, header in zip(("frequency", "gfrf2", "test_signal"), headers, strict=True):
+        assert header in (tmp_path / f"figures/{name}.csv").read_text(encoding="utf-8").splitlines()[0].split(",")
 
 
 def test_json_tells_all(
@@ -127,16 +167,16 @@ def test_json_tells_all(
     options = ["--operating-input", "0.2", "--level", "0.9", "--band", "0.5", "0.8", "--out", "response", "--json"]
     assert main(["frequency", "narx.json", *options]) == 0
     found = json.loads(capsys.readouterr().out)
+    assert found["unit"] == "m/V"
     assert found["operating_input"] == 0.2 and found["stable"] and found["band_Hz"] == [0.5, 0.8]
     assert found["equilibria"] == pytest.approx([(0.4 * 0.2 + 0.1 * 0.2**2) / 0.4])
     # Expanded about 0.2 V the square adds 2 * 0.1 * 0.2 to the gain; 90 % are 1.645 deviations.
     expected = 0.44 * one_by_a(np.array(found["frequency_Hz"]))
     np.testing.assert_allclose(np.array(found["real"]) + 1j * np.array(found["imaginary"]), expected, rtol=1e-12)
-    first = table(square / "response/frequency.csv")
+    first = table(square / "response/figures/frequency.csv")
     wider = gfrf(model_of(SQUARE), 1, 2 * np.pi * first["frequency_Hz"], operating_input=0.2).band(0.95)
-    np.testing.assert_allclose(
-        (first["gain_high"] - first["gain"]) / (wider.high - first["gain"]), 1.644854 / 1.959964, rtol=1e-6
-    )
+    gain, high = first["gain_m_per_V"], first["gain_high_m_per_V"]
+    np.testing.assert_allclose((high - gain) / (wider.high - gain), 1.644854 / 1.959964, rtol=1e-6)
 
 
 def test_nofrfs_as_plain_data() -> None:
@@ -217,9 +257,9 @@ def test_identified_then_analysed(on_bench: Path, capsys: pytest.CaptureFixture[
     columns = ["--input-column", "stretch", "--output-column", "force_N"]
     assert main(["identify", "pulls.csv", *columns, "--method", "frols", "--out", "found.json"]) == 0
     assert main(["frequency", "found.json", "--out", "found"]) == 0
-    found = table(on_bench / "found/frequency.csv")
+    found = table(on_bench / "found/figures/frequency.csv")
     assert (found["gain_low"] <= found["gain"]).all()
-    assert (on_bench / "found/frequency.svg").read_text(encoding="utf-8").startswith("<svg")
+    assert (on_bench / "found/figures/frequency.svg").read_text(encoding="utf-8").startswith("<svg")
     assert "the operating point is stable" in capsys.readouterr().out
 
 

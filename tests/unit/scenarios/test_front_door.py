@@ -148,7 +148,8 @@ FILES = {
     "range.toml": RIG.replace("= 3.5", "= 350"),
     "section.toml": RIG.replace("[load]", "[lode]"),
     "cut.toml": RIG.partition("[sensor]")[0],
-    "value.toml": "film = 3\n",
+    "value.toml": "film = 3\n[load]" + RIG.partition("[load]")[2],
+    "mistakes.toml": RIG.replace("= 0.5", "= 0.0005").replace("gain = 800.0\n", "").replace("mass_g", "mas_g"),
     "electrode.toml": RIG.replace("= 35.0", "= 90.0"),
     "contact.toml": RIG.replace("= 6.0", "= 36.0"),
     "commands.toml": RIG.replace("gain = 800.0", "gain = 800.0\ncommand_min_V = 4\ncommand_max_V = 3"),
@@ -193,15 +194,17 @@ NOBODY = 65534
 FRONT_DOOR = (
     "scenarios/deatwin/scenarios/*.py", "scenarios/deatwin/scenarios/commands/*.py", "plant/deatwin/plant/sources.py",
     "plant/deatwin/plant/documents.py", "plant/deatwin/plant/checks.py", "plant/deatwin/plant/rigs/rigfile.py",
+    "plant/deatwin/plant/rigs/rigmistakes.py",
     "plant/deatwin/plant/files/*.py", "plant/deatwin/plant/files/formats/*.py",
 )  # fmt: skip
-ERRORS = {"DataError", "RigError", "ModelError", "SimulationError", "ControlError", "BadParameter"}
+ERRORS = {"DataError", "RigError", "ModelError", "SimulationError", "ControlError", "BadParameter", "Mistake"}
 NOT_FROM_THE_COMMAND_LINE = {
     "assemble.py: dt is": "typer refuses --dt first",
     "csvtable.py: cannot be read as numbers": "the last resort of a reader that knows no such cell",
     "csvtable.py: lines; at most": "a file of 40 MB; test_intake.py makes it",
     "evidence.py: it holds no trials": "python -m deatwin.scenarios.evidence, for those who keep the pages",
     "evidence.py: its trials are of": "as above",
+    "evidence.py: not as this module writes it": "as above",
     "evidence.py: it is no trial": "as above",
     "evidence.py: it must be a": "as above",
     "evidence.py: there is no block": "as above",
@@ -409,11 +412,12 @@ def test_a_message_of_several_lines_becomes_one(capsys: pytest.CaptureFixture[st
 def messages(path: Path) -> Iterator[tuple[int, str]]:
     """Line and pattern of every message that a module makes into an error."""
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if not isinstance(node, ast.Call) or not node.args:
+        if not isinstance(node, ast.Call):
             continue
         name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
-        if name in ERRORS and isinstance(node.args[0], ast.Constant | ast.JoinedStr):
-            parts = node.args[0].values if isinstance(node.args[0], ast.JoinedStr) else [node.args[0]]
+        texts = [*node.args[:1], *(word.value for word in node.keywords if word.arg == "text")]
+        if name in ERRORS and texts and isinstance(texts[0], ast.Constant | ast.JoinedStr):
+            parts = texts[0].values if isinstance(texts[0], ast.JoinedStr) else [texts[0]]
             yield node.lineno, "".join(
                 re.escape(str(part.value)) if isinstance(part, ast.Constant) else ".*" for part in parts
             )

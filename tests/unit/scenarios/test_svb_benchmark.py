@@ -1,23 +1,35 @@
 """The parts of the benchmark against closed forms and brute force, and its page on few draws."""
 
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections import Counter
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from itertools import combinations
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from deatwin.ident.narx import FitStatus, Frols, NarxModel
 from deatwin.ident.narx.bayes import Statistics
+from deatwin.plant.errors import DataError
 from deatwin.scenarios import svb_benchmark
 from deatwin.scenarios.folder import ResultFolder
 from deatwin.scenarios.stories import Setting
-from deatwin.scenarios.svb_benchmark import sampling
+from deatwin.scenarios.svb_benchmark import record, sampling, study
+from deatwin.scenarios.svb_benchmark.cases import Answer, Case
 from deatwin.scenarios.svb_benchmark.gibbs import SpikeSlab, sample_structures
 from deatwin.scenarios.svb_benchmark.oracle import Contrast, Margin, consult, full_margin, near_margin
+from deatwin.scenarios.svb_benchmark.record import CASES as CASES_FOLDER
+from deatwin.scenarios.svb_benchmark.record import Draws
 from deatwin.scenarios.svb_benchmark.study import WHITE, Plan, Study, carry_out
-from deatwin.scenarios.svb_benchmark.trials import Rate, Trial, draw_of, intervals, system_of, try_out
+from deatwin.scenarios.svb_benchmark.trials import Rate, Trial, as_csv, draw_of, intervals, system_of, try_out
 from deatwin.scenarios.svb_benchmark.verdicts import judge
 
 SMALL = Plan(systems=("S2", "E1"), methods=("fro", "svb"), draws=1, swept_draws=1, sampled_draws=1, levels=(0.004,))
@@ -167,7 +179,7 @@ def test_methods_that_are_always_wrong_do_not_pass() -> None:
     plan = Plan()
     margin = Margin(true=5.0, false=1.0)
     contrast = Contrast(full=margin, near=margin, redraws=0, snr_db=20.0, condition=10.0)
-    study = Study(
+    found = Study(
         plan=plan,
         trials=tuple(wrong(s, m, 0) for s in plan.systems for m in plan.methods),
         contrasts={system: (contrast,) for system in plan.systems},
@@ -175,12 +187,12 @@ def test_methods_that_are_always_wrong_do_not_pass() -> None:
         levels=(),
         comparisons=(),
     )
-    rows = judge(study)
+    rows = judge(found)
     assert len(rows) >= 1
     assert not any(row.passed for row in rows)
 
 
-def test_the_page_and_what_an_interrupt_leaves(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_page_is_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(svb_benchmark, "PLAN", SMALL)
     monkeypatch.setattr(sampling, "FLIPS", 1000)
     shares: list[float] = []
@@ -199,14 +211,90 @@ def test_the_page_and_what_an_interrupt_leaves(tmp_path: Path, monkeypatch: pyte
         header = (tmp_path / f"figures/{name}.csv").read_text(encoding="utf-8").splitlines()[0]
         assert f"figures/{name}.csv" in page and "," in header
 
-    def interrupted(share: float, text: str) -> None:
-        if text.startswith("E1"):
-            raise KeyboardInterrupt
 
-    kept: list[Sequence[Trial]] = []
-    with pytest.raises(KeyboardInterrupt):
-        carry_out(0, SMALL, jobs=1, tell=interrupted, keep=lambda trials: kept.append(list(trials)))
-    assert [(t.system, t.method) for t in kept[-1]] == [("S2", "fro"), ("S2", "svb")]
+MANY = Plan(systems=("S2",), methods=("fro", "svb"), draws=12, swept_draws=1, sampled_draws=1, levels=(0.004,))
+CASES = 12 + 7 + 1 + 1
+"""Draws, systems whose intervals are looked at, a draw of one level, one beside the sampler."""
+SCRIPT = "import sys; sys.path.insert(0, sys.argv[1]); import test_svb_benchmark as t; t.noted(t.Path(sys.argv[2]))"
+
+
+def noted(folder: Path, refused: tuple[str, ...] = ()) -> Study:
+    """Run the study in this process, noting which case is begun."""
+
+    def note(seed: int, case: Case) -> dict[str, Any]:
+        assert case.name not in refused, "a case that is through is run again"
+        with (folder / "begun.log").open("a") as log:
+            log.write(f"{case.name}\n")
+        return case.answer(seed).to_dict()
+
+    folder.mkdir(exist_ok=True)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sampling, "FLIPS", 100)
+        patch.setattr(sampling, "BURN_IN", 10)
+        patch.setattr(study, "_answered", note)
+        patch.setattr(record, "PACKAGES", ())  # their sources may be worked on between one process and the next
+        return carry_out(folder, 0, MANY, jobs=1, tell=lambda *_: None)
+
+
+def begun(folder: Path) -> Counter[str]:
+    return Counter((folder / "begun.log").read_text().split())
+
+
+@pytest.mark.skipif(os.name == "nt", reason="there is no such signal on Windows")
+def test_a_killed_run_is_gone_on_with_and_no_draw_is_lost_or_repeated(tmp_path: Path) -> None:
+    whole, killed = tmp_path / "whole", tmp_path / "killed"
+    expected = noted(whole)
+    assert len(begun(whole)) == begun(whole).total() == CASES
+    master = subprocess.Popen([sys.executable, "-c", SCRIPT, str(Path(__file__).parent), str(killed)])
+    until = time.monotonic() + 120
+    while not (killed / "begun.log").exists() or begun(killed).total() < 4:
+        assert master.poll() is None and time.monotonic() < until
+        time.sleep(0.002)
+    master.send_signal(signal.SIGKILL)
+    master.wait()
+    files = {path.stem: path for path in (killed / CASES_FOLDER).iterdir() if path.name[0] != "."}
+    through = {name: path.stat().st_mtime_ns for name, path in files.items()}
+    assert 3 <= len(through) < CASES
+    found = noted(killed, refused=tuple(through))
+    assert set(begun(killed)) == set(begun(whole))
+    assert begun(killed).total() <= CASES + 1  # the one that was being run
+    assert {name: files[name].stat().st_mtime_ns for name in through} == through
+    assert as_csv(found.trials) == as_csv(expected.trials)
+    assert found.contrasts == expected.contrasts
+    np.testing.assert_array_equal(found.comparisons[0].mass, expected.comparisons[0].mass)
+    np.testing.assert_array_equal(found.covered["S1", "least squares"], expected.covered["S1", "least squares"])
+    noted(killed, refused=tuple(begun(whole)))  # nothing is left to do
+
+
+def test_draws_of_another_seed_plan_or_code_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    plan = asdict(SMALL)
+    Draws(tmp_path, 0, plan)
+    with pytest.raises(DataError, match=r"another seal \(seed: 0 there, 1 now\)"):
+        Draws(tmp_path, 1, plan)
+    with pytest.raises(DataError, match=r"another seal \(plan: "):
+        Draws(tmp_path, 0, asdict(MANY))
+    monkeypatch.setattr(record, "OWN", record.OWN[1:])
+    with pytest.raises(DataError, match=r"another seal \(code: [0-9a-f]{12} there, [0-9a-f]{12} now\)"):
+        Draws(tmp_path, 0, plan)
+
+
+def test_a_malformed_case_is_told_of_before_any_is_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    Draws(tmp_path, 0, asdict(SMALL)).put("S2-000", {"trials": [{"system": "S2"}]})
+    monkeypatch.setattr(study, "_answered", lambda *_: pytest.fail("a case was run"))
+    with pytest.raises(DataError, match=r"S2-000\.\w+: it must hold a case .*; delete it, and it is run again"):
+        carry_out(tmp_path, 0, SMALL, jobs=1, tell=lambda *_: None)
+
+
+def test_an_answer_comes_back_from_its_file_as_it_was(tmp_path: Path) -> None:
+    never = Contrast(full=Margin(true=5.0, false=math.inf), near=Margin(true=1 / 3, false=1.0), redraws=2, snr_db=20.0,
+                     condition=math.inf)  # fmt: skip
+    flags = np.array([[True, False], [True, True]])
+    answer = Answer(trials=(wrong("S2", "fro", 7),), contrast=never, covered={"least squares": flags})
+    store = Draws(tmp_path, 0, {})
+    store.put("one", answer.to_dict())
+    back = store.answer("one")
+    assert (back.trials, back.contrast, back.comparison) == (answer.trials, never, None)
+    np.testing.assert_array_equal(back.covered["least squares"], flags)
 
 
 def test_an_interrupted_fit_is_no_trial(monkeypatch: pytest.MonkeyPatch) -> None:

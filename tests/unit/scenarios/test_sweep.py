@@ -1,6 +1,7 @@
 """Sweeps: nothing lost, nothing repeated, the same bytes wherever it runs; and a study of one's own."""
 
 import json
+import math
 import os
 import re
 import signal
@@ -21,6 +22,7 @@ from deatwin.plant import Experiment, Recording, thesis_plant
 from deatwin.plant.errors import DataError
 from deatwin.scenarios.sweep import CaseStore, Study, SweepSeal, grid, open_study, run_study, run_sweep
 from deatwin.scenarios.sweep import store as storing
+from deatwin.scenarios.sweep.casefile import decode, encode
 from deatwin.scenarios.sweep.lock import alone
 
 ROOT = Path(__file__).parents[3]
@@ -95,7 +97,7 @@ def run(folder: Path, jobs: int | None, **options: Any) -> CaseStore[SweepSeal]:
 
 
 def files(store: CaseStore[Any]) -> dict[str, bytes]:
-    return {path.name: path.read_bytes() for path in store.cases.rglob("*.json")}
+    return {path.name: path.read_bytes() for path in store.cases.rglob("*.nc")}
 
 
 @pytest.fixture(scope="module")
@@ -122,9 +124,12 @@ def cluster() -> Iterator[Any]:
 
 
 def test_a_case_file_holds_what_the_work_returned(alone_on_one_core: dict[str, bytes]) -> None:
-    found = json.loads(alone_on_one_core["case-07.json"])
+    found = decode(alone_on_one_core["case-07.nc"])
     stamp = {"schema": "deatwin/test-case/1", "seal": SEAL.hash, "name": "case-07"}
-    assert found == {**stamp, **numbers("case-07"), "odd": None}
+    assert math.isnan(found.pop("odd"))
+    expected = {**stamp, **numbers("case-07")}
+    del expected["odd"]
+    assert found == expected
 
 
 @posix
@@ -186,7 +191,7 @@ def started(folder: Path, what: str) -> subprocess.Popen[str]:
     arguments = [sys.executable, "-c", SCRIPT, str(Path(__file__).parent), str(folder), what]
     master = subprocess.Popen(arguments, stderr=subprocess.PIPE, text=True, start_new_session=True)
     until = time.monotonic() + 60
-    while len(list((folder / "cases").glob("*.json"))) < 4:
+    while len(list((folder / "cases").glob("*.nc"))) < 4:
         assert master.poll() is None and time.monotonic() < until, master.communicate()
         time.sleep(0.02)
     return master
@@ -212,7 +217,7 @@ def test_a_run_of_which_the_master_is_killed_is_gone_on_with(
     through = files(CaseStore(tmp_path, SEAL))
     assert 4 <= len(through) < len(NAMES)
     orphans = {int(line.split()[1]) for line in (tmp_path / "begun.log").read_text().splitlines()}
-    (tmp_path / "cases" / ".case-23.json.0a1b2c3d").write_text("half")
+    (tmp_path / "cases" / ".case-23.nc.0a1b2c3d").write_text("half")
     store = run(tmp_path, 1)
     assert files(store) == alone_on_one_core
     often = begun(tmp_path)
@@ -314,19 +319,35 @@ def test_a_result_is_not_written_into_a_folder_sealed_anew_nor_over_one_that_is_
 @pytest.mark.parametrize(
     ("spoil", "words"),
     [
-        (lambda text: "", r"one\.json: line 1: .*delete it, and the case is run again"),
-        (lambda text: text[:-9], r"one\.json: line 1: .*delete it"),
-        (lambda text: "[]", r"one\.json: it must hold the result of a case"),
-        (lambda text: text.replace(SEAL.hash, "0" * 64), "another seal"),
-        (lambda text: text.replace('"one"', '"two"'), "another seal"),
+        (lambda whole: b"", r"one\.nc: no file of a case; .*delete it, and the case is run again"),
+        (lambda whole: b'{"x": 1}', "one.nc: no file of a case; .*delete it"),
+        (lambda whole: whole[:-1], "one.nc: damaged or altered; .*delete it"),
+        (lambda whole: whole[: len(whole) // 2], "one.nc: damaged or altered; .*delete it"),
+        (lambda whole: whole + b"\0", "one.nc: damaged or altered"),
+        (lambda whole: whole[:-1] + b"\x07", "one.nc: damaged or altered"),
+        (lambda whole: whole.replace(b'"x": 1', b'"x": 2'), "one.nc: damaged or altered"),
+        (lambda whole: encode({**decode(whole), "seal": "0" * 64}), "one.nc: .* another seal"),
+        (lambda whole: encode({**decode(whole), "name": "two"}), "one.nc: .* another seal"),
     ],
 )
-def test_a_spoilt_case_is_one_clear_error(tmp_path: Path, spoil: Callable[[str], str], words: str) -> None:
+def test_a_spoilt_case_is_one_clear_error(tmp_path: Path, spoil: Callable[[bytes], bytes], words: str) -> None:
     store = CaseStore(tmp_path, SEAL)
     store.put("one", {"x": 1})
-    store.path("one").write_text(spoil(store.path("one").read_text()))
+    store.path("one").write_bytes(spoil(store.path("one").read_bytes()))
     with pytest.raises(DataError, match=words):
         store.get("one")
+
+
+def test_cases_of_a_former_version_are_refused_and_stay(tmp_path: Path) -> None:
+    store = CaseStore(tmp_path, SEAL)
+    former = tmp_path / "cases" / "case-00.json"
+    former.write_text("{}")
+    with pytest.raises(DataError, match="holds cases as JSON files, as former versions wrote them"):
+        run_sweep(numbers, {"case-00": "case-00"}, store)
+    assert former.exists() and not store.has("case-00")
+    (tmp_path / "seal.json").unlink()
+    with pytest.raises(DataError, match="holds cases as JSON files"):
+        CaseStore(tmp_path, SEAL)
 
 
 def test_cases_without_a_seal_and_an_altered_seal_are_refused(tmp_path: Path) -> None:
@@ -347,8 +368,8 @@ def test_many_cases_are_spread_and_few_are_not(tmp_path: Path) -> None:
     for store in (few, many):
         for name in NAMES:
             store.put(name, {})
-    assert {path.parent for path in few.cases.rglob("*.json")} == {few.cases}
-    folders = {path.parent for path in many.cases.rglob("*.json")}
+    assert {path.parent for path in few.cases.rglob("*.nc")} == {few.cases}
+    folders = {path.parent for path in many.cases.rglob("*.nc")}
     assert len(folders) > 10 and {folder.parent for folder in folders} == {many.cases}
     # Both stay as they were begun, however many are asked for later.
     for folder, expected in ((few.folder, 10**6), (many.folder, 0)):

@@ -1,7 +1,13 @@
 """The story of the concealed drifts: its seal, its marks, and what it calls repeatable."""
 
 import json
+import os
 import re
+import signal
+import subprocess
+import sys
+import time
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,16 +20,19 @@ from deatwin.ident.mismatch import Cause, Diagnosis, Interval, Verdict, excess
 from deatwin.plant.effects import PrestretchRelaxation
 from deatwin.plant.errors import DataError
 from deatwin.plant.fleet import fleet, specification
+from deatwin.plant.model import Plant
 from deatwin.scenarios import unexplained_drift
 from deatwin.scenarios.concealed_physics import seal
 from deatwin.scenarios.folder import ResultFolder
 from deatwin.scenarios.stories import Setting
-from deatwin.scenarios.unexplained_drift import argument, figures, repeatability, sealed
+from deatwin.scenarios.sweep import SweepSeal
+from deatwin.scenarios.unexplained_drift import argument, figures, repeatability, sealed, study
 from deatwin.scenarios.unexplained_drift.examine import Finding, Track
-from deatwin.scenarios.unexplained_drift.recordings import VISITS, case_of
+from deatwin.scenarios.unexplained_drift.recordings import VISITS, Case, case_of
 from deatwin.scenarios.unexplained_drift.repeatability import FRESH, Drift, Group, History, between, drift_of
 from deatwin.scenarios.unexplained_drift.score import Mark, judged, measures
 from deatwin.scenarios.unexplained_drift.sealed import Key, concealed_in, opened
+from deatwin.scenarios.unexplained_drift.study import Answers, Study, carry_out
 
 
 def diagnosis(verdict: Verdict, causes: dict[str, dict[str, Interval]], names: tuple[str, ...] = ()) -> Diagnosis:
@@ -80,7 +89,8 @@ def test_the_key_lists_what_the_specification_has_not() -> None:
 
 
 def sealed_folder(folder: Path, seed: int = 5, **changed: Any) -> Path:
-    content = {**Key.of(fleet(seed)).seal(seed), **changed}
+    sealing = Key.of(fleet(seed)).seal(seed)
+    content = replace(sealing, parts={**sealing.parts, **changed}).to_dict()
     (folder / "seal.json").write_text(json.dumps(content), encoding="utf-8")
     return folder
 
@@ -88,24 +98,24 @@ def sealed_folder(folder: Path, seed: int = 5, **changed: Any) -> Path:
 def test_a_sealed_key_says_nothing_and_is_opened_from_its_seed(tmp_path: Path) -> None:
     key = Key.of(fleet(5))
     text = (sealed_folder(tmp_path) / "seal.json").read_text(encoding="utf-8")
-    assert {len(json.loads(text)[part]) for part in ("key", "thresholds", "code")} == {64}
+    assert {len(json.loads(text)["parts"][part]) for part in ("key", "thresholds", "code")} == {64}
     assert not [effect for drift in key.drifts.values() for effect in drift if effect in text]
     assert opened(tmp_path, 5).drifts == key.drifts
     path = tmp_path / "seal.json"
     path.write_text("{", encoding="utf-8")
     with pytest.raises(DataError, match="line 1"):
         opened(tmp_path, 5)
-    path.write_text("{}", encoding="utf-8")
-    with pytest.raises(DataError, match="no seal of the drifts"):
+    path.write_text('{"schema": "deatwin/drift-seal/2", "seed": 5}', encoding="utf-8")
+    with pytest.raises(DataError, match="no seal of a study that this version can go on with"):
         opened(tmp_path, 5)
     path.unlink()
-    with pytest.raises(DataError, match="no such file"):
+    with pytest.raises(DataError, match="seal"):
         opened(tmp_path, 5)
 
 
-@pytest.mark.parametrize("part", ["seed", "key", "thresholds", "code"])
-def test_a_seal_in_which_one_hash_differs_is_broken(tmp_path: Path, part: str) -> None:
-    with pytest.raises(DataError, match=f"seal is broken: {part} changed"):
+@pytest.mark.parametrize("part", ["seed", "key", "thresholds", "code", "versions"])
+def test_a_seal_in_which_one_part_differs_is_another(tmp_path: Path, part: str) -> None:
+    with pytest.raises(DataError, match=f"another seal \\({part}: 000000000000 there, [^;]+ now\\)"):
         opened(sealed_folder(tmp_path, **{part: "0" * 64}), 5)
 
 
@@ -116,37 +126,39 @@ def test_drifts_thresholds_and_code_that_change_break_the_seal(tmp_path: Path, m
     other = replace(second, plant=sound.with_effects(PrestretchRelaxation(relative_loss=0.0601, time=1000.0)))
     with monkeypatch.context() as patch:
         patch.setattr(sealed, "fleet", lambda seed: (first, other, *others))
-        with pytest.raises(DataError, match="broken: key changed"):
+        with pytest.raises(DataError, match=r"another seal \(key: "):
             opened(tmp_path, 5)
     with monkeypatch.context() as patch:
         patch.setattr(excess, "SIGNIFICANCE", 0.5)
-        with pytest.raises(DataError, match="broken: thresholds changed"):
+        with pytest.raises(DataError, match=r"another seal \(thresholds: "):
             opened(tmp_path, 5)
     with monkeypatch.context() as patch:
         patch.setattr(seal, "SEALED_CODE", seal.SEALED_CODE[:1])
-        with pytest.raises(DataError, match="broken: code changed"):
+        with pytest.raises(DataError, match=r"another seal \(code: "):
             opened(tmp_path, 5)
     copied = tmp_path / "story" / "sealed.py"  # as if a source of the story had been edited
     copied.parent.mkdir()
     copied.write_text("", encoding="utf-8")
     monkeypatch.setattr(sealed, "__file__", str(copied))
-    with pytest.raises(DataError, match="broken: code changed"):
+    with pytest.raises(DataError, match=r"another seal \(code: "):
         opened(tmp_path, 5)
 
 
 def test_the_story_is_sealed_before_the_first_diagnosis_and_opened_from_the_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def tampering(setting: Setting) -> list[Finding]:
-        path = setting.folder.path / "seal.json"
-        content = json.loads(path.read_text(encoding="utf-8"))
-        path.write_text(json.dumps({**content, "key": "0" * 64}), encoding="utf-8")
-        return [finding(diagnosis(Verdict.NAMED, RELAXED), name) for name in Key.of(fleet(0)).drifts]
+    def tampering(answers: Answers, *_: Any) -> Study:
+        sealed_folder(answers.folder, seed=0, key="0" * 64)
+        return made([finding(diagnosis(Verdict.NAMED, RELAXED), name) for name in Key.of(fleet(0)).drifts])
 
-    monkeypatch.setattr(unexplained_drift, "_diagnosed", tampering)
-    with pytest.raises(DataError, match="broken: key changed"):
+    monkeypatch.setattr(unexplained_drift, "carry_out", tampering)
+    with pytest.raises(DataError, match=r"another seal \(key: 000000000000 there, "):
         unexplained_drift.run(setting(tmp_path))
     assert not (tmp_path / "key.json").exists()
+
+
+def made(findings: list[Finding]) -> Study:
+    return Study(findings=tuple(findings), groups=five(unlike=20e-6), files=())
 
 
 @pytest.mark.parametrize(
@@ -267,8 +279,7 @@ def test_the_page_is_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     key = Key.of(fleet(0))
     answers = [finding(diagnosis(Verdict.NAMED, RELAXED), name) for name in key.drifts]
     answers[3] = finding(diagnosis(Verdict.UNKNOWN, {}), "DEA 4")
-    monkeypatch.setattr(unexplained_drift, "_diagnosed", lambda setting: answers)
-    monkeypatch.setattr(unexplained_drift, "try_out", lambda *_: five(unlike=20e-6))
+    monkeypatch.setattr(unexplained_drift, "carry_out", lambda *_: made(answers))
     result = unexplained_drift.run(setting(tmp_path))
     assert [a["mark"] for a in result["answers"]] == ["wrong", "right", "wrong", "left open", "partly", "wrong"]
     written = {p.relative_to(tmp_path).as_posix() for p in tmp_path.rglob("*") if p.is_file()}
@@ -276,6 +287,83 @@ def test_the_page_is_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     page = (tmp_path / "report.html").read_text()
     assert page.count("<svg") == 3
     assert not re.search(r"\bnan\b", page)
+
+
+SCRIPT = "import sys; sys.path.insert(0, sys.argv[1]); import test_unexplained_drift as t; t.noted(t.Path(sys.argv[2]))"
+NAMES = {*(f"dea{n}" for n in range(1, 7)), *(f"argument-{n:02d}" for n in range(30))}
+
+
+def noted(folder: Path, refused: tuple[str, ...] = ()) -> Study:
+    """Run all cases in this process, noting which is begun, with answers that cost nothing."""
+
+    def note(name: str) -> None:
+        assert name not in refused, "a case that is through is run again"
+        with (folder / "begun.log").open("a") as log:
+            log.write(f"{name}\n")
+        time.sleep(0.02)
+
+    def answered(case: Case, own: Path, command: tuple[str, ...], seed: int) -> tuple[Finding, list[str]]:
+        note(own.name)
+        ResultFolder(own).text("report.html", case.name)
+        return finding(diagnosis(Verdict.NAMED, RELAXED), case.name), ["report.html"]
+
+    def driven(plant: Plant, history: History, noise: tuple[int, ...]) -> Drift:
+        number = next(n for n, run in enumerate(every) if run.plant == plant and run.history == history)
+        note(f"argument-{number:02d}")
+        return drift(1e-6 / (1 + number))
+
+    folder.mkdir(exist_ok=True)
+    every = repeatability.runs(0)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(study, "case_of", lambda actuator: Case(name=actuator.name, plant=actuator.plant, experiments=()))
+        patch.setattr(study, "examine", answered)
+        patch.setattr(study, "drift_of", driven)
+        patch.setattr(study, "runs", lambda seed: every)
+        answers = Answers(folder, SweepSeal(schema="deatwin/test-case/1", parts={"seed": 0}))
+        return carry_out(answers, 0, ("deatwin",), 1, lambda *_: None)
+
+
+def begun(folder: Path) -> Counter[str]:
+    return Counter((folder / "begun.log").read_text().split())
+
+
+@pytest.mark.skipif(os.name == "nt", reason="there is no such signal on Windows")
+@pytest.mark.parametrize("after", [3, 20])
+def test_a_killed_story_is_gone_on_with_and_no_case_is_lost_or_repeated(tmp_path: Path, after: int) -> None:
+    whole, killed = tmp_path / "whole", tmp_path / "killed"
+    expected = noted(whole)
+    assert begun(whole) == dict.fromkeys(NAMES, 1)
+    master = subprocess.Popen([sys.executable, "-c", SCRIPT, str(Path(__file__).parent), str(killed)])
+    until = time.monotonic() + 120
+    while not (killed / "begun.log").exists() or begun(killed).total() < after:
+        assert master.poll() is None and time.monotonic() < until
+        time.sleep(0.002)
+    master.send_signal(signal.SIGKILL)
+    master.wait()
+    through = {path.stem for path in (killed / "cases").iterdir() if path.name[0] != "."}
+    assert after - 1 <= len(through) < len(NAMES)
+    found = noted(killed, refused=tuple(through))
+    assert set(begun(killed)) == NAMES
+    assert begun(killed).total() <= len(NAMES) + 1  # the one that was being run
+    assert [g.to_dict() for g in found.groups] == [g.to_dict() for g in expected.groups]
+    assert [f.to_dict() for f in found.findings] == [f.to_dict() for f in expected.findings]
+    assert found.files == expected.files == tuple(f"diagnoses/dea{n}/report.html" for n in range(1, 7))
+
+
+def test_a_diagnosis_whose_report_is_gone_is_made_again_and_no_other_case(tmp_path: Path) -> None:
+    folder = tmp_path / "story"
+    noted(folder)
+    (folder / "diagnoses" / "dea4" / "report.html").unlink()
+    noted(folder, refused=tuple(NAMES - {"dea4"}))
+    assert begun(folder)["dea4"] == 2
+    assert (folder / "diagnoses" / "dea4" / "report.html").read_text() == "DEA 4"
+
+
+def test_a_malformed_case_is_one_clear_error(tmp_path: Path) -> None:
+    answers = Answers(tmp_path, SweepSeal(schema="deatwin/test-case/1", parts={"seed": 0}))
+    answers.put("argument-03", {"drift": {"shift": 1.0}})
+    with pytest.raises(DataError, match=r"argument-03\.\w+: it must hold a case .*; delete it, and it is run again"):
+        carry_out(answers, 0, (), 1, lambda *_: pytest.fail("cases are run"))
 
 
 def test_a_figure_of_answers_without_one() -> None:

@@ -14,6 +14,7 @@ from deatwin.control.controllers.base import Controller, require_factor
 from deatwin.control.controllers.law import Law
 from deatwin.control.controllers.linear import LinearController
 from deatwin.control.errors import ControlError
+from deatwin.plant.datasets import dataset
 from deatwin.plant.drawing import axes_or_new
 
 if TYPE_CHECKING:
@@ -77,6 +78,19 @@ class StaticCurve:
                 f"the static curve turns at {self.inputs[turn]:.4g} {self.input_unit}: it cannot be inverted there; "
                 "choose a range of the command on one side of it"
             )
+
+    def to_xarray(self) -> Any:
+        """Return outputs and slopes at the points as an `xarray.Dataset` over the input."""
+        divided = self.output_unit and self.input_unit
+        gain = f"{self.output_unit}/{self.input_unit}" if divided else self.output_unit
+        return dataset(
+            {
+                "output": ("input", self.outputs, self.output_unit, "output at rest"),
+                "slope": ("input", self.slope(self.inputs), gain, "static gain"),
+            },
+            {"input": ("input", self.inputs, self.input_unit, "constant input")},
+            {},
+        )
 
     @cached_property
     def _forward(self) -> PchipInterpolator:

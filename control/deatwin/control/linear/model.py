@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from deatwin.control.linear.datasets import linear_dataset
 from deatwin.plant.errors import ModelError
 from deatwin.plant.rigs.base import ReadingTime
 
@@ -167,6 +168,10 @@ class LinearModel:
         if self.operating_output is None:
             raise ModelError(self.status.value + (f" ({self.detail})" if self.detail else ""))
         return self.operating_output
+
+    def to_xarray(self) -> Any:
+        """Return coefficients with their covariance as an `xarray.Dataset`."""
+        return linear_dataset(self)
 
     @cached_property
     def poles(self) -> NDArray[np.complex128]:

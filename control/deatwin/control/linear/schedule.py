@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deatwin.control.linear.bands import FamilyBands
+from deatwin.control.linear.datasets import family_dataset
 from deatwin.control.linear.family import draw, linearise_many
 from deatwin.control.linear.plant import draw_plants, linearise_plants
 from deatwin.ident.narx import NarxModel
@@ -83,6 +84,11 @@ class GainSchedule(FamilyBands):
         axes = axes_or_new(ax)
         self._draw_poles(axes, self.operating_inputs, self._input_label)
         return axes
+
+    def to_xarray(self) -> Any:
+        """Return gain, modes and stability as an `xarray.Dataset` over the operating input."""
+        along = "operating_input"
+        return family_dataset(self, along, {along: (along, self.operating_inputs, self.family.input_unit)})
 
     @property
     def _input_label(self) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deatwin.control.linear.bands import FamilyBands
+from deatwin.control.linear.datasets import family_dataset
 from deatwin.control.linear.family import LinearFamily, draw, linearise_many
 from deatwin.ident.frequency.varying.along_time import checked_inputs, checked_times
 from deatwin.ident.frequency.varying.following import followed
@@ -90,6 +91,11 @@ class VaryingLinear(FamilyBands):
         axes = axes_or_new(ax)
         self._draw_poles(axes, self.timepts, "time (s)")
         return axes
+
+    def to_xarray(self) -> Any:
+        """Return gain, modes and stability as an `xarray.Dataset` over time."""
+        inputs = ("time", self.operating_inputs, self.family.input_unit)
+        return family_dataset(self, "time", {"time": ("time", self.timepts, "s"), "operating_input": inputs})
 
 
 def linearise_along(

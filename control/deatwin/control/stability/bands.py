@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from deatwin.control.errors import ControlError
 from deatwin.control.linear.model import LinearModel
 from deatwin.control.stability.circle import search
+from deatwin.control.stability.datasets import margins_dataset
 from deatwin.control.stability.margins import margins
 from deatwin.control.stability.polynomials import in_series
 from deatwin.ident.frequency.dc import Equilibrium
@@ -150,6 +151,10 @@ class MarginBand:
         axes.set_ylabel("imaginary part of L")
         axes.legend(fontsize="small", loc="lower left")
         return axes
+
+    def to_xarray(self) -> Any:
+        """Return margins and loop as an `xarray.Dataset` over margin and frequency."""
+        return margins_dataset(self)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, overload
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deatwin.control.errors import ControlError
+from deatwin.control.stability.datasets import cycles_dataset
 from deatwin.plant.drawing import axes_or_new
 
 if TYPE_CHECKING:
@@ -124,6 +125,10 @@ class LimitCycles(Sequence[LimitCycle]):
         axes.set_ylabel("imaginary part")
         axes.legend(fontsize="small")
         return axes
+
+    def to_xarray(self) -> Any:
+        """Return cycles, loop and describing function as an `xarray.Dataset`."""
+        return cycles_dataset(self)
 
     def _loop_at(self, cycle: LimitCycle) -> complex:
         omega = 2 * np.pi * cycle.frequency_Hz

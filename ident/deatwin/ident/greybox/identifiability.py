@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import gammaincinv
 
 from deatwin.ident.greybox.fit import Calibration, Part, calibrate, simulated
 from deatwin.plant.drawing import axes_or_new
@@ -23,6 +23,8 @@ __all__ = ["Profile", "profile"]
 Array = NDArray[np.float64]
 
 LEVEL = 0.95
+LIMIT = 2 * float(gammaincinv(0.5, LEVEL))
+"""That quantile of the chi-squared law with one degree of freedom."""
 CLOSE = 0.02
 """Share of the limit by which the deviance may miss it at an end of the interval."""
 MOST_POINTS = 6
@@ -77,7 +79,7 @@ class Profile:
         fine = np.linspace(self.values[0], self.values[-1], 200)
         ax.plot(fine, np.interp(fine, self.values, root) ** 2, color="C0")
         ax.plot(self.values, self.deviances, "o", color="C0", markersize=4)
-        ax.axhline(float(chi2.ppf(LEVEL, 1)), color="0.4", linestyle="--", linewidth=0.8, label="95 %")
+        ax.axhline(LIMIT, color="0.4", linestyle="--", linewidth=0.8, label="95 %")
         ax.axvspan(self.low, self.high, color="C0", alpha=0.15, linewidth=0)
         ax.set_xlabel(f"{self.parameter.name.replace('_', ' ')} ({self.parameter.unit})")
         ax.set_ylabel("deviance")
@@ -137,24 +139,23 @@ class _Side:
 def _side(calibration: Calibration, parts: Sequence[Part], name: str, sign: int) -> _Side:
     """Where the deviance reaches its limit: steps by the root of its ratio to that, exact for a parabola."""
     parameter, scale = calibration.plant.parameters[name], calibration.plant.parameters[name].scale
-    limit = float(chi2.ppf(LEVEL, 1))
     deviation, white = _deviations(calibration, name)
     centre = scale.to_coordinate(parameter.value)
     ends = sorted(scale.to_coordinate(v) for v in (parameter.lower, parameter.upper))
     furthest = (ends[1] - centre) if sign > 0 else (centre - ends[0])
-    step, tried, inner, outer, warm = np.sqrt(limit) * deviation, {}, 0.0, np.inf, calibration
+    step, tried, inner, outer, warm = np.sqrt(LIMIT) * deviation, {}, 0.0, np.inf, calibration
     for _ in range(MOST_POINTS):
         step = min(step, furthest)
         value = min(max(scale.to_value(centre + sign * step), parameter.lower), parameter.upper)
         deviance, warm = _deviance(calibration, warm, parts, name, value)
         deviance *= (white / deviation) ** 2
         tried[value] = deviance
-        if abs(deviance / limit - 1) < CLOSE or (step == furthest and deviance < limit):
+        if abs(deviance / LIMIT - 1) < CLOSE or (step == furthest and deviance < LIMIT):
             break
-        inner, outer = (step, outer) if deviance < limit else (inner, step)
-        guess = step * np.sqrt(limit / max(deviance, 1e-2 * limit))
+        inner, outer = (step, outer) if deviance < LIMIT else (inner, step)
+        guess = step * np.sqrt(LIMIT / max(deviance, 1e-2 * LIMIT))
         step = guess if inner < guess < outer else (inner + min(outer, 2 * guess)) / 2
-    return _Side(end=value, bounded=bool(deviance > limit * (1 - CLOSE)), tried=tried)
+    return _Side(end=value, bounded=bool(deviance > LIMIT * (1 - CLOSE)), tried=tried)
 
 
 def _deviations(calibration: Calibration, name: str) -> tuple[float, float]:

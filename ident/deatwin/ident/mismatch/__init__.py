@@ -12,6 +12,7 @@ from deatwin.ident.mismatch.locate import Location, locate
 from deatwin.ident.mismatch.naming import Candidate, Distance, Naming, name_causes
 from deatwin.ident.mismatch.refit import Base, calibrate_base
 from deatwin.ident.mismatch.say import say
+from deatwin.ident.mismatch.steps import Step
 from deatwin.ident.mismatch.verify import Verification, verify
 
 __all__ = [
@@ -31,6 +32,7 @@ __all__ = [
     "Interval",
     "Location",
     "Naming",
+    "Step",
     "Verdict",
     "Verification",
     "advise",

@@ -23,6 +23,7 @@ from deatwin.ident.mismatch.naming.decide import Naming, nothing_tried
 from deatwin.ident.mismatch.naming.name import name_causes
 from deatwin.ident.mismatch.naming.screen import footprints
 from deatwin.ident.mismatch.refit.base import Base, calibrate_base
+from deatwin.ident.mismatch.steps import Step, base_step, fit_step, found_step, gate_step
 from deatwin.ident.mismatch.verify.verify import Verification, verify
 from deatwin.ident.parallel import spawn_generators
 from deatwin.plant.effects.base import Effect
@@ -45,6 +46,7 @@ def diagnose(
     jobs: int = 1,
     seed: int = 0,
     progress: Progress | None = None,
+    through: Callable[[Step], None] | None = None,
 ) -> Diagnosis:
     """Find out what physics a plant lacks to explain recordings.
 
@@ -62,6 +64,8 @@ def diagnose(
         Of all random numbers.
     progress : callable, optional
         Called with the share that is done and what is being done.
+    through : callable, optional
+        Called with what each step found as soon as it is through, so that it can be kept if the diagnosis ends early.
 
     Returns
     -------
@@ -76,41 +80,54 @@ def diagnose(
         If the plant cannot be simulated on them.
     """
     tell = progress or (lambda share, text: None)
+
+    def keep(step: Step | None) -> None:
+        if through is not None and step is not None:
+            through(step)
+
     tell(0.0, "checking the recordings")
     several = (experiments,) if isinstance(experiments, Experiment) else tuple(experiments)
     checked = gate(plant, several)
+    keep(gate_step(checked))
     for_detection, for_location, for_verification, for_advice, for_discovery = spawn_generators(seed, 5)
 
     tell(0.02, "calibrating the base plant")
     bench, base = _calibrated(plant, checked, plant.rig.effects() if effects is None else effects, jobs)
     for form in (base.chosen, *base.rivals):  # what is wrong with the readings stands out whatever the form
         checked = confirm(checked, readings(form.calibration.plant, several))
+    keep(gate_step(checked))
+    keep(base_step(bench, base))
 
     tell(0.25, "looking for a mismatch")
     fit = base.chosen.calibration
     known = footprints(bench, fit, bench.effects, fit)
     detection = detect(base.chosen, bench, for_detection, known=known)
-
+    keep(found_step("detect", detection))
     location = locate(base.chosen, bench, checked, for_location) if detection.mismatch else None
+    keep(found_step("locate", location))
 
     naming = nothing_tried(base.chosen)
     if detection.mismatch and checked.soundness is Soundness.SOUND:
         tell(0.3, "building in effects")
         naming = name_causes(
-            bench, base.chosen, known, base.rivals, lambda share: tell(0.3 + 0.5 * share, "building in effects")
-        )
+            bench, base.chosen, known, base.rivals,
+            finished=lambda share: tell(0.3 + 0.5 * share, "building in effects"),
+            fitted=None if through is None else lambda fit, unseen: through(fit_step(bench, fit, unseen)),
+        )  # fmt: skip
         base = base.in_form_of(naming.base)
 
     tell(0.8, "verifying on unseen data")
     verification = verify(base.chosen, naming.best or base.chosen, for_verification, bench, naming.candidates)
+    keep(found_step("verify", verification if verification.ablations else None))
     verdict = _verdict(bench, checked, base, detection, naming, verification)
     named = naming.best is not None and verdict in (Verdict.NAMED, Verdict.AMBIGUOUS)
     answer = naming.best if named and naming.best is not None else base.chosen
 
     tell(0.85, "looking for a better experiment")
     advice = advise(bench, (answer, *naming.rivals), for_advice) if verdict is Verdict.AMBIGUOUS else None
-
+    keep(found_step("advise", advice))
     discovery = discover(bench, base.chosen, for_discovery) if verdict is Verdict.UNKNOWN else None
+    keep(found_step("discover", discovery))
 
     tell(0.95, "fitting all recordings")
     found = discovery.calibration if discovery is not None else answer.calibration

@@ -7,7 +7,7 @@ and every test of the mismatch engine counts blocks, never samples.
 from __future__ import annotations
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtr
 
 __all__ = ["BLOCK_SAMPLES", "block_losses", "bootstrap_gain", "evidence", "exceeds"]
 
@@ -54,7 +54,7 @@ def exceeds(losses: np.ndarray, floor: float) -> float:
     for lag in range(1, lags + 1):
         variance += 2 * (1 - lag / (lags + 1)) * np.mean(centred[lag:] * centred[:-lag])
     deviation = np.sqrt(max(variance, 1e-300) / losses.size)
-    return float(norm.sf((losses.mean() - floor) / deviation))
+    return float(ndtr((floor - losses.mean()) / deviation))
 
 
 def evidence(losses: np.ndarray, parameters: int) -> float:

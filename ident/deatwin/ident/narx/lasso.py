@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from deatwin.ident.narx.identifier import FitStatus, NarxIdentifier, Progress
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.terms import Lags, Rule, Term
+from deatwin.plant.datasets import dataset
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
@@ -86,6 +87,17 @@ class LassoPath:
         if named:
             axes.legend(fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5))
         return axes
+
+    def to_xarray(self) -> Any:
+        """Return coefficients and errors as an `xarray.Dataset` over term and knot."""
+        return dataset(
+            {
+                "coefficient": (("term", "knot"), self.coefficients, "", "for standardised regressors and output"),
+                "error": ("knot", self.errors, "", "RMS of the free run over held-out samples, in the output's unit"),
+            },
+            {"term": ("term", [str(term) for term in self.terms]), "penalty": ("knot", self.penalties)},
+            {"chosen": self.chosen},
+        )
 
 
 class Lasso(NarxIdentifier):

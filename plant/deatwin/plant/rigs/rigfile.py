@@ -27,7 +27,8 @@ from typing import Any, Self
 
 from deatwin.plant.errors import RigError, nearest
 from deatwin.plant.intake import RIG_BYTES, clipped, read_regular
-from deatwin.plant.rigs.rigkeys import RIG_KEYS, Keys, kind_of
+from deatwin.plant.rigs.rigkeys import RIG_KEYS
+from deatwin.plant.rigs.rigmistakes import lines_of, mistakes_of, told
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,15 +110,12 @@ class RigFile:
         Raises
         ------
         RigError
-            If a section or key is unknown or missing, or a value has the wrong type or lies out of range.
+            If a section or key is unknown or missing, or a value has the wrong type or lies out of range; the text
+            tells all that is wrong.
         """
-        for section in data:
-            if section not in RIG_KEYS:
-                raise _unknown_section(section, source)
-        specs = {section: _read_section(section, data.get(section), source) for section in RIG_KEYS}
-        rig = cls(**specs, source=source)
-        _check_order(rig)
-        return rig
+        if mistakes := mistakes_of(data):
+            raise RigError(told(source, mistakes, {}))
+        return cls(**{section: _specified(section, data[section]) for section in RIG_KEYS}, source=source)
 
     def to_dict(self) -> dict[str, dict[str, Any]]:
         """Return sections, keys and values as a rig file has them, in its units, ready for JSON.
@@ -156,11 +154,13 @@ def read_rig(path: str | Path) -> RigFile:
     Raises
     ------
     RigError
-        If the file is missing or not TOML, or as `RigFile.from_dict`.
+        If the file is missing or not TOML, or as `RigFile.from_dict`; where there are several mistakes, with their
+        lines.
     """
     try:
         content = read_regular(path, RIG_BYTES, lambda fault: RigError(f"{path}: {fault}"))
-        data = tomllib.loads(content.decode("utf-8-sig"))
+        text = content.decode("utf-8-sig")
+        data = tomllib.loads(text)
     except OSError as error:
         # Stricter than usual: equal endings are no likeness.
         beside = [entry.name for entry in Path(path).parent.glob("*.toml")]
@@ -174,71 +174,12 @@ def read_rig(path: str | Path) -> RigFile:
         raise RigError(f"{path}: not TOML: {clipped(error, 200)}") from None
     except RecursionError:
         raise RigError(f"{path}: not a rig file: lists in lists, too deep") from None
+    if mistakes := mistakes_of(data):
+        raise RigError(told(str(path), mistakes, lines_of(text) if len(mistakes) > 1 else {}))
     return RigFile.from_dict(data, source=str(path))
 
 
-def _read_section(section: str, values: object, source: str) -> Any:
-    """Return the specification that a section of the file describes."""
+def _specified(section: str, values: Mapping[str, Any]) -> Any:
+    """Return the specification that a section without mistakes describes."""
     keys = RIG_KEYS[section]
-    if values is None:
-        raise RigError(f"{source}: the section [{section}] is missing; it must hold {_required(keys)}")
-    if not isinstance(values, Mapping):
-        raise RigError(f"{source}: {section} is {kind_of(values)}; it must be a section [{section}]")
-    for name in values:
-        if name not in keys:
-            raise RigError(f'{source}, [{section}]: unknown key "{clipped(name)}"{_right_key(name, section)}')
-    for name, key in keys.items():
-        if key.required and name not in values:
-            raise RigError(f'{source}, [{section}]: the key "{name}" is missing; it must be {key.allowed}')
-    return _SPECS[section](
-        **{
-            keys[name].field: keys[name].read(value, f"{source}, [{section}] {name}")
-            for name, value in values.items()
-        }
-    )
-
-
-def _unknown_section(name: str, source: str) -> RigError:
-    """Return the error of a section that is not known, or of a key above all sections."""
-    for section, keys in RIG_KEYS.items():
-        if name in keys:
-            return RigError(f'{source}: the key "{name}" stands outside of the sections; it belongs into [{section}]')
-    hint = nearest(name[:100], RIG_KEYS) or f"; known are {', '.join(RIG_KEYS)}"
-    return RigError(f"{source}: unknown section [{clipped(name)}]{hint}")
-
-
-def _right_key(name: str, section: str) -> str:
-    """Return what to offer for an unknown key: its own section, else the nearest name, else all."""
-    for other, keys in RIG_KEYS.items():
-        if name in keys:
-            return f"; it belongs into [{other}]"
-    keys = RIG_KEYS[section]
-    return nearest(name[:100], keys) or f"; known are {', '.join(keys)}"
-
-
-def _check_order(rig: RigFile) -> None:
-    """Refuse a rig of which one part cannot hold another."""
-    film, load, drive = rig.film, rig.load, rig.drive
-    if film.electrode_diameter >= film.frame_diameter:
-        raise RigError(
-            f"{rig.source}, [film] electrode_diameter_mm: {film.electrode_diameter * 1e3:g} is out of range; "
-            f"it must be below frame_diameter_mm, {film.frame_diameter * 1e3:g}"
-        )
-    if load.contact_diameter >= film.electrode_diameter:
-        raise RigError(
-            f"{rig.source}, [load] contact_diameter_mm: {load.contact_diameter * 1e3:g} is out of range; "
-            f"it must be below electrode_diameter_mm, {film.electrode_diameter * 1e3:g}"
-        )
-    if (
-        drive.command_min is not None
-        and drive.command_max is not None
-        and drive.command_min >= drive.command_max
-    ):
-        raise RigError(
-            f"{rig.source}, [drive] command_min_V: {drive.command_min:g} is out of range; "
-            f"it must be below command_max_V, {drive.command_max:g}"
-        )
-
-
-def _required(keys: Keys) -> str:
-    return ", ".join(name for name, key in keys.items() if key.required)
+    return _SPECS[section](**{keys[name].field: keys[name].to_si(value) for name, value in values.items()})

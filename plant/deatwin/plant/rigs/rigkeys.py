@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from deatwin.plant.errors import RigError
 from deatwin.plant.intake import clipped
 
 __all__ = ["RIG_KEYS", "Keys", "NumberKey", "TextKey", "kind_of"]
@@ -42,31 +41,39 @@ class NumberKey:
         """What may stand there."""
         return f"a number from {self.lower:g} to {self.upper:g}"
 
-    def read(self, value: object, place: str) -> float:
-        """Return the value of a file in SI, or refuse it.
+    def fault(self, value: object) -> str:
+        """Return what is wrong with a value and what is allowed.
 
         Parameters
         ----------
         value : object
             As TOML was read.
-        place : str
-            File, section and key, for the error text.
+
+        Returns
+        -------
+        str
+            Empty where nothing is.
+        """
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            return f"{_toml(value)} is {kind_of(value)}; it must be {self.allowed}"
+        if not self.lower <= value <= self.upper:  # nan is not
+            return (
+                f"{_toml(value)} is out of range; it must be from {self.lower:g} to {self.upper:g}{self._slip(value)}"
+            )
+        return ""
+
+    def to_si(self, value: float) -> float:
+        """Return the value of a file in SI.
+
+        Parameters
+        ----------
+        value : float
+            In the file's unit; without a fault.
 
         Returns
         -------
         float
-
-        Raises
-        ------
-        RigError
         """
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise RigError(f"{place}: {_toml(value)} is {kind_of(value)}; it must be {self.allowed}")
-        if not self.lower <= value <= self.upper:  # nan is not
-            raise RigError(
-                f"{place}: {_toml(value)} is out of range; it must be from {self.lower:g} to {self.upper:g}"
-                f"{self._slip(value)}"
-            )
         return value / self.per_si
 
     def _slip(self, value: float) -> str:
@@ -117,30 +124,36 @@ class TextKey:
         """What may stand there."""
         return " or ".join(f'"{choice}"' for choice in self.choices) or "a text in quotes"
 
-    def read(self, value: object, place: str) -> str:
-        """Return the value of a file in SI, or refuse it.
+    def fault(self, value: object) -> str:
+        """Return what is wrong with a value and what is allowed.
 
         Parameters
         ----------
         value : object
             As TOML was read.
-        place : str
-            File, section and key, for the error text.
 
         Returns
         -------
         str
-
-        Raises
-        ------
-        RigError
+            Empty where nothing is.
         """
         if not isinstance(value, str):
-            raise RigError(f"{place}: {_toml(value)} is {kind_of(value)}; it must be {self.allowed}")
+            return f"{_toml(value)} is {kind_of(value)}; it must be {self.allowed}"
         if self.choices and value not in self.choices:
-            raise RigError(f"{place}: {_toml(value)} is not known; it must be {self.allowed}")
-        if not value.strip():
-            raise RigError(f"{place}: the text is empty")
+            return f"{_toml(value)} is not known; it must be {self.allowed}"
+        return "" if value.strip() else "the text is empty"
+
+    def to_si(self, value: str) -> str:
+        """Return the value of a file in SI.
+
+        Parameters
+        ----------
+        value : str
+
+        Returns
+        -------
+        str
+        """
         return value
 
     def to_file(self, value: str) -> str:

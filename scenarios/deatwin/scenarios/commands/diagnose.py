@@ -48,7 +48,8 @@ def diagnose(
 ) -> None:
     """Find what physics a plant leaves out, given recordings, and amend it.
 
-    Writes diagnosis.json, model.json, report.html, the figures' data and run.json into DIR.
+    Writes diagnosis.json, model.json, report.html, the figures' data and run.json into DIR. Ctrl-C keeps the finished
+    steps in DIR/partial.
 
     Example: deatwin diagnose rig.toml noise.csv steps.csv --out result
 
@@ -74,8 +75,8 @@ def diagnose(
     try:
         with folder, voice.progress("reading") as progress:
             diagnosis = task.run(folder, progress)
-    except KeyboardInterrupt:
-        complain(f"interrupted; {folder.summary}")
+    except KeyboardInterrupt as stop:
+        complain(str(stop) or f"interrupted; {folder.summary}")
         raise typer.Exit(130) from None
     voice.say(f"{diagnosis.verdict.value}: {diagnosis.sentence}")
     for warning in diagnosis.warnings:

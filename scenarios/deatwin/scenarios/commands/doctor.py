@@ -90,8 +90,10 @@ def doctor(warm: Warm = False, jobs: Jobs = -1, as_json: Json = False, quiet: Qu
         },
         **_cache(), "data": _data(),
     }  # fmt: skip
-    for label, text in _lines(found):
-        voice.say(f"{label:14} {text}")
+    lines = list(_lines(found))
+    width = max(len(label) for label, _ in lines)
+    for label, text in lines:
+        voice.say(f"{label:{width}} {text}")
     compiled = _warm(voice, jobs) if warm else 0
     if warm:
         voice.say(f"{compiled} plants are compiled" if program else "nothing was compiled: there is no compiler")

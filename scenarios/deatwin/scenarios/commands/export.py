@@ -46,7 +46,7 @@ To = Annotated[
         "a step; c: one file of C99."
     ),
 ]
-OutFile = Annotated[Path, typer.Option("--out", metavar="FILE", help="File to write, .fmu or .c.")]
+OutFile = Annotated[Path, typer.Option("--out", metavar="FILE", help="File to write: .c for --to c, else .fmu.")]
 Name = Annotated[
     str | None,
     typer.Option(metavar="NAME", help="Prefix of all names in the C code; by default from the file's own name."),
@@ -69,16 +69,23 @@ def export(
 
     For the micro-controller: deatwin export control/check.json --to c --out controller.c
     """
-    from deatwin.plant.errors import DataError
+    from deatwin.scenarios.folder import require_place
 
     voice = Voice(as_json=as_json, quiet=quiet)
-    if to is not Form.C and out.suffix.lower() != ".fmu":
-        raise DataError(f"{out}: the name of an FMU ends in .fmu; programs that read it insist")
-    if not out.absolute().parent.is_dir():
-        raise DataError(f"{out}: there is no folder {out.parent}")
+    _require_ending(out, to)
+    require_place(out)
     said = _written(_Given.load(model), to, out, name or _identifier(out.stem))
     voice.say(f"{out}: {said['description']}")
     voice.result({"out": str(out), "form": to.value, **said})
+
+
+def _require_ending(out: Path, to: Form) -> None:
+    from deatwin.plant.errors import DataError
+
+    if to is Form.C and out.suffix != ".c":  # behind .C compilers expect C++
+        raise DataError(f"{out}: the name of a C source ends in .c; compilers go by it")
+    if to is not Form.C and out.suffix.lower() != ".fmu":
+        raise DataError(f"{out}: the name of an FMU ends in .fmu; programs that read it insist")
 
 
 def _identifier(stem: str) -> str:

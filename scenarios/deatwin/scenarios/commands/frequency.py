@@ -15,8 +15,8 @@ from deatwin.scenarios.voice import Voice
 
 __all__ = ["frequency"]
 
-OPTIONAL = re.compile(r"(gfrf[2-8]|nofrf|test_signal)\.(csv|svg)")
-"""Files that a run writes or not, as its model and order have it."""
+FORMER = re.compile(r"(figures/)?(frequency|gfrf[2-8]|nofrf[1-8]?|test_signal)\.(csv|svg)")
+"""Files that a run writes or not, as its model and order have it; releases before wrote them beside the report."""
 
 
 def _positive(value: float | None) -> float | None:
@@ -60,6 +60,8 @@ def frequency(
 ) -> None:
     """Frequency responses of an identified model at an operating point, with bands: FRF, GFRFs, and NOFRFs.
 
+    Writes report.html, figures and their data (figures/*.svg and *.csv) and run.json into DIR.
+
     Example: deatwin frequency narx.json --order 3 --out response
     """
     if amplitude is not None and order == 1:
@@ -81,7 +83,7 @@ def frequency(
             narx, order, operating_input=operating_input, band_Hz=band, level=level, amplitude=amplitude
         )  # fmt: skip
         write_responses(found, folder, record)
-    folder.remove_former(OPTIONAL.pattern)
+    folder.remove_former(FORMER.pattern)
     folder.text("run.json", json.dumps(record.finished([*folder.written, "run.json"]), indent=1) + "\n")
     for line in found.lines:
         voice.say(line)

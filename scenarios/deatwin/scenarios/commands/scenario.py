@@ -109,7 +109,7 @@ def scenario(
 
 
 def scenarios(as_json: Json = False, quiet: Quiet = False) -> None:
-    """List the stories with the time that each takes.
+    """List the stories with the time that each takes, and which of them resume.
 
     Example: deatwin scenarios
     """
@@ -118,5 +118,11 @@ def scenarios(as_json: Json = False, quiet: Quiet = False) -> None:
     voice = Voice(as_json=as_json, quiet=quiet)
     width = max(map(len, STORIES))
     for entry in STORIES.values():
-        voice.say(f"{entry.name:{width}} {entry.minutes:>4g} min  {entry.line}")
-    voice.result({entry.name: {"line": entry.line, "minutes": entry.minutes} for entry in STORIES.values()})
+        voice.say(f"{entry.name:{width}} {entry.minutes:>4g} min  {entry.told}")
+    voice.result({
+        entry.name: {
+            "line": entry.line, "minutes": entry.minutes, "resumes": entry.resumes,
+            "sizes": dict(zip(entry.sizes, entry.times, strict=True)),
+        }
+        for entry in STORIES.values()
+    })  # fmt: skip

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -10,11 +9,13 @@ from typing import Any
 
 import numpy as np
 
+from deatwin.plant.errors import DataError
 from deatwin.scenarios.concealed_physics.opened import FAR, Opened
 from deatwin.scenarios.concealed_physics.score import Goal
-from deatwin.scenarios.concealed_physics.seal import Seal
+from deatwin.scenarios.concealed_physics.seal import Seal, digest
 from deatwin.scenarios.concealed_physics.store import Store
 from deatwin.scenarios.concealed_physics.tables import KINDS, tables
+from deatwin.scenarios.sweep.kept import read_object
 
 __all__ = ["DATA", "markdown_table", "opened_data", "page_data", "page_of", "results_page", "write_results"]
 
@@ -195,5 +196,7 @@ def _key(folder: Path, seal: Seal) -> Mapping[str, Any]:
     path = folder / "key.json"
     if not path.exists():
         return key_of(labels(seal.size, seal.seed))
-    found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    found = read_object(path, "the key of a study")
+    if digest(found) != seal.key:
+        raise DataError(f"{path}: this is not the one that was sealed; labels must not change once a study has begun")
     return found

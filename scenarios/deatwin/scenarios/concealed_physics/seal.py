@@ -13,8 +13,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from deatwin.plant.errors import DataError
-from deatwin.scenarios.sweep.seal import digest
+from deatwin.scenarios.sweep.seal import Sealed, digest
 
 __all__ = ["DECIDING", "SCHEMA", "Seal", "digest", "thresholds"]
 
@@ -30,7 +29,7 @@ OPEN_CODE = frozenset({
 
 
 @dataclass(frozen=True, kw_only=True)
-class Seal:
+class Seal(Sealed):
     """What must not change between the first case and the last.
 
     Parameters
@@ -82,22 +81,27 @@ class Seal:
         )  # fmt: skip
 
     @property
-    def hash(self) -> str:
-        """SHA-256 of everything that must not change; each case bears it."""
-        return digest({name: value for name, value in asdict(self).items() if name != "scoring"})
+    def content(self) -> dict[str, Any]:
+        """All but the sources that count and draw."""
+        return {name: value for name, value in asdict(self).items() if name != "scoring"}
 
-    def to_dict(self) -> dict[str, Any]:
-        """The content of ``seal.json``."""
-        return {"schema": SCHEMA, **asdict(self), "hash": self.hash}
+    @property
+    def case_schema(self) -> str:
+        """Of the files of the cases."""
+        return CASE_SCHEMA
+
+    def described(self) -> dict[str, Any]:
+        """The content of ``seal.json`` without the hash."""
+        return {"schema": SCHEMA, **asdict(self)}
 
     @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> Self:
-        """The seal that `to_dict` described.
+    def read(cls, data: Mapping[str, Any]) -> Self:
+        """The seal that `described` described.
 
         Parameters
         ----------
         data : mapping
-            Content of ``seal.json``.
+            Content of ``seal.json``; of its hash nothing is asked.
 
         Returns
         -------
@@ -105,59 +109,31 @@ class Seal:
 
         Raises
         ------
-        DataError
-            If it is none, or its hash is not that of its content.
+        KeyError, TypeError
+            If it is none.
         """
-        try:
-            seal = cls(**{name: data[name] for name in cls.__dataclass_fields__})
-            stated = data["hash"]
-        except (KeyError, TypeError) as error:
-            raise DataError(f"this is no seal of a study: {error!r}") from None
-        if seal.hash != stated:
-            raise DataError(f"the seal was altered: it states the hash {stated[:12]}, its content has {seal.hash[:12]}")
-        return seal
+        return cls(**{name: data[name] for name in cls.__dataclass_fields__})
 
-    def stamp(self, name: str) -> dict[str, Any]:
-        """What the file of a case begins with.
-
-        Parameters
-        ----------
-        name : str
-            Of the case.
-
-        Returns
-        -------
-        dict
-            Schema, hash of the seal, name.
-        """
-        return {"schema": CASE_SCHEMA, "seal": self.hash, "name": name}
-
-    def require_same(self, other: Seal, where: Path) -> None:
-        """Refuse to mix cases that were run under different seals.
+    def changes(self, other: Self) -> str:
+        """The parts that differ; of the thresholds the first three.
 
         Parameters
         ----------
         other : Seal
-            Found in the folder.
-        where : path
-            The folder, for the message.
+            Found in a folder.
 
-        Raises
-        ------
-        DataError
-            Naming what differs.
+        Returns
+        -------
+        str
+            Empty if nothing that must not change differs.
         """
-        mine, theirs = asdict(self), asdict(other)
-        changed = [name for name in mine if name != "scoring" and mine[name] != theirs[name]]
+        mine, theirs = self.content, other.content
+        changed = [name for name in mine if mine[name] != theirs[name]]
         if "thresholds" in changed:
             names = {*mine["thresholds"], *theirs["thresholds"]}
             moved = sorted(n for n in names if mine["thresholds"].get(n) != theirs["thresholds"].get(n))
             changed[changed.index("thresholds")] = f"thresholds ({', '.join(moved[:3])})"
-        if changed:
-            raise DataError(
-                f"{where} was begun under another seal ({', '.join(changed)} changed since): its cases cannot be mixed "
-                "with new ones; go on with the version that began it, or take an empty folder"
-            )
+        return f"{', '.join(changed)} changed since" if changed else ""
 
 
 def thresholds() -> dict[str, Any]:

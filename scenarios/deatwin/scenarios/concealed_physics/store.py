@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 from deatwin.scenarios.concealed_physics.seal import Seal
 from deatwin.scenarios.sweep.store import CaseStore, read_seal
@@ -27,10 +29,20 @@ class Store(CaseStore[Seal]):
         If the folder was begun under another seal, or holds cases but no seal.
     """
 
-    indent = 1
-
     def __init__(self, folder: Path | str, seal: Seal) -> None:
         super().__init__(folder, seal)
+
+    def put(self, name: str, result: Mapping[str, Any]) -> None:
+        """Write the result of a case; one that is there already is left as it is.
+
+        Parameters
+        ----------
+        name : str
+            Of the case.
+        result : mapping
+            Plain data; a number that is not finite becomes None: there was nothing to compute it from.
+        """
+        super().put(name, _finite(dict(result)))
 
     @classmethod
     def opened(cls, folder: Path | str) -> Self:
@@ -51,3 +63,11 @@ class Store(CaseStore[Seal]):
             If it has no seal.
         """
         return cls(folder, read_seal(Seal, folder))
+
+
+def _finite(data: Any) -> Any:
+    if isinstance(data, dict):
+        return {key: _finite(value) for key, value in data.items()}
+    if isinstance(data, (list, tuple)):
+        return [_finite(value) for value in data]
+    return None if isinstance(data, float) and not math.isfinite(data) else data

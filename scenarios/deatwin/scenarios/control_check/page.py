@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -10,6 +9,7 @@ from typing import Any
 from deatwin.plant.errors import DataError
 from deatwin.scenarios.concealed_physics.page import markdown_table
 from deatwin.scenarios.report.quantities import in_interval
+from deatwin.scenarios.sweep.kept import read_object
 
 __all__ = ["STORY", "story_blocks", "story_data"]
 
@@ -48,7 +48,7 @@ def story_data(folder: Path | str, remark: str = "") -> dict[str, Any]:
     DataError
         If a file is missing, or does not hold them.
     """
-    found, run = (_read(Path(folder) / name) for name in ("control-check.json", "run.json"))
+    found, run = (read_object(Path(folder) / name) for name in ("control-check.json", "run.json"))
     try:
         return {
             "schema": STORY, "seed": run["seed"], "version": run["versions"]["deatwin"], "remark": remark,
@@ -107,16 +107,6 @@ def story_blocks(data: Mapping[str, Any]) -> dict[str, list[str]]:
             "", *_concealed(data["concealed"]),
         ],
     }  # fmt: skip
-
-
-def _read(path: Path) -> Mapping[str, Any]:
-    try:
-        found: Any = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise DataError(f"{path}: cannot be read: {error}") from None
-    if not isinstance(found, dict):
-        raise DataError(f"{path}: it must hold an object")
-    return found
 
 
 def _measures(rows: Rows) -> list[str]:

@@ -9,7 +9,7 @@ from typing import Any
 from deatwin.plant.errors import DataError
 from deatwin.scenarios.control_check.trials import Outcome
 from deatwin.scenarios.sweep.seal import SweepSeal, sources_digest
-from deatwin.scenarios.sweep.store import SEAL_FILE, CaseStore
+from deatwin.scenarios.sweep.store import CaseStore
 
 __all__ = ["Trials", "name_of"]
 
@@ -39,27 +39,11 @@ class Trials(CaseStore[SweepSeal]):
     Raises
     ------
     DataError
-        If the folder holds trials of another seed or of other code.
+        If the folder holds trials of another seed or of other code, or trials but no seal.
     """
-
-    indent = 1
 
     def __init__(self, folder: Path, seed: int) -> None:
         super().__init__(folder, _Seal(schema=SCHEMA, parts={"seed": seed, "code": _digest()}), cases="trials")
-
-    def adopt(self) -> None:
-        """Look at trials in a folder without a seal, as former versions left it: each says what it was run under.
-
-        Raises
-        ------
-        DataError
-            If one was run with another seed or other code.
-        """
-        for name in sorted(self.names()):
-            try:
-                self.get(name)
-            except DataError as error:
-                raise DataError(f"{error} ({self.folder} has no {SEAL_FILE}): choose another folder") from None
 
     def outcomes(self, numbers: Iterable[int]) -> tuple[Outcome, ...]:
         """Read trials.

@@ -18,7 +18,6 @@ from deatwin.scenarios.fleet_models.study import FRO, SEMP, Programme, carry_out
 from deatwin.scenarios.fleet_models.tables import SHOWN, semp_tables
 from deatwin.scenarios.fleet_models.telling import tell
 from deatwin.scenarios.fleet_models.verdicts import judge_semp
-from deatwin.scenarios.provenance import RunRecord
 from deatwin.scenarios.report.story import StoryPage
 from deatwin.scenarios.stories import Setting
 
@@ -45,7 +44,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
     SimulationError
         If a film pulls in.
     """
-    record = RunRecord(command=setting.command, inputs=[], seed=setting.seed, jobs=setting.jobs)
+    record = setting.record()
     study = carry_out(setting.seed, PROGRAMME, jobs=setting.jobs, progress=setting.progress)
     setting.progress(0.9, "judging and drawing")
     rows = judge_semp(study)

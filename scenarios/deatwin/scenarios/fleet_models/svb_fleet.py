@@ -19,7 +19,6 @@ from deatwin.scenarios.fleet_models.svb_figures import svb_drawings
 from deatwin.scenarios.fleet_models.tables import SHOWN, svb_tables
 from deatwin.scenarios.fleet_models.telling import tell
 from deatwin.scenarios.fleet_models.verdicts import judge_svb
-from deatwin.scenarios.provenance import RunRecord
 from deatwin.scenarios.report.story import StoryPage
 from deatwin.scenarios.stories import Setting
 
@@ -48,7 +47,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
     SimulationError
         If a film pulls in.
     """
-    record = RunRecord(command=setting.command, inputs=[], seed=setting.seed, jobs=setting.jobs)
+    record = setting.record()
     study = carry_out(setting.seed, PROGRAMME, jobs=setting.jobs, progress=setting.progress)
     setting.progress(0.9, "judging and drawing")
     rows = judge_svb(study)

@@ -20,7 +20,6 @@ from deatwin.scenarios.frequency_uncertainty.notes import answer, notes
 from deatwin.scenarios.frequency_uncertainty.study import Plan, Study, carry_out
 from deatwin.scenarios.frequency_uncertainty.tables import tables
 from deatwin.scenarios.frequency_uncertainty.verdicts import judge
-from deatwin.scenarios.provenance import RunRecord
 from deatwin.scenarios.report.story import StoryPage, write_story
 from deatwin.scenarios.stories import Setting
 
@@ -47,7 +46,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
     SimulationError
         If a film pulls in.
     """
-    record = RunRecord(command=setting.command, inputs=[], seed=setting.seed, jobs=setting.jobs)
+    record = setting.record()
     study = carry_out(setting.seed, PLAN, jobs=setting.jobs, progress=setting.progress)
     setting.progress(0.95, "judging and drawing")
     rows = judge(study)

@@ -180,7 +180,7 @@ class Job:
         try:
             facts: Any = json.loads(line)
             share, step = float(facts["share"]), str(facts.get("step", ""))
-        except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
             return
         self.share = min(max(share, self.share), 1.0)
         if step and share < 1.0 and (not self.steps or self.steps[-1][0] != step):

@@ -154,5 +154,5 @@ def _run(path: Path) -> dict[str, Any]:
             "inputs": {str(entry["file"]): str(entry["sha256"]) for entry in run["inputs"]},
             "seconds": float(run["seconds"]),
         }
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
         return {}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.narx.terms import Rule
-from deatwin.plant.errors import DataError
 from deatwin.plant.recording import Recording
+from deatwin.scenarios.real_data.tables import csv_columns, matlab_vectors, require_samples
 
 __all__ = ["Candidates", "DataSet", "buck", "cascaded_tanks", "emps", "silverbox", "silverbox_table"]
 
@@ -26,6 +26,8 @@ EMPS_DECIMATION = (10, 2)
 
 EMPS_EDGE = 20
 """Samples left out at either end."""
+EMPS_LEAST = 1000
+"""Samples that the filters need."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,7 +109,7 @@ def buck(folder: Path) -> DataSet:
     DataSet
     """
     files = tuple(folder / f"buck_{part}.csv" for part in ("id", "valid"))
-    tables = [_csv(file, ("input", "y")) for file in files]
+    tables = [csv_columns(file, ("input", "y")) for file in files]
     train, test = (_recording(t[:, 0], t[:, 1], 1e-5, ("V", "V"), file) for t, file in zip(tables, files, strict=True))
     return DataSet(
         name="buck", title="Buck converter", train=train, test=test, unit="V", scale=1.0, files=files,
@@ -129,6 +131,7 @@ def silverbox(folder: Path) -> DataSet:
     DataSet
     """
     table, file = silverbox_table(folder)
+    require_samples(file, len(table), MULTISINE.stop)
     whole = _recording(table[:, 0], table[:, 1], 1 / SILVERBOX_RATE, ("V", "V"), file)
     return DataSet(
         name="silverbox", title="Silverbox", unit="mV", scale=1e-3, files=(file,), parts=4,
@@ -203,13 +206,12 @@ def emps(folder: Path) -> DataSet:
 
 
 def _emps(path: Path) -> Recording:
-    from scipy.io import loadmat
     from scipy.signal import decimate
 
-    data: Mapping[str, Array] = loadmat(_required(path))
-    force = data["vir"].ravel() * float(data["gtau"].ravel()[0])
-    force = force + data["pulses_N"].ravel() if "pulses_N" in data else force
-    position, step = data["qm"].ravel(), 1e-3
+    data = matlab_vectors(path, ("vir", "qm"), single=("gtau",), optional=("pulses_N",))
+    require_samples(path, data["qm"].size, EMPS_LEAST)
+    force = data["vir"] * data["gtau"][0] + data.get("pulses_N", 0.0)
+    position, step = data["qm"], 1e-3
     for factor in EMPS_DECIMATION:
         force, position = (decimate(signal, factor, ftype="fir") for signal in (force, position))
         step *= factor
@@ -226,24 +228,8 @@ def _recording(inputs: Array, outputs: Array, step: float, units: tuple[str, str
 
 def _columns(folder: Path, stem: str, names: Sequence[str]) -> tuple[Array, Path]:
     """Columns of a set that is published both as CSV and as MAT, and the file that is there."""
-    from scipy.io import loadmat
-
     matlab = folder / f"{stem}.mat"
     file = folder / f"{stem}.csv"
     if file.is_file() or not matlab.is_file():
-        return _csv(file, names), file
-    data: Mapping[str, Array] = loadmat(matlab)
-    return np.column_stack([data[name].ravel() for name in names]).astype(float), matlab
-
-
-def _csv(file: Path, names: Sequence[str]) -> Array:
-    """Columns below one line of headers."""
-    with _required(file).open(encoding="utf-8") as lines:
-        headers = [name.strip('"') for name in next(lines).strip().split(",")]
-    return np.genfromtxt(file, delimiter=",", skip_header=1, usecols=[headers.index(name) for name in names])
-
-
-def _required(path: Path) -> Path:
-    if not path.is_file():
-        raise DataError(f"{path}: no such file; --data or DEATWIN_DATA must name the folder of public recordings")
-    return path
+        return csv_columns(file, names), file
+    return np.column_stack(list(matlab_vectors(matlab, names).values())), matlab

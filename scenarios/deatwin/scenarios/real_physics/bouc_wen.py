@@ -19,13 +19,12 @@ from deatwin.plant.builder import Builder
 from deatwin.plant.effects.base import Effect, Place
 from deatwin.plant.effects.hysteresis import Hysteresis
 from deatwin.plant.effects.sizes import Sizes
-from deatwin.plant.errors import DataError
-from deatwin.plant.files.formats.optional import require
 from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter, Scale
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.rigs.base import ReadingTime, Rig, StartProcedure
 from deatwin.scenarios.real_data.records import Candidates, DataSet
+from deatwin.scenarios.real_data.tables import hdf5_vectors, require_samples
 from deatwin.scenarios.real_physics.case import Case, HeldOut, Law, tell
 from deatwin.scenarios.real_physics.signals import derivatives, held
 from deatwin.scenarios.stories import Setting, data_folder
@@ -170,7 +169,8 @@ def case(folder: Path) -> Case:
     """
     train, test = (folder / f"{part}.h5" for part in ("train", "test"))
     (force, motion), (tested, moved), (swept, followed) = (
-        _signals(train, "multisine"), _signals(test, "multisine"), _signals(test, "sinesweep"),
+        _signals(train, "multisine", 4 * PERIOD), _signals(test, "multisine", PERIOD),
+        _signals(test, "sinesweep", PERIOD),
     )  # fmt: skip
     fitted = _experiment(held(force)[: 2 * PERIOD], motion[: 2 * PERIOD])
     rival = DataSet(
@@ -201,12 +201,10 @@ def case(folder: Path) -> Case:
     )  # fmt: skip
 
 
-def _signals(file: Path, name: str) -> tuple[Array, Array]:
-    h5py = require("h5py", "the Bouc-Wen benchmark")
-    if not file.is_file():
-        raise DataError(f"{file}: no such file; --data or DEATWIN_DATA must name the folder of public recordings")
-    with h5py.File(file) as data:
-        return tuple(np.asarray(data[name][key], dtype=float).ravel() for key in ("u", "y"))  # type: ignore[return-value]
+def _signals(file: Path, name: str, least: int) -> tuple[Array, Array]:
+    force, motion = hdf5_vectors(file, name, ("u", "y"))
+    require_samples(file, force.size, least)
+    return force, motion
 
 
 def _experiment(force: Array, motion: Array) -> Experiment:

@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 from deatwin.plant.builder import Builder
 from deatwin.plant.effects.base import Place
 from deatwin.plant.effects.sizes import Sizes
-from deatwin.plant.errors import DataError
 from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter, Scale
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.rigs.base import ReadingTime, Rig, StartProcedure
 from deatwin.scenarios.real_data.records import Candidates, DataSet
+from deatwin.scenarios.real_data.tables import matlab_vectors, require_samples
 from deatwin.scenarios.real_physics.case import Case, HeldOut, Law, tell
 from deatwin.scenarios.stories import Setting, data_folder
 
@@ -164,13 +164,10 @@ def case(folder: Path) -> Case:
 
 
 def _recording(file: Path) -> Recording:
-    from scipy.io import loadmat
-
-    if not file.is_file():
-        raise DataError(f"{file}: no such file; --data or DEATWIN_DATA must name the folder of public recordings")
-    data: Mapping[str, Array] = loadmat(file)
-    reference, position = data["qg"].ravel(), data["qm"].ravel()
-    extras = {"pulse_V": data["pulses_N"].ravel().astype(float)} if "pulses_N" in data else {}
+    data = matlab_vectors(file, ("qg", "qm"), optional=("pulses_N",))
+    reference, position = data["qg"], data["qm"]
+    require_samples(file, position.size, FITTED + 1)
+    extras = {"pulse_V": data["pulses_N"]} if "pulses_N" in data else {}
     return Recording.from_arrays(
         np.append((reference[1:] + reference[:-1]) / 2, reference[-1]), position, 1e-3, input_names=("reference",),
         output_names=("position",), input_units=("m",), output_units=("m",), extras=extras,
@@ -198,11 +195,10 @@ def _black_box(train: Recording, test: Recording, files: tuple[Path, ...], first
 
 def _law(amended: Plant, judged: Recording, file: Path) -> Law:
     """What the recorded motor voltage, which holds the pulses, has left after inertia, viscosity and offset."""
-    from scipy.io import loadmat
     from scipy.signal import butter, filtfilt
 
     step, p = judged.sample_time, {name: q.value for name, q in amended.parameters.items()}
-    volts, position = loadmat(file)["vir"].ravel(), judged.outputs[0]
+    volts, position = matlab_vectors(file, ("vir",))["vir"], judged.outputs[0]
     low = butter(2, 2 * SMOOTH * step)
     position, volts = (filtfilt(*low, x) for x in (position, volts))
     velocity = np.gradient(position, step)

@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from deatwin.scenarios.provenance import RunRecord
 from deatwin.scenarios.report.story import Note, StoryPage, write_story
 from deatwin.scenarios.stories import Setting
 from deatwin.scenarios.svb_benchmark.figures import drawings, table_text
 from deatwin.scenarios.svb_benchmark.methods import METHODS
+from deatwin.scenarios.svb_benchmark.record import CASES
 from deatwin.scenarios.svb_benchmark.study import SWEPT, Plan, Study, carry_out
 from deatwin.scenarios.svb_benchmark.tables import tables
 from deatwin.scenarios.svb_benchmark.trials import Rate, Trial, as_csv
@@ -35,18 +35,23 @@ def run(setting: Setting) -> Mapping[str, Any]:
     Parameters
     ----------
     setting : Setting
-        Folder, seed and the like; no public recordings are needed. What a method has chosen is written whenever it is
-        through with a system, so that an interrupted run leaves that.
+        Folder, seed and the like; no public recordings are needed. Each draw is written when it is through: an
+        interrupted run goes on with the same command.
 
     Returns
     -------
     mapping
         The measures with what they demand and reach, all rates, and a sentence.
+
+    Raises
+    ------
+    DataError
+        If the folder was begun with another seed, plan, code or version.
     """
-    record = RunRecord(command=setting.command, inputs=[], seed=setting.seed, jobs=setting.jobs)
-    study = carry_out(
-        setting.seed, PLAN, jobs=setting.jobs, tell=setting.progress, keep=lambda trials: _keep(setting, trials)
-    )
+    record = setting.record()
+    setting.folder.written.extend(("seal.json", CASES))  # draws are there as soon as they are through
+    study = carry_out(setting.folder.path, setting.seed, PLAN, jobs=setting.jobs, tell=setting.progress)
+    _list(setting, study.trials)
     rows = judge(study)
     reached = sum(row.passed for row in rows)
     sentence = (
@@ -67,13 +72,11 @@ def run(setting: Setting) -> Mapping[str, Any]:
     return result
 
 
-def _keep(setting: Setting, trials: Sequence[Trial]) -> None:
-    """Write what there is: the trials, and their times apart, because these differ between equal runs."""
-    written = list(setting.folder.written)
+def _list(setting: Setting, trials: Sequence[Trial]) -> None:
+    """Write the trials, and their times apart, because these differ between equal runs."""
     setting.folder.text("trials.csv", as_csv(trials))
     times = [(t.system, t.method, t.number, f"{t.seconds:.4f}") for t in trials]
     setting.folder.text("times.csv", table_text(("system", "method", "draw", "time_s"), times))
-    setting.folder.written[:] = dict.fromkeys([*written, "trials.csv", "times.csv"])
 
 
 def _rate(rate: Rate) -> dict[str, Any]:

@@ -9,8 +9,9 @@ the best of its neighbours.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,6 +60,26 @@ class Contrast:
     redraws: int
     snr_db: float
     condition: float
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Self:
+        """The contrast of plain data, as `dataclasses.asdict` makes it.
+
+        Parameters
+        ----------
+        data : mapping
+            By field.
+
+        Returns
+        -------
+        Contrast
+
+        Raises
+        ------
+        KeyError, TypeError
+            If it is none.
+        """
+        return cls(**{**data, "full": Margin(**data["full"]), "near": Margin(**data["near"])})
 
 
 @dataclass(frozen=True, kw_only=True)

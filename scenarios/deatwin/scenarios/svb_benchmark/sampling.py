@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,6 +64,28 @@ class Comparison:
     mass_given: Array
     seconds: float
     sampled_seconds: float
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Self:
+        """The comparison of plain data.
+
+        Parameters
+        ----------
+        data : mapping
+            By field, arrays as lists.
+
+        Returns
+        -------
+        Comparison
+
+        Raises
+        ------
+        KeyError, TypeError, ValueError
+            If it is none.
+        """
+        names = {key: tuple(data[key]) for key in ("terms", "sampled", "chosen")}
+        numbers = {k: np.array(v, dtype=float) for k, v in data.items() if isinstance(v, list) and k not in names}
+        return cls(**{**data, **numbers, **names})
 
     @property
     def common(self) -> tuple[str, ...]:

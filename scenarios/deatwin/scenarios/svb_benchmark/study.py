@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from itertools import product
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from functools import partial
+from itertools import chain
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.narx.systems import SYSTEMS
-from deatwin.ident.parallel import run_jobs
-from deatwin.scenarios.svb_benchmark.coverage import ESTIMATORS, VARIATIONAL, covered
+from deatwin.scenarios.svb_benchmark.cases import Answer, Case, Covering, Noisy, Sampled, Tried
+from deatwin.scenarios.svb_benchmark.coverage import ESTIMATORS, VARIATIONAL
 from deatwin.scenarios.svb_benchmark.methods import METHODS
-from deatwin.scenarios.svb_benchmark.oracle import Contrast, contrast
-from deatwin.scenarios.svb_benchmark.sampling import Comparison, compare
-from deatwin.scenarios.svb_benchmark.trials import Trial, try_out
+from deatwin.scenarios.svb_benchmark.oracle import Contrast
+from deatwin.scenarios.svb_benchmark.record import Draws
+from deatwin.scenarios.svb_benchmark.sampling import Comparison
+from deatwin.scenarios.svb_benchmark.trials import Trial
+from deatwin.scenarios.sweep.run import run_sweep
 
-__all__ = ["DRAWS", "LEVELS", "SWEPT", "Level", "Plan", "Study", "carry_out"]
+__all__ = ["DRAWS", "LEVELS", "SWEPT", "Level", "Plan", "Study", "carry_out", "cases_of"]
 
 Flags = NDArray[np.bool_]
 
@@ -125,13 +129,13 @@ class Study:
         return [trial for trial in self.trials if (trial.system, trial.method) == (system, method)]
 
 
-def carry_out(
-    seed: int, plan: Plan, *, jobs: int, tell: Callable[[float, str], None], keep: Callable[[Sequence[Trial]], None]
-) -> Study:
-    """Do it all.
+def carry_out(folder: Path, seed: int, plan: Plan, *, jobs: int, tell: Callable[[float, str], None]) -> Study:
+    """Run every case that the folder does not hold yet, and put all together.
 
     Parameters
     ----------
+    folder : path
+        For the cases.
     seed : int
         Of the study.
     plan : Plan
@@ -140,80 +144,90 @@ def carry_out(
         Worker processes; -1 takes all cores.
     tell : callable
         Takes the share that is done and what is being done.
-    keep : callable
-        Takes all trials of hit rates so far, each time a method is through with a system.
 
     Returns
     -------
     Study
+
+    Raises
+    ------
+    DataError
+        If the folder was begun with another seed, plan, code or version, or holds a malformed case.
     """
-    runner = _Runner(seed, plan, jobs, tell)
-    trials: list[Trial] = []
-    for system, method in product(plan.systems, plan.methods):
-        trials += runner.run(f"{system}, {METHODS[method].label}", try_out, system, method, draws=plan.draws)
-        keep(trials)
-    contrasts = {
-        system: tuple(runner.run(f"{system}, oracle", contrast, system, draws=plan.draws)) for system in plan.systems
-    }
+    cases = {case.name: case for case in cases_of(plan)}
+    store = Draws(folder, seed, asdict(plan))
+    for name in store.names() & set(cases):
+        store.answer(name)  # a bad one is told of at once
+    efforts = {name: case.effort for name, case in cases.items()}
+    run_sweep(partial(_answered, seed), cases, store, jobs=jobs, tell=tell, efforts=efforts)
+    return _study(plan, {case: store.answer(name) for name, case in cases.items()})
+
+
+def cases_of(plan: Plan) -> list[Case]:
+    """All cases.
+
+    Parameters
+    ----------
+    plan : Plan
+        What to do.
+
+    Returns
+    -------
+    list of Case
+        In the order in which they are run.
+    """
+    tried = (case for system in plan.systems for case in _tried(plan, system))
+    noisy = (case for variance in plan.levels for case in _noisy(plan, variance))
+    return [*tried, *_covering(plan), *noisy, *_sampled(plan)]
+
+
+def _answered(seed: int, case: Case) -> dict[str, Any]:
+    return case.answer(seed).to_dict()
+
+
+def _tried(plan: Plan, system: str) -> list[Tried]:
+    return [Tried(system=system, number=n, methods=plan.methods) for n in range(plan.draws)]
+
+
+def _covering(plan: Plan) -> list[Covering]:
+    return [Covering(system=name, draws=plan.draws, estimators=several) for name, several in COVERAGE.items()]
+
+
+def _noisy(plan: Plan, variance: float) -> list[Noisy]:
+    return [
+        Noisy(system=SWEPT, variance=variance, number=n, methods=plan.bayesian) for n in range(plan.swept_draws)
+    ]
+
+
+def _sampled(plan: Plan) -> list[Sampled]:
+    return [Sampled(system="S4", number=n, method=plan.bayesian[-1]) for n in range(plan.sampled_draws)]
+
+
+def _study(plan: Plan, found: Mapping[Case, Answer]) -> Study:
+    tried = {system: [found[case] for case in _tried(plan, system)] for system in plan.systems}
     return Study(
         plan=plan,
-        trials=tuple(trials),
-        contrasts=contrasts,
-        covered={
-            (system, estimator): np.array(
-                runner.run(f"{system}, coverage", covered, system, estimator, draws=plan.draws)
-            )
-            for system, estimators in COVERAGE.items()
-            for estimator in estimators
+        trials=tuple(trial for answers in tried.values() for trial in _by_method(answers)),
+        contrasts={
+            system: tuple(answer.contrast for answer in answers if answer.contrast is not None)
+            for system, answers in tried.items()
         },
-        levels=tuple(_level(runner, plan, variance) for variance in plan.levels),
+        covered={
+            (case.system, estimator): flags
+            for case in _covering(plan) for estimator, flags in found[case].covered.items()
+        },
+        levels=tuple(_level(variance, [found[case] for case in _noisy(plan, variance)]) for variance in plan.levels),
         comparisons=tuple(
-            runner.run("S4, sampler", compare, "S4", plan.bayesian[-1], draws=plan.sampled_draws)
+            answer.comparison for answer in map(found.__getitem__, _sampled(plan)) if answer.comparison is not None
         ),
-    )
+    )  # fmt: skip
 
 
-def _level(runner: _Runner, plan: Plan, variance: float) -> Level:
-    trials: list[Trial] = []
-    for method in plan.bayesian:
-        text = f"{SWEPT} at {variance:g}, {METHODS[method].label}"
-        trials += runner.run(text, try_out, SWEPT, method, draws=plan.swept_draws, last=(variance,))
-    flags = runner.run(
-        f"{SWEPT}, coverage", covered, SWEPT, VARIATIONAL, draws=plan.swept_draws, last=(variance,)
-    )
-    return Level(variance=variance, trials=tuple(trials), covered=np.array(flags))
+def _level(variance: float, answers: Sequence[Answer]) -> Level:
+    flags = np.concatenate([answer.covered[VARIATIONAL] for answer in answers])
+    return Level(variance=variance, trials=tuple(_by_method(answers)), covered=flags)
 
 
-class _Runner:
-    """Runs a function on numbered draws, and tells how much of all is done."""
-
-    def __init__(self, seed: int, plan: Plan, jobs: int, tell: Callable[[float, str], None]) -> None:
-        self.seed, self.jobs, self.tell = seed, jobs, tell
-        self.done = 0.0
-        self.total = plan.draws * sum(_effort(try_out, *names) for names in product(plan.systems, plan.methods))
-        self.total += plan.draws * sum(_effort(contrast, system) for system in plan.systems)
-        self.total += plan.draws * sum(len(names) * _effort(covered, system) for system, names in COVERAGE.items())
-        swept = sum(_effort(try_out, SWEPT, method) for method in plan.bayesian) + _effort(covered, SWEPT)
-        self.total += len(plan.levels) * plan.swept_draws * swept
-        self.total += plan.sampled_draws * _effort(compare, "S4")
-
-    def run(
-        self, text: str, function: Callable[..., Any], *names: str, draws: int, last: tuple[Any, ...] = ()
-    ) -> list[Any]:
-        """Call the function for each draw with names, seed, number and what comes last."""
-        before, effort = self.done, _effort(function, *names)
-
-        def finished(count: int) -> None:
-            self.done = before + effort * count
-            self.tell(min(self.done / self.total, 1.0), text)
-
-        tasks = [(*names, self.seed, number, *last) for number in range(draws)]
-        return run_jobs(function, tasks, workers=self.jobs, finished=finished)
-
-
-def _effort(function: Callable[..., Any], system: str, method: str = "") -> float:
-    """Return how many seconds a draw takes, about."""
-    large = SYSTEMS[system].degree > 3
-    if function is try_out:
-        return METHODS[method].efforts[large]
-    return {contrast: (0.03, 0.4)[large], covered: 0.003, compare: 2.0}[function]
+def _by_method(answers: Sequence[Answer]) -> Iterator[Trial]:
+    """All trials of the first method, then all of the second, and so on."""
+    return chain.from_iterable(zip(*(answer.trials for answer in answers), strict=True))

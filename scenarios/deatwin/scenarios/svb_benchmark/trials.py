@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -102,6 +103,27 @@ class Trial:
     false: int
     seconds: float
     failure: str = ""
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Self:
+        """The trial of plain data, as `dataclasses.asdict` makes it and as a file gives it back.
+
+        Parameters
+        ----------
+        data : mapping
+            By field.
+
+        Returns
+        -------
+        Trial
+
+        Raises
+        ------
+        TypeError
+            If it is none.
+        """
+        fields: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in data.items()}
+        return cls(**fields)
 
     @property
     def kept(self) -> bool:

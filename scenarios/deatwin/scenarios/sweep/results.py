@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from deatwin.plant.errors import DataError
+from deatwin.scenarios.sweep.casefile import replacing
 from deatwin.scenarios.sweep.seal import SweepSeal
 from deatwin.scenarios.sweep.store import CaseStore, read_seal
 
@@ -98,14 +99,14 @@ class Study:
         ----------
         path : path
             The file; needs h5netcdf (the extra ``files``).
+
+        Raises
+        ------
+        DataError
+            As `to_xarray`, or if it cannot be written.
         """
-        target = Path(path)
-        half = target.with_name(f".{target.name}.half")
-        try:
+        with replacing(Path(path)) as half:
             self.to_xarray().to_netcdf(half, engine="h5netcdf")
-            half.replace(target)
-        finally:
-            half.unlink(missing_ok=True)
 
 
 def open_study(folder: Path | str) -> Study:

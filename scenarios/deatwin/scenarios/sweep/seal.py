@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import json
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
 from pathlib import Path
-from typing import Any, Protocol, Self
+from typing import Any, Self
 
 from deatwin.plant.errors import DataError
 
@@ -18,50 +19,66 @@ __all__ = ["Sealed", "SweepSeal", "digest", "sources_digest"]
 SCHEMA = "deatwin/sweep-seal/1"
 
 
-class Sealed(Protocol):
-    """What a store asks of a seal."""
+class Sealed(ABC):
+    """Everything that must not change between the first case of a sweep and its last; each case bears its hash."""
 
     @property
-    def hash(self) -> str:
-        """SHA-256 of everything that must not change."""
+    @abstractmethod
+    def content(self) -> dict[str, Any]:
+        """What must not change, as plain data."""
 
-    def to_dict(self) -> dict[str, Any]:
-        """The content of ``seal.json``."""
+    @property
+    @abstractmethod
+    def case_schema(self) -> str:
+        """Of the files of the cases, such as ``deatwin/study-case/1``."""
+
+    @abstractmethod
+    def described(self) -> dict[str, Any]:
+        """The content of ``seal.json`` without the hash."""
 
     @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> Self:
-        """The seal that `to_dict` described, of its data."""
+    @abstractmethod
+    def read(cls, data: Mapping[str, Any]) -> Self:
+        """The seal that `described` described.
 
-    def require_same(self, other: Self, where: Path) -> None:
-        """Raise DataError, which says where and what differs, if cases of this and other may not stand together."""
+        Parameters
+        ----------
+        data : mapping
+            Content of ``seal.json``; of its hash nothing is asked.
 
-    def stamp(self, name: str) -> dict[str, Any]:
-        """What the file of a case of this name begins with."""
+        Returns
+        -------
+        Sealed
 
+        Raises
+        ------
+        KeyError, TypeError, ValueError
+            If it is none.
+        """
 
-@dataclass(frozen=True, kw_only=True)
-class SweepSeal:
-    """What must not change between the first case and the last.
+    @abstractmethod
+    def changes(self, other: Self) -> str:
+        """What of another seal is no longer so, in words.
 
-    Parameters
-    ----------
-    schema : str
-        Of the files of the cases, such as ``deatwin/study-case/1``.
-    parts : mapping of str to plain data
-        Code (its hash), versions, seed, settings: each by its name.
-    """
+        Parameters
+        ----------
+        other : Sealed
+            Found in a folder.
 
-    schema: str
-    parts: Mapping[str, Any]
+        Returns
+        -------
+        str
+            Empty if cases of both may stand together.
+        """
 
     @cached_property
     def hash(self) -> str:
         """SHA-256 of everything that must not change; each case bears it."""
-        return digest({"schema": self.schema, "parts": dict(self.parts)})
+        return digest(self.content)
 
     def to_dict(self) -> dict[str, Any]:
         """The content of ``seal.json``."""
-        return {"schema": SCHEMA, "cases": self.schema, "parts": dict(self.parts), "hash": self.hash}
+        return {**self.described(), "hash": self.hash}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
@@ -74,7 +91,7 @@ class SweepSeal:
 
         Returns
         -------
-        SweepSeal
+        Sealed
 
         Raises
         ------
@@ -82,19 +99,21 @@ class SweepSeal:
             If it is none, or its hash is not that of its content.
         """
         try:
-            seal, stated = cls(schema=data["cases"], parts=dict(data["parts"])), data["hash"]
+            seal, stated = cls.read(data), data["hash"]
         except (KeyError, TypeError, ValueError) as error:
-            raise DataError(f"this is no seal of a sweep: {error!r}") from None
+            raise DataError(f"this is no seal of a study that this version can go on with: {error!r}") from None
         if seal.hash != stated:
-            raise DataError(f"the seal was altered: it states the hash {stated[:12]}, its content has {seal.hash[:12]}")
+            raise DataError(
+                f"the seal was altered: it states the hash {_short(stated)}, its content has {seal.hash[:12]}"
+            )
         return seal
 
-    def require_same(self, other: SweepSeal, where: Path) -> None:
+    def require_same(self, other: Self, where: Path) -> None:
         """Refuse to mix cases that were run under different seals.
 
         Parameters
         ----------
-        other : SweepSeal
+        other : Sealed
             Found in the folder.
         where : path
             The folder, for the message.
@@ -102,17 +121,13 @@ class SweepSeal:
         Raises
         ------
         DataError
-            Naming each part that differs, as it was and as it is.
+            Naming what differs.
         """
-        if self.hash == other.hash:
-            return
-        mine, theirs = {"schema": self.schema, **self.parts}, {"schema": other.schema, **other.parts}
-        changed = [name for name in {**theirs, **mine} if digest(mine.get(name)) != digest(theirs.get(name))]
-        words = "; ".join(f"{name}: {_short(theirs.get(name))} there, {_short(mine.get(name))} now" for name in changed)
-        raise DataError(
-            f"{where} was begun under another seal ({words}): its cases cannot be mixed with new ones; go on with what "
-            "began it, or take an empty folder"
-        )
+        if changed := self.changes(other):
+            raise DataError(
+                f"{where} was begun under another seal ({changed}): its cases cannot be mixed with new ones; go on "
+                "with what began it, or take an empty folder"
+            )
 
     def stamp(self, name: str) -> dict[str, Any]:
         """What the file of a case begins with.
@@ -127,7 +142,74 @@ class SweepSeal:
         dict
             Schema, hash of the seal, name.
         """
-        return {"schema": self.schema, "seal": self.hash, "name": name}
+        return {"schema": self.case_schema, "seal": self.hash, "name": name}
+
+
+@dataclass(frozen=True, kw_only=True)
+class SweepSeal(Sealed):
+    """What must not change between the first case and the last.
+
+    Parameters
+    ----------
+    schema : str
+        Of the files of the cases, such as ``deatwin/study-case/1``.
+    parts : mapping of str to plain data
+        Code (its hash), versions, seed, settings: each by its name.
+    """
+
+    schema: str
+    parts: Mapping[str, Any]
+
+    @property
+    def content(self) -> dict[str, Any]:
+        """Schema and parts."""
+        return {"schema": self.schema, "parts": dict(self.parts)}
+
+    @property
+    def case_schema(self) -> str:
+        """The schema that it was given."""
+        return self.schema
+
+    def described(self) -> dict[str, Any]:
+        """The content of ``seal.json`` without the hash."""
+        return {"schema": SCHEMA, "cases": self.schema, "parts": dict(self.parts)}
+
+    @classmethod
+    def read(cls, data: Mapping[str, Any]) -> Self:
+        """The seal that `described` described.
+
+        Parameters
+        ----------
+        data : mapping
+            Content of ``seal.json``; of its hash nothing is asked.
+
+        Returns
+        -------
+        SweepSeal
+
+        Raises
+        ------
+        KeyError, TypeError, ValueError
+            If it is none.
+        """
+        return cls(schema=data["cases"], parts=dict(data["parts"]))
+
+    def changes(self, other: Self) -> str:
+        """Each part that differs, as it was and as it is.
+
+        Parameters
+        ----------
+        other : SweepSeal
+            Found in a folder.
+
+        Returns
+        -------
+        str
+            Empty if nothing differs.
+        """
+        mine, theirs = {"schema": self.schema, **self.parts}, {"schema": other.schema, **other.parts}
+        changed = [name for name in {**theirs, **mine} if digest(mine.get(name)) != digest(theirs.get(name))]
+        return "; ".join(f"{name}: {_short(theirs.get(name))} there, {_short(mine.get(name))} now" for name in changed)
 
 
 def digest(data: Any) -> str:

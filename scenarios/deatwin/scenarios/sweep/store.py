@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 import os
 import re
 import time
@@ -15,6 +14,9 @@ from typing import Any, Generic, TypeVar
 
 from deatwin.plant.errors import DataError
 from deatwin.plant.files import write_text_atomic
+from deatwin.plant.intake import clipped
+from deatwin.scenarios.sweep.casefile import CASE_ENDING, read_case, write_case
+from deatwin.scenarios.sweep.kept import read_object
 from deatwin.scenarios.sweep.lock import alone
 from deatwin.scenarios.sweep.seal import Sealed
 
@@ -22,6 +24,7 @@ __all__ = ["CaseStore", "read_seal"]
 
 SEAL_FILE = "seal.json"
 RUNNING = "running"
+FORMER = ".json"
 SIDE_BY_SIDE = 2000
 """Up to so many cases lie in one folder; more are spread."""
 GRACE = 1.0
@@ -35,8 +38,9 @@ S = TypeVar("S", bound=Sealed)
 class CaseStore(Generic[S]):
     """The cases of a sealed sweep.
 
-    Any number of processes may write into it. A case is a JSON file in the folder ``cases``; where there are to be
-    many, they are spread over 256 folders in it, ``00`` to ``ff``, by the first digits of the SHA-256 of their names.
+    Any number of processes may write into it. A case is a NetCDF file in the folder ``cases``; where there are to
+    be many, they are spread over 256 folders in it, ``00`` to ``ff``, by the first digits of the SHA-256 of their
+    names.
 
     Parameters
     ----------
@@ -54,9 +58,6 @@ class CaseStore(Generic[S]):
     DataError
         If the folder was begun under another seal, or holds cases but no seal.
     """
-
-    indent: int | None = None
-    """Of the files; without one they are written fastest."""
 
     def __init__(self, folder: Path | str, seal: S, *, cases: str = "cases", expected: int = 0) -> None:
         self.seal, self.folder = seal, Path(folder).absolute()
@@ -94,7 +95,8 @@ class CaseStore(Generic[S]):
         name : str
             Of the case.
         result : mapping
-            Plain data; a number that is not finite becomes null.
+            Plain data: mappings with texts as keys, lists, texts, numbers, truth values, None. All is read back as it
+            was.
 
         Raises
         ------
@@ -106,8 +108,7 @@ class CaseStore(Generic[S]):
         path = self.path(name)
         if path.exists():
             return
-        content = {**self.seal.stamp(name), **_finite(dict(result))}
-        write_text_atomic(path, json.dumps(content, indent=self.indent, ensure_ascii=False, allow_nan=False) + "\n")
+        write_case(path, {**self.seal.stamp(name), **result})
 
     def get(self, name: str) -> dict[str, Any]:
         """Read the result of a case.
@@ -125,18 +126,11 @@ class CaseStore(Generic[S]):
         Raises
         ------
         DataError
-            If there is none, it is no JSON, or it was run under another seal.
+            If there is none, it is damaged or no file of a case, or it was run under another seal.
         """
         path = self.path(name)
-        try:
-            found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-            stamped = {key: found.get(key) for key in self.seal.stamp(name)}
-        except OSError:
-            raise DataError(f"{path}: this case has not been run") from None
-        except json.JSONDecodeError as error:
-            raise DataError(f"{path}: line {error.lineno}: {error.msg}; {_HOLD}") from None
-        except (ValueError, AttributeError):
-            raise DataError(f"{path}: {_HOLD}") from None
+        found = read_case(path)
+        stamped = {key: found.get(key) for key in self.seal.stamp(name)}
         if stamped != self.seal.stamp(name):
             raise DataError(f"{path}: this case was run under another seal than {SEAL_FILE} states")
         return found
@@ -156,11 +150,23 @@ class CaseStore(Generic[S]):
         return self.path(name).exists()
 
     def names(self) -> set[str]:
-        """The cases that are through."""
+        """The cases that are through.
+
+        Raises
+        ------
+        DataError
+            If there are JSON files, which former versions wrote.
+        """
         found: set[str] = set()
         for folder in self._folders():
             with os.scandir(folder) as entries:
-                found.update(e.name[:-5] for e in entries if e.name.endswith(".json") and e.name[0] != ".")
+                there = [entry.name for entry in entries if entry.name[0] != "."]
+            if any(file.endswith(FORMER) for file in there):
+                raise DataError(
+                    f"{folder} holds cases as JSON files, as former versions wrote them: go on with the version that "
+                    "began it, or take an empty folder"
+                )
+            found.update(file.removesuffix(CASE_ENDING) for file in there if file.endswith(CASE_ENDING))
         return found
 
     def missing(self, names: Sequence[str]) -> list[str]:
@@ -210,7 +216,7 @@ class CaseStore(Generic[S]):
         if not NAME.fullmatch(name):
             raise DataError(f"a case cannot be called {name!r}: letters, digits and _ . + - only, 200 at most")
         folder = self.cases / hashlib.sha256(name.encode()).hexdigest()[:2] if self.spread else self.cases
-        return folder / f"{name}.json"
+        return folder / f"{name}{CASE_ENDING}"
 
     @contextmanager
     def running(self, name: str) -> Iterator[None]:
@@ -250,7 +256,7 @@ class CaseStore(Generic[S]):
                 time.sleep(GRACE)
             for folder in self._folders():
                 with os.scandir(folder) as entries:
-                    halves = [e.path for e in entries if e.name[0] == "." and ".json." in e.name]
+                    halves = [e.path for e in entries if e.name[0] == "." and f"{CASE_ENDING}." in e.name]
                 for half in halves:
                     with suppress(OSError):
                         os.unlink(half)
@@ -264,9 +270,6 @@ class CaseStore(Generic[S]):
             return (self.folder / SEAL_FILE).read_text(encoding="utf-8")
         except OSError:
             return ""
-
-
-_HOLD = "it must hold the result of a case: delete it, and the case is run again"
 
 
 def read_seal(kind: type[S], folder: Path | str) -> S:
@@ -286,21 +289,11 @@ def read_seal(kind: type[S], folder: Path | str) -> S:
     Raises
     ------
     DataError
-        If it has none.
+        If it has none, or it is damaged or was altered.
     """
     path = Path(folder) / SEAL_FILE
+    found = read_object(path, "the seal of a study; a study is sealed before its first case")
     try:
-        return kind.from_dict(json.loads(path.read_text(encoding="utf-8")))
-    except OSError:
-        raise DataError(f"{path}: no such file; a study is sealed before its first case") from None
-    except json.JSONDecodeError as error:
-        raise DataError(f"{path}: line {error.lineno}: {error.msg}; it must hold the seal of a study") from None
-
-
-def _finite(data: Any) -> Any:
-    """Plain data without what JSON does not know: what is not finite becomes null."""
-    if isinstance(data, dict):
-        return {key: _finite(value) for key, value in data.items()}
-    if isinstance(data, (list, tuple)):
-        return [_finite(value) for value in data]
-    return None if isinstance(data, float) and not math.isfinite(data) else data
+        return kind.from_dict(found)
+    except DataError as error:
+        raise DataError(f"{path}: {clipped(error, 400)}") from None

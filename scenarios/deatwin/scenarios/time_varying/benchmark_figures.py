@@ -22,6 +22,7 @@ from deatwin.scenarios.time_varying.figure_parts import (
     draw_band,
     draw_map,
     filled,
+    ink_on,
     map_columns,
     share_bar,
 )
@@ -213,10 +214,9 @@ def _coverage(benchmark: Benchmark) -> tuple[Drawing, Columns]:
             )
             for i, time in enumerate(benchmark.coverage_times):
                 for j in places:
-                    dark = share[i, j] < 93
                     axes.text(
                         time, j, f"{share[i, j]:.0f}", ha="center", va="center", fontsize=7,
-                        color="white" if dark else "black",
+                        color=ink_on(mesh, share[i, j]),
                     )  # fmt: skip
             axes.set_yticks(places, [f"{f:g}" for f in benchmark.coverage_Hz])
             name = "$H_1$" if order == 1 else "$H_2$, f₂ = f₁"

@@ -24,6 +24,7 @@ __all__ = [
     "draw_band",
     "draw_map",
     "filled",
+    "ink_on",
     "map_columns",
     "share_bar",
 ]
@@ -55,6 +56,26 @@ def draw_map(axes: Axes, timepts: Array, frequencies: Array, values: Array, **ho
     """
     axes.grid(False)
     return axes.pcolormesh(timepts, frequencies, values.T, shading="nearest", rasterized=True, **how)
+
+
+def ink_on(mesh: Any, value: float) -> str:
+    """Colour of words on a cell of a map: the one of black and white that stands out more.
+
+    Parameters
+    ----------
+    mesh : matplotlib QuadMesh
+        The map.
+    value : float
+        Of the cell.
+
+    Returns
+    -------
+    str
+        A shade beside the grey one: greys follow the page into the dark, and the map does not.
+    """
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in mesh.to_rgba(value)[:3]]
+    luminance = 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]  # WCAG 2
+    return "#000001" if (luminance + 0.05) ** 2 > 1.05 * 0.05 else "#fffffe"
 
 
 def share_bar(figure: Figure, mesh: Any, panels: Sequence[Axes], label: str) -> None:

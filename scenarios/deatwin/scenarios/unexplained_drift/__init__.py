@@ -12,33 +12,30 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from deatwin.ident.parallel import run_jobs
 from deatwin.plant.fleet import fleet
 from deatwin.scenarios.provenance import RunRecord
 from deatwin.scenarios.report.quantities import quantity, with_interval
 from deatwin.scenarios.report.story import Note, StoryPage, Table, write_story
 from deatwin.scenarios.stories import Setting
+from deatwin.scenarios.sweep.seal import SweepSeal
 from deatwin.scenarios.unexplained_drift import figures
 from deatwin.scenarios.unexplained_drift.argument import notes, rows_of, sentence_of, table_of
-from deatwin.scenarios.unexplained_drift.examine import Finding, examine
-from deatwin.scenarios.unexplained_drift.recordings import VISITS, case_of
-from deatwin.scenarios.unexplained_drift.repeatability import Group, try_out
+from deatwin.scenarios.unexplained_drift.recordings import VISITS
 from deatwin.scenarios.unexplained_drift.score import Judged, Mark, judged, measures
-from deatwin.scenarios.unexplained_drift.sealed import SEAL_FILE, Key, opened
+from deatwin.scenarios.unexplained_drift.sealed import Key, opened
+from deatwin.scenarios.unexplained_drift.study import CASES, Answers, Study, carry_out
 
 __all__ = ["run"]
 
-SHARE = 0.7
-"""Of the time, for the diagnoses."""
-
 
 def run(setting: Setting) -> Mapping[str, Any]:
-    """Record, seal, diagnose, open, count; then try out the argument.
+    """Seal, record, diagnose and try out the argument; then open and count.
 
     Parameters
     ----------
     setting : Setting
-        Folder, seed and the like; no public recordings are needed.
+        Folder, seed and the like; no public recordings are needed. Each diagnosis and each run of the argument is
+        written when it is through: an interrupted story goes on with the same command.
 
     Returns
     -------
@@ -48,49 +45,31 @@ def run(setting: Setting) -> Mapping[str, Any]:
     Raises
     ------
     DataError
-        If the key is not the one that was sealed, or what decides has changed since.
+        If the folder was begun with another seed, key, code or version, or these have changed since.
     SimulationError
         If a film pulls in.
     """
-    record = RunRecord(command=setting.command, inputs=[], seed=setting.seed, jobs=setting.jobs)
-    seal = Key.of(fleet(setting.seed)).seal(setting.seed)
-    setting.folder.text(SEAL_FILE, json.dumps(seal, indent=1) + "\n")
-    findings = _diagnosed(setting)
+    record = setting.record()
+    setting.folder.written.extend(("seal.json", CASES))  # cases are there as soon as they are through
+    answers = Answers(setting.folder.path, Key.of(fleet(setting.seed)).seal(setting.seed))
+    study = carry_out(
+        answers, setting.seed, setting.command, setting.jobs,
+        lambda share, text: setting.progress(0.95 * share, text),
+    )  # fmt: skip
+    setting.folder.written.extend(study.files)
     key = opened(setting.folder.path, setting.seed)
-    scores = judged(findings, key)
+    scores = judged(study.findings, key)
     setting.folder.text("key.json", json.dumps(key.drifts, indent=1) + "\n")
-    groups = try_out(
-        setting.seed, setting.jobs,
-        lambda count, total: setting.progress(SHARE + (0.95 - SHARE) * count / total, "trying out the argument"),
-    )  # fmt: skip
     setting.progress(0.95, "drawing")
-    return _written(setting, record, findings, scores, groups, seal)
-
-
-def _diagnosed(setting: Setting) -> list[Finding]:
-    """Record and diagnose, several actuators at a time; no diagnosis sees more than its case."""
-    setting.progress(0.0, "recording six actuators")
-    cases = run_jobs(case_of, [(a,) for a in fleet(setting.seed)], workers=setting.jobs)
-    names = [f"diagnoses/{case.name.lower().replace(' ', '')}" for case in cases]
-    tasks = [
-        (case, setting.folder.path / name, tuple(setting.command), setting.seed)
-        for case, name in zip(cases, names, strict=True)
-    ]
-    done = run_jobs(
-        examine, tasks, workers=setting.jobs,
-        finished=lambda count: setting.progress(SHARE * count / len(tasks), "diagnosing six actuators"),
-    )  # fmt: skip
-    for name, (_, files) in zip(names, done, strict=True):
-        setting.folder.written.extend(f"{name}/{file}" for file in files)
-    return [finding for finding, _ in done]
+    return _written(setting, record, study, scores, answers.seal)
 
 
 def _written(
-    setting: Setting, record: RunRecord, findings: Sequence[Finding], scores: Sequence[Judged],
-    groups: Sequence[Group], seal: Mapping[str, Any],
+    setting: Setting, record: RunRecord, study: Study, scores: Sequence[Judged], seal: SweepSeal
 ) -> Mapping[str, Any]:  # fmt: skip
+    groups = study.groups
     sentence = f"{_said(scores)} {sentence_of(groups)}"
-    drawn = [figures.drifts(findings, scores), figures.verdicts(scores), figures.repeats(groups)]
+    drawn = [figures.drifts(study.findings, scores), figures.verdicts(scores), figures.repeats(groups)]
     for drawing, columns in drawn:
         setting.folder.csv(drawing.data, columns)
     rows = [*measures(scores), *rows_of(groups)]
@@ -101,7 +80,7 @@ def _written(
     )  # fmt: skip
     write_story(setting.folder, page, record)
     result = {
-        "sentence": sentence, "seal": dict(seal), "answers": [score.to_dict() for score in scores],
+        "sentence": sentence, "seal": seal.to_dict(), "answers": [score.to_dict() for score in scores],
         "measures": [asdict(row) for row in rows], "repeatability": [group.to_dict() for group in groups],
     }  # fmt: skip
     setting.folder.text("unexplained-drift.json", json.dumps(result, indent=1, ensure_ascii=False) + "\n")
@@ -116,7 +95,7 @@ def _said(scores: Sequence[Judged]) -> str:
     return f"Of six concealed drifts the diagnosis has {', '.join(told)}."
 
 
-def _about(scores: Sequence[Judged], seal: Mapping[str, Any]) -> Note:
+def _about(scores: Sequence[Judged], seal: SweepSeal) -> Note:
     (_, first), (again, second) = VISITS
     marks = [mark for mark in Mark if any(score.mark is mark for score in scores)]
     return Note(
@@ -131,7 +110,8 @@ def _about(scores: Sequence[Judged], seal: Mapping[str, Any]) -> Note:
             "amplifier and laser are in it, the permittivity's law of the thesis' plant is not, for that is a drift. "
             "It knows neither the fabrication (twelve quantities are off by up to 20 %) nor what drifts.",
             "Concealed drifts, the thresholds of the diagnosis and the code were hashed before the first. After the "
-            f"last the drifts were made anew from the seed, and the hashes are the same. Of the drifts: {seal['key']}.",
+            "last the drifts were made anew from the seed, and the hashes are the same. Of the drifts: "
+            f"{seal.parts['key']}.",
             "The first actuator also runs over a ridge of grease for 20 s, which no effect of the catalogue is; the "
             "answer is not asked for it.",
             *(f"“{mark.value}”: {mark.advice}." for mark in marks),

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,6 +59,32 @@ class Finding:
     name: str
     diagnosis: Diagnosis
     tracks: tuple[Track, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data."""
+        tracks = [{key: values.tolist() for key, values in vars(track).items()} for track in self.tracks]
+        return {"name": self.name, "diagnosis": self.diagnosis.to_dict(), "tracks": tracks}
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Self:
+        """The finding that `to_dict` described.
+
+        Parameters
+        ----------
+        data : mapping
+            As a file gives it back.
+
+        Returns
+        -------
+        Finding
+
+        Raises
+        ------
+        ModelError, KeyError, TypeError, ValueError, AttributeError
+            If it is none.
+        """
+        tracks = (Track(**{k: np.array(v, dtype=float) for k, v in track.items()}) for track in data["tracks"])
+        return cls(name=data["name"], diagnosis=Diagnosis.from_dict(data["diagnosis"]), tracks=tuple(tracks))
 
 
 def examine(case: Case, folder: Path, command: Sequence[str], seed: int) -> tuple[Finding, list[str]]:

@@ -7,14 +7,13 @@ same size, and one and the same experiment. What differs is what each went throu
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.ident.parallel import run_jobs
 from deatwin.plant.effects import Creep, PrestretchRelaxation
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.excitation import band_limited_noise
@@ -24,8 +23,8 @@ from deatwin.plant.recording import Experiment, Recording
 from deatwin.scenarios.unexplained_drift.sealed import concealed_in
 
 __all__ = [
-    "AGES", "CREEP", "HELD", "RELAXATION", "RESTS", "SPAN", "Drift", "Group", "History", "between",
-    "drift_of", "try_out",
+    "AGES", "CREEP", "HELD", "RELAXATION", "RESTS", "SPAN", "Drift", "Group", "History", "Run", "between", "drift_of",
+    "grouped", "runs",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -159,49 +158,75 @@ class Group:
         }  # fmt: skip
 
 
-def try_out(seed: int, jobs: int = 1, finished: Callable[[int, int], None] | None = None) -> tuple[Group, ...]:
-    """Run the experiment under all assumptions.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Run:
+    """The experiment on one actuator.
+
+    Parameters
+    ----------
+    plant : Plant
+        With its drift.
+    history : History
+        What it went through before.
+    seed : tuple of int
+        Of the sensor's noise.
+    """
+
+    plant: Plant
+    history: History
+    seed: tuple[int, ...]
+
+
+ASSUMPTIONS: tuple[tuple[str, str, Effect | None, tuple[History, ...]], ...] = (
+    ("six actuators", "each with its own drift", None, FRESH),
+    ("creep", "all rested", CREEP, FRESH),
+    (
+        "creep", "driven before, rested for 5 s to 27 min", CREEP,
+        tuple(History(hold=HOLD, rest=rest) for rest in RESTS),
+    ),
+    ("relaxation", "all freshly mounted", RELAXATION, FRESH),
+    ("relaxation", "mounted 0 s to 100 min before", RELAXATION, tuple(History(age=age) for age in AGES)),
+)  # fmt: skip
+"""What drifts and what is assumed of the histories, in words; the drift, None for each actuator's own; histories."""
+
+
+def runs(seed: int) -> list[Run]:
+    """The experiments under all assumptions.
 
     Parameters
     ----------
     seed : int
         Of the fleet.
-    jobs : int
-        Worker processes.
-    finished : callable, optional
-        Called with the number of runs that are through, and that of all.
+
+    Returns
+    -------
+    list of Run
+        Six of each assumption, in their order.
+    """
+    six = fleet(seed)
+    return [
+        Run(plant=_subject(actuator, effect), history=history, seed=(seed, 7, number))
+        for _, _, effect, histories in ASSUMPTIONS
+        for number, (actuator, history) in enumerate(zip(six, histories, strict=True))
+    ]
+
+
+def grouped(drifts: Sequence[Drift]) -> tuple[Group, ...]:
+    """What came of the experiments, by assumption.
+
+    Parameters
+    ----------
+    drifts : sequence of Drift
+        In the order of `runs`.
 
     Returns
     -------
     tuple of Group
         The six as they are, each with its own drift, come first.
-
-    Raises
-    ------
-    SimulationError
-        If a film pulls in.
     """
-    six = fleet(seed)
-    aged = tuple(History(age=a) for a in AGES)
-    strained = tuple(History(hold=HOLD, rest=r) for r in RESTS)
-    plans: list[tuple[str, str, Effect | None, tuple[History, ...]]] = [
-        ("six actuators", "each with its own drift", None, FRESH),
-        ("creep", "all rested", CREEP, FRESH),
-        ("creep", "driven before, rested for 5 s to 27 min", CREEP, strained),
-        ("relaxation", "all freshly mounted", RELAXATION, FRESH),
-        ("relaxation", "mounted 0 s to 100 min before", RELAXATION, aged),
-    ]
-    tasks = [
-        (_subject(a, effect), h, (seed, 7, number))
-        for _, _, effect, histories in plans
-        for number, (a, h) in enumerate(zip(six, histories, strict=True))
-    ]
-    done = run_jobs(
-        drift_of, tasks, workers=jobs, finished=None if finished is None else lambda count: finished(count, len(tasks))
-    )
     return tuple(
-        Group(name=name, assumption=assumption, histories=histories, drifts=tuple(done[6 * k : 6 * k + 6]))
-        for k, (name, assumption, _, histories) in enumerate(plans)
+        Group(name=name, assumption=assumption, histories=histories, drifts=tuple(drifts[6 * k : 6 * k + 6]))
+        for k, (name, assumption, _, histories) in enumerate(ASSUMPTIONS)
     )
 
 

@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from deatwin.plant.effects import Effect
-from deatwin.plant.errors import DataError
 from deatwin.plant.fleet import Actuator, fleet, specification
 from deatwin.scenarios.concealed_physics.seal import Seal, digest
+from deatwin.scenarios.provenance import versions
+from deatwin.scenarios.sweep.seal import SweepSeal
+from deatwin.scenarios.sweep.store import read_seal
 
-__all__ = ["SCHEMA", "SEAL_FILE", "Key", "concealed_in", "opened"]
+__all__ = ["Key", "concealed_in", "opened"]
 
-SCHEMA = "deatwin/drift-seal/2"
-SEAL_FILE = "seal.json"
+SCHEMA = "deatwin/drift-case/1"
 SIZE = "six actuators"
-SEALED = ("seed", "key", "thresholds", "code")
+VERSIONS = ("deatwin", "numpy", "scipy", "casadi")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -55,8 +54,8 @@ class Key:
             }
         )  # fmt: skip
 
-    def seal(self, seed: int) -> dict[str, Any]:
-        """Content of ``seal.json``: it says nothing of the drifts, and nothing of them can be changed any more.
+    def seal(self, seed: int) -> SweepSeal:
+        """The seal: it says nothing of the drifts, and nothing of them can be changed any more.
 
         Parameters
         ----------
@@ -65,15 +64,16 @@ class Key:
 
         Returns
         -------
-        dict
-            Schema, seed, SHA-256 of the key, of every number that decides in the diagnosis, and of the sources of
-            plant, identification and this story.
+        SweepSeal
+            Seed, versions, and SHA-256 of the key, of every number that decides in the diagnosis, and of the sources
+            of plant, identification and this story.
         """
         now = Seal.of(SIZE, seed, self.drifts)
-        return {
-            "schema": SCHEMA, "seed": seed, "key": now.key, "thresholds": digest(now.thresholds),
-            "code": digest([now.code, *_sources()]),
+        parts = {
+            "seed": seed, "key": now.key, "thresholds": digest(now.thresholds),
+            "code": digest([now.code, *_sources()]), "versions": versions(VERSIONS),
         }  # fmt: skip
+        return SweepSeal(schema=SCHEMA, parts=parts)
 
 
 def concealed_in(actuator: Actuator) -> tuple[Effect, ...]:
@@ -109,26 +109,11 @@ def opened(folder: Path, seed: int) -> Key:
     Raises
     ------
     DataError
-        If there is no seal, or seed, key, thresholds or code are not those that were sealed.
+        If there is no seal, or seed, key, thresholds, code or versions are not those that were sealed.
     """
     key = Key.of(fleet(seed))
-    now, then = key.seal(seed), _read(folder / SEAL_FILE)
-    changed = [part for part in SEALED if now[part] != then.get(part)]
-    if changed:
-        raise DataError(f"the seal is broken: {' and '.join(changed)} changed since it was written; run the story anew")
+    key.seal(seed).require_same(read_seal(SweepSeal, folder), folder)
     return key
-
-
-def _read(path: Path) -> Mapping[str, Any]:
-    try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-    except OSError:
-        raise DataError(f"{path}: no such file; the drifts are sealed before the first diagnosis") from None
-    except json.JSONDecodeError as error:
-        raise DataError(f"{path}: line {error.lineno}: {error.msg}; it must hold the seal of the drifts") from None
-    if not isinstance(found, dict) or found.get("schema") != SCHEMA:
-        raise DataError(f"{path}: this is no seal of the drifts; its schema must be {SCHEMA}")
-    return found
 
 
 def _sources() -> list[str]:

@@ -32,7 +32,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter
 
 from deatwin.ident.greybox.fit import Part
 from deatwin.ident.mismatch.losses import BLOCK_SAMPLES
@@ -144,5 +143,7 @@ def _static(readings: np.ndarray, weighted: np.ndarray) -> float:
 
 def _slow(weighted: np.ndarray) -> float:
     """The square form of an error whose correlation decays over a block."""
+    from scipy.signal import lfilter
+
     summed = lfilter([1.0], [1.0, -np.exp(-1 / BLOCK_SAMPLES)], weighted)
     return float(2 * (weighted @ summed) - weighted @ weighted)

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtr
 
 from deatwin.ident.greybox.fit import Calibration, Part, Problem, simulated
 from deatwin.ident.greybox.minimum import minimise
@@ -57,7 +57,7 @@ def confusion(squared: float) -> float:
     >>> round(confusion(16.0), 3)
     0.023
     """
-    return float(norm.cdf(-np.sqrt(squared) / 2))
+    return float(ndtr(-np.sqrt(squared) / 2))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -25,7 +25,6 @@ from collections.abc import Iterator
 
 import numpy as np
 from scipy.optimize import minimize
-from scipy.signal import lfilter, welch
 
 from deatwin.ident.mismatch.detect.leftover import Leftover
 
@@ -101,6 +100,8 @@ def null_residuals(
     ndarray, shape (b, n)
         Some at a time, SI.
     """
+    from scipy.signal import lfilter
+
     n = left.residual.size
     filtering, deviation = colour(left)
     error = _ModelError(left, refit) if left.model_error > 0.0 else None
@@ -217,6 +218,8 @@ def _gain(filtering: np.ndarray, frequency: np.ndarray) -> np.ndarray:
 
 def _welch(left: Leftover) -> tuple[np.ndarray, np.ndarray, float]:
     """Spectrum of the residual at frequencies in cycles a sample, and of how many periodograms it is the mean."""
+    from scipy.signal import welch
+
     longest = max(r.stop - r.start for r in left.records)
     records = [r for r in left.records if r.stop - r.start >= min(SHORTEST_SAMPLES, longest)]
     segment = min(SEGMENT_SAMPLES, *(r.stop - r.start for r in records))
@@ -231,6 +234,8 @@ def _welch(left: Leftover) -> tuple[np.ndarray, np.ndarray, float]:
 
 def _quiet_from(left: Leftover, frequency: np.ndarray) -> float:
     """Frequency above which the simulated readings hardly move."""
+    from scipy.signal import welch
+
     power = np.zeros(frequency.size)
     for r in left.records:
         power += np.interp(frequency, *welch(left.readings[r], 1.0, nperseg=min(4 * SEGMENT_SAMPLES, r.stop - r.start)))
@@ -241,6 +246,8 @@ def _quiet_from(left: Leftover, frequency: np.ndarray) -> float:
 
 def _lagged(signal: np.ndarray, lag: float) -> np.ndarray:
     """A signal passed through a first-order lag of some samples, at rest at its first value."""
+    from scipy.signal import lfilter
+
     share = 1 - np.exp(-1 / lag)
     return np.asarray(lfilter([share], [1.0, share - 1.0], signal - signal[0]) + signal[0])
 

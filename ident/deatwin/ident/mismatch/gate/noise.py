@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
-from scipy.signal import welch
 
 from deatwin.ident.mismatch.gate.repeats import Repeats
 from deatwin.ident.soundness import runs
@@ -141,6 +140,8 @@ def _white(pieces: Sequence[np.ndarray], above: float) -> float:
     The median over the lines passes by tones, and by what is slow where all lines are asked; that over the segments, by
     what comes in bursts, as the error of a plant that answers too early to each step.
     """
+    from scipy.signal import welch
+
     powers, weights = [], []
     for piece in pieces:
         frequency, density = welch(piece, 1.0, nperseg=min(SEGMENT_SAMPLES, piece.size), average="median")

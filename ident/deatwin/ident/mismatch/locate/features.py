@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from deatwin.ident.greybox.filter_linear import Linear
 from deatwin.ident.greybox.filter_openings import Opening
@@ -63,6 +62,8 @@ def features(linear: Linear, opening: Opening) -> Array:
 
 def _past(signal: Array, time: float) -> Array:
     """Low pass of a signal, of its square, and the square of the first; `time` in samples."""
+    from scipy.signal import lfilter
+
     kept = np.exp(-1 / time)
     first, second = (
         lfilter([1 - kept], [1.0, -kept], course - course[0]) + course[0] for course in (signal, signal**2)

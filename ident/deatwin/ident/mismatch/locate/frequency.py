@@ -7,8 +7,7 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.signal import welch
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from deatwin.ident.mismatch.locate.discoveries import discoveries
 from deatwin.ident.mismatch.locate.track import Track
@@ -118,6 +117,8 @@ def locate_frequency(tracks: Sequence[Track], noise: float) -> Bands:
     Welch, IEEE Trans. Audio Electroacoust. 15 (1967) 70, doi:10.1109/TAU.1967.1161901; Benjamini & Hochberg,
     J. R. Stat. Soc. B 57 (1995) 289, doi:10.1111/j.2517-6161.1995.tb02031.x.
     """
+    from scipy.signal import welch
+
     step = tracks[0].sample_time
     segment = min(round(SEGMENT_SECONDS / step), min(track.residual.size for track in tracks))
     total: np.ndarray | float = 0.0
@@ -133,7 +134,7 @@ def locate_frequency(tracks: Sequence[Track], noise: float) -> Bands:
     ratio[-1] *= 2
     # Neighbouring half-overlapping Hann segments correlate by 1/6, so many are worth 1/(1 + 2/36) of as many.
     degrees = 2 * max(1.0, segments * 18 / 19)
-    lines = np.flatnonzero(discoveries(chi2.sf(ratio * degrees, degrees)) & (ratio > LOUD))
+    lines = np.flatnonzero(discoveries(chdtrc(degrees, ratio * degrees)) & (ratio > LOUD))
     width = frequency[1]
     bands = []
     for run in _runs(lines):

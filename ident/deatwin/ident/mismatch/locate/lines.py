@@ -18,8 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
-from scipy.stats import f as f_law
+from scipy.special import chdtrc, fdtrc
 
 from deatwin.ident.mismatch.locate.track import SI, Track, Unit
 from deatwin.plant.drawing import axes_or_new
@@ -169,7 +168,7 @@ def _grouped(track: Track, command: Array, period: int, noise: float) -> Lines:
     degrees = 2 * mean.size * (kept - 1)
     excess = float(varying.sum()) * 2 * (kept - 1) / (noise**2 * period)
     rms = float(np.sqrt(2 * varying.sum())) / period
-    groups.append(LineGroup(kind="varying", rms=rms, p_value=float(chi2.sf(excess, degrees)), lines=mean.size))
+    groups.append(LineGroup(kind="varying", rms=rms, p_value=float(chdtrc(degrees, excess)), lines=mean.size))
     return Lines(period_s=period * track.sample_time, periods=kept, groups=tuple(groups))
 
 
@@ -180,7 +179,7 @@ def _group(kind: str, power: Array, varying: Array, periods: int, period: int) -
     steady = max(0.0, float((power - varying / periods).sum()))
     return LineGroup(
         kind=kind, rms=float(np.sqrt(2 * steady)) / period,
-        p_value=float(f_law.sf(ratio, 2 * count, 2 * count * (periods - 1))), lines=count,
+        p_value=float(fdtrc(2 * count, 2 * count * (periods - 1), ratio)), lines=count,
     )  # fmt: skip
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.stats import chi2, norm, wilcoxon
+from scipy.special import chdtrc, ndtr
 
 from deatwin.ident.frequency.comparison.equality import holm
 from deatwin.ident.greybox.filter import Floor, linearise, open_place, places
@@ -166,7 +166,7 @@ def locate_place(base: Candidate, bench: Bench, rng: np.random.Generator) -> Pla
     floor = Floor.of(linears, base.noise)
     gains = _gains(linears, floor)
     # Half of the law is a point mass at zero, the other half is chi-squared with one degree of freedom.
-    p_values = holm([float(0.5 * chi2.sf(2 * gain, 1)) if gain > 0 else 1.0 for gain in gains])
+    p_values = holm([float(0.5 * chdtrc(1, 2 * gain)) if gain > 0 else 1.0 for gain in gains])
     problems = regressions(linears)
     closures = [closure(problem) for problem in problems]
     best = min(closures, key=lambda c: float(c.losses.mean()))
@@ -201,6 +201,8 @@ def _gains(linears: Sequence[Linear], floor: Floor) -> list[float]:
 
 def _as_good(one: Closure, best: Closure) -> bool:
     """By signed ranks of the differences, which single bursts of the residual do not decide."""
+    from scipy.stats import wilcoxon
+
     worse = one.losses - best.losses
     means = np.array([piece.mean() for piece in np.array_split(worse, min(BLOCKS, worse.size))])
-    return not means.any() or bool(wilcoxon(means, alternative="greater").pvalue > norm.sf(TOGETHER))
+    return not means.any() or bool(wilcoxon(means, alternative="greater").pvalue > ndtr(-TOGETHER))

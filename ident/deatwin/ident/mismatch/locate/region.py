@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtr
 
 from deatwin.ident.mismatch.locate.discoveries import discoveries
 from deatwin.ident.mismatch.locate.track import Track
@@ -234,4 +234,4 @@ def _mean_test(values: np.ndarray, seconds: np.ndarray) -> tuple[float, float, f
     if means.size < 3:
         return float(values.mean()) if values.size else 0.0, 0.0, 1.0
     deviation = means.std(ddof=1) / np.sqrt(means.size) + 1e-300
-    return float(values.mean()), float(deviation), float(2 * norm.sf(abs(means.mean()) / deviation))
+    return float(values.mean()), float(deviation), float(2 * ndtr(-abs(means.mean()) / deviation))

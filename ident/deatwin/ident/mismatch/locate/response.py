@@ -17,7 +17,6 @@ from dataclasses import dataclass, replace
 from math import factorial, sqrt
 
 import numpy as np
-from scipy.signal import welch
 
 from deatwin.ident.frequency.comparison.bands import BandMean, Range, band_means
 from deatwin.ident.frequency.comparison.equality import Scatter, equality, holm
@@ -114,6 +113,8 @@ def locate_response(
 
 def _top_frequency(readings: Sequence[Array], sample_time: float) -> float:
     """Frequency below which readings have nearly all of their power, Hz."""
+    from scipy.signal import welch
+
     segment = min(reading.size for reading in readings)
     total = np.sum([welch(y, 1 / sample_time, nperseg=segment)[1] * y.size for y in readings], axis=0)[1:]
     share = np.cumsum(total) / total.sum()

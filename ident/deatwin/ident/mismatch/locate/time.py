@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtr
 
 from deatwin.ident.mismatch.locate.discoveries import FALSE_DISCOVERIES
 from deatwin.ident.mismatch.locate.track import SI, Track, Unit
@@ -160,7 +160,7 @@ def _slope(track: Track, first: int, stop: int) -> float:
     slope = float(times @ means / (times @ times))
     left = means - means.mean() - slope * times
     deviation = float(np.sqrt(left @ left / (count - 2) / (times @ times)))
-    significant = norm.sf(abs(slope) / max(deviation, 1e-300)) < FALSE_DISCOVERIES / 2
+    significant = ndtr(-abs(slope) / max(deviation, 1e-300)) < FALSE_DISCOVERIES / 2
     return slope / (size * track.sample_time) if significant else 0.0
 
 

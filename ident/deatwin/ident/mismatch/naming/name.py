@@ -16,7 +16,7 @@ from deatwin.ident.mismatch.naming.decide import Naming, cannot_rule_out, decide
 from deatwin.ident.mismatch.naming.screen import Footprint, Lead, footprints, leads
 from deatwin.ident.mismatch.naming.shortlist import shortlist
 from deatwin.ident.mismatch.naming.siblings import siblings
-from deatwin.ident.mismatch.naming.trial import Trial, run_trials, with_fitted
+from deatwin.ident.mismatch.naming.trial import Fitted, Trial, run_trials, with_fitted
 from deatwin.plant.model import Plant
 
 __all__ = ["name_causes"]
@@ -51,6 +51,7 @@ def name_causes(
     known: Sequence[Footprint],
     rivals: Sequence[Candidate] = (),
     finished: Finished | None = None,
+    fitted: Fitted | None = None,
 ) -> Naming:
     """Look for the smallest set of effects that explains the recordings.
 
@@ -72,6 +73,9 @@ def name_causes(
         Other forms of the base plant.
     finished : callable, optional
         Called with the share that is done.
+    fitted : callable, optional
+        Called with each fit as soon as there is one and None, and again with its residuals on the unseen part, ndarray
+        of shape (n,), SI, once they are known.
 
     Returns
     -------
@@ -83,7 +87,7 @@ def name_causes(
         if finished is not None:
             finished((number + share) / MOST_CAUSES)
 
-    search = _Search(bench, base, known)
+    search = _Search(bench, base, known, fitted)
     stage = search.beside((), partial(tell, 0))
     search.judge_by_the_best(stage)
     naming = search.decided(stage)
@@ -144,10 +148,14 @@ class _Search:
         Without further effects.
     known : sequence of Footprint
         Of all effects in the base plant.
+    fitted : callable or None
+        Called with each fit.
     """
 
-    def __init__(self, bench: Bench, base: Candidate, known: Sequence[Footprint]) -> None:
-        self.bench, self.known = bench, known
+    def __init__(
+        self, bench: Bench, base: Candidate, known: Sequence[Footprint], fitted: Fitted | None = None
+    ) -> None:
+        self.bench, self.known, self.fitted = bench, known, fitted
         self.tried: dict[Names, Candidate] = {(): base}
         self.leads: dict[str, Lead] = {}
         seen = {footprint.effect.name for footprint in known}
@@ -218,7 +226,7 @@ class _Search:
         if self.is_clearly_worse_than(rival):
             known = footprints(self.bench, fit, self.bench.effects, fit)
             chosen |= {lead.effect.name: lead for lead in leads(known, fit)[:BESIDE]}
-        other = _Search(self.bench, rival, known)
+        other = _Search(self.bench, rival, known, self.fitted)
         other.leads = chosen
         found = other._try(_trials(unbent, fit, chosen.values()))
         other.judge_by_the_best(found)
@@ -301,7 +309,7 @@ class _Search:
         return with_distances(naming, competing, self.bench, self._takes_most)
 
     def _try(self, trials: Sequence[Trial], finished: Finished | None = None) -> list[Names]:
-        found = run_trials(self.bench, trials, self.noise, finished)
+        found = run_trials(self.bench, trials, self.noise, finished, self.fitted)
         self.tried.update({candidate.effects: candidate for candidate in found})
         self.failed += ["+".join(self._names(t)) for t in trials if self._names(t) not in self.tried]
         # What a wrong plant leaves at the top of the spectrum is no noise: the best explanation shows the least.

@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from deatwin.ident.greybox.fit import Calibration, calibrate
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.candidate import Candidate, judge
 from deatwin.ident.mismatch.refit.search import ROUGH, at_its_time, finish, search
-from deatwin.ident.parallel import run_jobs
+from deatwin.ident.parallel import run_jobs, stream_jobs
 from deatwin.plant.model import Plant
 
-__all__ = ["Trial", "run_trials", "with_fitted"]
+__all__ = ["Fitted", "Trial", "run_trials", "with_fitted"]
 
 FAILED_SEARCH = 1.02
 """A fit whose error is larger than the plant's without the effect by more than this has lost its way."""
@@ -20,6 +22,7 @@ FEW = 4
 """Simulations that show whether the way from the bent plant leads anywhere."""
 NEAR = 1.1
 """Fits whose rms is within this ratio of the best are carried to the end."""
+Fitted = Callable[[Calibration, np.ndarray | None], None]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -42,7 +45,11 @@ class Trial:
 
 
 def run_trials(
-    bench: Bench, trials: Sequence[Trial], noise: float, finished: Callable[[float], None] | None = None
+    bench: Bench,
+    trials: Sequence[Trial],
+    noise: float,
+    finished: Callable[[float], None] | None = None,
+    fitted: Fitted | None = None,
 ) -> list[Candidate]:
     """Fit and judge each trial.
 
@@ -56,26 +63,34 @@ def run_trials(
         Standard deviation of the sensor's noise, SI.
     finished : callable, optional
         Called with the share that is done.
+    fitted : callable, optional
+        Called with each fit as soon as there is one; with its residuals on the unseen part, SI, once they are known.
 
     Returns
     -------
     list of Candidate
         In the order of the trials, without those whose plant cannot be simulated.
     """
-
-    def count(done: int) -> None:
+    fits = []
+    tasks = [(bench, trial, noise) for trial in trials]
+    for done, found in enumerate(stream_jobs(_tried, tasks, workers=bench.jobs), 1):
+        if found.status.ok:
+            fits.append(found)
+            if fitted is not None:
+                fitted(found, None)
         if finished is not None:
             finished(done / len(trials))
-
-    tasks = [(bench, trial, noise) for trial in trials]
-    fits = [fit for fit in run_jobs(_tried, tasks, workers=bench.jobs, finished=count) if fit.status.ok]
     best = min((fit.rms for fit in fits), default=0.0)
     near = [k for k, fit in enumerate(fits) if fit.rms < NEAR * best]
     finished_fits = run_jobs(finish, [(fits[k], bench.fitted) for k in near], workers=bench.jobs)
     for k, fit in zip(near, finished_fits, strict=True):
         fits[k] = fit
     judged = run_jobs(judge, [(bench, fit, noise) for fit in fits], workers=bench.jobs)
-    return [candidate for candidate in judged if candidate is not None]
+    candidates = [candidate for candidate in judged if candidate is not None]
+    if fitted is not None:
+        for candidate in candidates:
+            fitted(candidate.calibration, candidate.unseen)
+    return candidates
 
 
 def with_fitted(nominal: Plant, fitted: Plant) -> Plant:

@@ -10,12 +10,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from enum import Enum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.narx.operating import read_only
+from deatwin.ident.narx.preprocess.datasets import sampling_dataset
 from deatwin.ident.narx.regression import Recordings, flatten
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import DataError
@@ -108,6 +109,10 @@ class SamplingChoice:
         axes.set_title(f"decimate by {self.factor}" if self.factor > 1 else "keep all samples", fontsize="medium")
         axes.legend()
         return axes
+
+    def to_xarray(self) -> Any:
+        """Return both correlation functions as an `xarray.Dataset` over the lag."""
+        return sampling_dataset(self)
 
 
 def choose_sampling(recordings: Recordings, *, n_lags: int | None = None) -> SamplingChoice:

@@ -6,11 +6,12 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from itertools import product
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from deatwin.ident.narx.identifier import NarxIdentifier, Progress, silent
+from deatwin.ident.narx.preprocess.datasets import orders_dataset
 from deatwin.ident.narx.regression import Recordings, flatten
 from deatwin.ident.narx.terms import Lags, lag_list
 from deatwin.ident.parallel import run_jobs
@@ -172,6 +173,10 @@ class OrderChoice:
         axes.set_ylabel(f"free-run error ({self.unit})" if self.unit else "free-run error")
         axes.legend()
         return axes
+
+    def to_xarray(self) -> Any:
+        """Return all trials with their errors as an `xarray.Dataset` over trial."""
+        return orders_dataset(self)
 
 
 def choose_orders(

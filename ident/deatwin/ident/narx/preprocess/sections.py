@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from deatwin.ident.narx.preprocess.datasets import sections_dataset
 from deatwin.ident.narx.preprocess.stationarity import (
     ENOUGH_CORRELATION_TIMES,
     STATISTICS,
@@ -173,6 +174,10 @@ class Sections:
         axes.set_ylabel(f"{record.output_names[0]} ({record.output_units[0]})")
         axes.legend(loc="upper right")
         return axes
+
+    def to_xarray(self) -> Any:
+        """Return sections, stretches and tests as an `xarray.Dataset` of tables."""
+        return sections_dataset(self)
 
 
 def stationarity_tests(recording: Recording, *, n_segments: int = 20) -> tuple[StationarityTest, ...]:

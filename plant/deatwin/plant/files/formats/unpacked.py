@@ -23,6 +23,10 @@ _HEAD = 64  # bytes that hold the flags of an array
 _COMPRESSED = 15  # type of an element
 _INTEGERS = (5, 6)  # types that dimensions may have
 _OF_ARRAYS = (1, 2, 3)  # classes of arrays whose entries are arrays: cell, struct, object
+_TYPES = frozenset({1, 2, 3, 4, 5, 6, 7, 9, 12, 13, 14, 15, 16, 17, 18})  # of elements
+_ARRAY = 14  # type of an element
+_CLASSES = range(1, 16)  # of arrays that are read: without functions and what MathWorks does not describe
+_COMPLEX = 0x0800  # flag of an array that has a second part
 _ORDERS: dict[bytes, Literal["little", "big"]] = {b"IM": "little", b"MI": "big"}
 
 
@@ -151,11 +155,27 @@ def require_sound_level_5(content: bytes, path: str) -> None:
             if not surely_small:
                 count += _unpacked_size(held, count, path)
             head = zlib.decompressobj().decompress(held, _HEAD)
-            if _of_structs(head[8:], order):
-                _require_entries(zlib.decompressobj().decompress(held, RECORDING_BYTES), order, path)
-        elif _of_structs(held, order):
+            flags = int.from_bytes(head[16:20], order)
+            whole = flags & _COMPLEX or _of_structs(head[8:], order)
+            held = zlib.decompressobj().decompress(held, RECORDING_BYTES if whole else _PIECE)[8:]
+        if _of_structs(held, order):
             _require_entries(held, order, path)
+        _require_types(held, order, path)
         place += 8 + size
+
+
+def _require_types(matrix: bytes, order: Literal["little", "big"], path: str) -> None:
+    """Refuse an array with elements of types that there are not: SciPy looks them up beyond the end of its table."""
+    place = 0
+    if int.from_bytes(matrix[8:12], order) & 0xFF not in _CLASSES:
+        return
+    while place + 8 <= len(matrix):
+        kind, size = (int.from_bytes(matrix[k : k + 4], order) for k in (place, place + 4))
+        begin, place = place + 8, place + 8 + (0 if kind >> 16 else -(-size // 8) * 8)  # four bytes may lie in the tag
+        if kind & 0xFFFF not in _TYPES:
+            raise DataError(f"{path}: no element can be of type {kind & 0xFFFF}; it is damaged")
+        if kind == _ARRAY:
+            _require_types(matrix[begin : begin + size], order, path)
 
 
 def _unpacked_size(packed: bytes, before: int, path: str) -> int:

@@ -1,0 +1,175 @@
+"""What each step of a diagnosis found, as plain data: what there is to keep where the later ones do not run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from math import isfinite
+from typing import Any, Protocol
+
+import numpy as np
+
+from deatwin.ident.greybox.fit import Calibration
+from deatwin.ident.mismatch.bench import Bench
+from deatwin.ident.mismatch.floor import with_model_error
+from deatwin.ident.mismatch.gate.faults import faults_of
+from deatwin.ident.mismatch.gate.gate import Gate
+from deatwin.ident.mismatch.naming.candidate import Candidate
+from deatwin.ident.mismatch.refit.base import Base, differences
+from deatwin.ident.mismatch.refit.fitted import fitted_parameters
+from deatwin.plant.amplitudes import amplitude_unit
+from deatwin.plant.calibrated import CalibratedPlant
+
+__all__ = ["Step", "base_step", "fit_step", "found_step", "gate_step"]
+
+
+class _Found(Protocol):
+    """What a step found, that a diagnosis file holds as it is."""
+
+    def to_dict(self) -> dict[str, Any]: ...
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Step:
+    """A step of a diagnosis that is through. It is no verdict: later steps may overrule it.
+
+    Parameters
+    ----------
+    name : str
+        ``gate``, ``base``, ``detect``, ``locate``, ``fit``, ``verify``, ``advise`` or ``discover``.
+    result : mapping
+        Plain data, its amplitudes in the unit that a diagnosis reports.
+    subject : str
+        Of a fit, what was fitted; a later step of the same name and subject replaces this one.
+    model : CalibratedPlant or None
+        The calibrated base plant, of the step ``base``.
+    """
+
+    name: str
+    result: Mapping[str, Any]
+    subject: str = ""
+    model: CalibratedPlant | None = None
+
+
+def gate_step(checked: Gate) -> Step:
+    """The state of the recordings.
+
+    Parameters
+    ----------
+    checked : Gate
+        Recordings with the samples at fault.
+
+    Returns
+    -------
+    Step
+    """
+    result = {
+        "soundness": checked.soundness.name.lower(),
+        "findings": list(checked.findings),
+        "notes": list(checked.notes),
+        "faults": list(faults_of(checked)),
+    }
+    return Step(name="gate", result=result)
+
+
+def base_step(bench: Bench, base: Base) -> Step:
+    """The calibrated base plant.
+
+    Parameters
+    ----------
+    bench : Bench
+        With the nominal plant.
+    base : Base
+        The form that was chosen, and its rivals.
+
+    Returns
+    -------
+    Step
+        With the plant; what it leaves of the unseen part is its model error.
+    """
+    chosen, size = base.chosen, _size(bench)
+    fit = chosen.calibration
+    result = {
+        **_fit(bench, fit, chosen.unseen),
+        "noise": base.noise / size,
+        "model_error": fit.plant.rig.model_error / size,
+        "rivals": [_remainder(bench, rival) for rival in base.rivals],
+    }
+    model = CalibratedPlant(
+        plant=with_model_error(fit.plant, bench.stated_error), noise=base.noise, model_error=chosen.unseen_test.size,
+        names=fit.names, covariance=fit.covariance, provenance={"step": "base"},
+    )  # fmt: skip
+    return Step(name="base", result=result, model=model)
+
+
+def fit_step(bench: Bench, fit: Calibration, unseen: np.ndarray | None) -> Step:
+    """A plant that was fitted with further effects.
+
+    Parameters
+    ----------
+    bench : Bench
+        With the nominal plant.
+    fit : Calibration
+        On the fitted part.
+    unseen : ndarray, shape (n,), or None
+        Residuals on the unseen part, SI; None before it was judged there, when it may yet be fitted further.
+
+    Returns
+    -------
+    Step
+    """
+    result = _fit(bench, fit, unseen)
+    form = [f"{name} = {value!r}" for name, value in result["form"].items()]
+    return Step(name="fit", subject=", ".join(["+".join(result["effects"]), *form]), result=result)
+
+
+def found_step(name: str, found: _Found | None) -> Step | None:
+    """What a step found, as ``diagnosis.json`` would hold it.
+
+    Parameters
+    ----------
+    name : str
+        Of the step.
+    found : Detection, Location, Verification, Advice, Discovery or None
+        Its result.
+
+    Returns
+    -------
+    Step or None
+        None where the step had nothing to find.
+    """
+    return None if found is None else Step(name=name, result=found.to_dict())
+
+
+def _fit(bench: Bench, fit: Calibration, unseen: np.ndarray | None) -> dict[str, Any]:
+    """What was fitted, what it leaves, and the values."""
+    size = _size(bench)
+    with np.errstate(invalid="ignore", over="ignore"):  # of a fit that is not through an interval may be endless
+        parameters = {name: asdict(p) for name, p in fitted_parameters(bench.nominal, fit).items()}
+    return {
+        "effects": [name for name in fit.plant.effect_names if name not in bench.nominal.effect_names],
+        "form": _form(bench, fit),
+        "fitted": _finite(fit.rms / size),
+        "unseen": None if unseen is None else _finite(float(np.sqrt(np.mean(unseen**2))) / size),
+        "parameters": {name: {key: _finite(value) for key, value in p.items()} for name, p in parameters.items()},
+    }
+
+
+def _remainder(bench: Bench, rival: Candidate) -> dict[str, Any]:
+    size = _size(bench)
+    left = {"fitted": rival.fitted_test.rms / size, "unseen": rival.unseen_test.rms / size}
+    return {"form": _form(bench, rival.calibration), **left}
+
+
+def _form(bench: Bench, fit: Calibration) -> dict[str, Any]:
+    """How the rig is read, where its file is read otherwise or is silent."""
+    return differences([bench.nominal.rig, fit.plant.rig])[1]
+
+
+def _finite(value: Any) -> Any:
+    """The value; None for a number that no fit determines, which a file cannot hold."""
+    return None if isinstance(value, float) and not isfinite(value) else value
+
+
+def _size(bench: Bench) -> float:
+    return amplitude_unit(bench.nominal.rig.output_unit)[1]

@@ -1,0 +1,212 @@
+"""Columns of the files of public recordings, by the names that those who published them gave them.
+
+The files are the user's: they are read as carefully as recordings are, and what is wrong with one is one error that
+names it.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.plant.errors import DataError
+from deatwin.plant.files.csvtable import read_bytes
+from deatwin.plant.files.formats.optional import reading, require
+from deatwin.plant.files.formats.unpacked import require_plain_hdf5, require_sound_level_5
+from deatwin.plant.intake import clipped
+
+__all__ = ["csv_columns", "hdf5_vectors", "matlab_vectors", "require_file", "require_samples"]
+
+Array = NDArray[np.float64]
+
+LARGEST = 100_000_000
+"""Bytes of such a file; the largest that is published has some 5 million."""
+
+NUMERIC = frozenset(
+    {"double", "single", "logical", *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64))}
+)
+"""Classes of MATLAB's variables that hold numbers."""
+
+
+def require_file(path: Path) -> Path:
+    """Return the path of a file that must be there.
+
+    Parameters
+    ----------
+    path : path
+        Of a public recording.
+
+    Returns
+    -------
+    path
+
+    Raises
+    ------
+    DataError
+        If it is not there.
+    """
+    if not path.is_file():
+        raise DataError(f"{path}: no such file; --data or DEATWIN_DATA must name the folder of public recordings")
+    return path
+
+
+def require_samples(path: Path, found: int, needed: int) -> None:
+    """Refuse a file with too few samples: one that was cut, or another than that which was published.
+
+    Parameters
+    ----------
+    path : path
+        For the error text.
+    found, needed : int
+        Samples.
+
+    Raises
+    ------
+    DataError
+        With both numbers.
+    """
+    if found < needed:
+        raise DataError(f"{path}: it has {found} samples; the published file has at least {needed}: get it anew")
+
+
+def csv_columns(path: Path, names: Sequence[str]) -> Array:
+    """Columns of a CSV file with one line of headers.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    names : sequence of str
+        Headers of the columns wanted.
+
+    Returns
+    -------
+    ndarray, shape (n, len(names))
+        In the file's units.
+
+    Raises
+    ------
+    DataError
+        If it is not there, no such file, or has no such columns of finite numbers.
+    """
+    content = read_bytes(require_file(path), LARGEST)
+    with reading(str(path), "CSV"):
+        head, *lines = content.decode("utf-8-sig").splitlines() or [""]
+        headers = [name.strip().strip('"') for name in head.split(",")]
+        _require_names(path, names, headers)
+        places = [headers.index(name) for name in names]
+        found = np.genfromtxt(lines, delimiter=",", usecols=places, dtype=float, ndmin=2)
+    return _finite(path, found, names)
+
+
+def matlab_vectors(
+    path: Path, names: Sequence[str], *, single: Sequence[str] = (), optional: Sequence[str] = ()
+) -> Mapping[str, Array]:
+    """Vectors of a MATLAB file of version 5.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    names : sequence of str
+        Variables wanted, all of one length.
+    single : sequence of str
+        Variables wanted that have one value.
+    optional : sequence of str
+        Further vectors of that length, which need not be there.
+
+    Returns
+    -------
+    mapping of str to ndarray, shape (n,) or (1,)
+        In the file's units.
+
+    Raises
+    ------
+    DataError
+        If it is not there, no such file, or has no such vectors of finite numbers.
+    """
+    from scipy.io import loadmat, whosmat
+
+    content = read_bytes(require_file(path), LARGEST)
+    with reading(str(path), "MATLAB"):
+        require_sound_level_5(content, str(path))
+        # SciPy may crash on damaged cells, functions and objects: only what holds numbers is read.
+        plain = [name for name, _, kind in whosmat(io.BytesIO(content)) if kind in NUMERIC]
+        _require_names(path, [*names, *single], plain)
+        wanted = [name for name in (*names, *single, *optional) if name in plain]
+        held = loadmat(io.BytesIO(content), variable_names=wanted)
+        _require_names(path, wanted, list(held))
+        vectors = [*names, *(name for name in optional if name in held)]
+        found = {name: _vector(path, name, held[name]) for name in (*vectors, *single)}
+    _require_one_length(path, [found[name] for name in vectors], vectors)
+    for name in single:
+        if found[name].size != 1:
+            raise DataError(f'{path}: "{name}" has {found[name].size} values; it must have one')
+    return found
+
+
+def hdf5_vectors(path: Path, group: str, names: Sequence[str]) -> tuple[Array, ...]:
+    """Vectors of a group of an HDF5 file.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    group : str
+        Where they lie.
+    names : sequence of str
+        Datasets wanted, all of one length.
+
+    Returns
+    -------
+    tuple of ndarray, shape (n,)
+        In the file's units.
+
+    Raises
+    ------
+    DataError
+        If it is not there, no such file, has no such vectors of finite numbers, or h5py is not installed.
+    """
+    h5py = require("h5py", str(path))
+    content = read_bytes(require_file(path), LARGEST)
+    with reading(str(path), "HDF5"), h5py.File(io.BytesIO(content), "r") as file:
+        require_plain_hdf5(file, str(path))
+        held = file[group] if group in file else {}
+        _require_names(path, names, [name for name in held if isinstance(held[name], h5py.Dataset)])
+        found = tuple(_vector(path, name, held[name][()]) for name in names)
+    _require_one_length(path, found, names)
+    return found
+
+
+def _vector(path: Path, name: str, value: Any) -> Array:
+    values = np.asarray(value)
+    if values.dtype.kind not in "fiub":
+        raise DataError(f'{path}: "{name}" does not hold numbers')
+    return _finite(path, values.astype(float).ravel()[:, None], (name,))[:, 0]
+
+
+def _finite(path: Path, found: Array, names: Sequence[str]) -> Array:
+    if not len(found):
+        raise DataError(f"{path}: it holds no samples")
+    rows, columns = np.nonzero(~np.isfinite(found))
+    if rows.size:
+        raise DataError(f'{path}: sample {rows[0] + 1} of "{names[columns[0]]}" is not a finite number')
+    return found
+
+
+def _require_names(path: Path, names: Sequence[str], found: Sequence[str]) -> None:
+    for name in names:
+        if name not in found:
+            there = ", ".join(f'"{clipped(one, 30)}"' for one in found[:10]) or "nothing that can be used"
+            raise DataError(f'{path}: no "{name}"; the file has {there}')
+
+
+def _require_one_length(path: Path, found: Sequence[Array], names: Sequence[str]) -> None:
+    if len({values.size for values in found}) > 1:
+        lengths = ", ".join(f'"{name}" {values.size}' for name, values in zip(names, found, strict=True))
+        raise DataError(f"{path}: its vectors must have one length; they have {lengths}")

@@ -1,0 +1,274 @@
+"""The cases of the benchmark: what is asked of a draw, or of all draws of a system, and what came of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.narx.systems import SYSTEMS
+from deatwin.scenarios.svb_benchmark.coverage import VARIATIONAL, covered
+from deatwin.scenarios.svb_benchmark.methods import METHODS
+from deatwin.scenarios.svb_benchmark.oracle import Contrast, contrast
+from deatwin.scenarios.svb_benchmark.sampling import Comparison, compare
+from deatwin.scenarios.svb_benchmark.trials import Trial, try_out
+
+__all__ = ["Answer", "Case", "Covering", "Noisy", "Sampled", "Tried"]
+
+Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Answer:
+    """What came of a case; what was not asked is absent.
+
+    Parameters
+    ----------
+    trials : tuple of Trial
+        One for each method, in the order of the case.
+    contrast : Contrast, optional
+        How far the true terms stand out.
+    covered : mapping of str to ndarray of bool, shape (draws, n_terms)
+        By estimator: which 95 % intervals cover.
+    comparison : Comparison, optional
+        With the sampler.
+    """
+
+    trials: tuple[Trial, ...] = ()
+    contrast: Contrast | None = None
+    covered: Mapping[str, Flags] = field(default_factory=dict)
+    comparison: Comparison | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data."""
+        sampled = {} if self.comparison is None else asdict(self.comparison)
+        return {
+            "trials": [asdict(trial) for trial in self.trials],
+            "contrast": None if self.contrast is None else asdict(self.contrast),
+            "covered": {name: flags.tolist() for name, flags in self.covered.items()},
+            "comparison": {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in sampled.items()} or None,
+        }
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Self:
+        """The answer that `to_dict` described.
+
+        Parameters
+        ----------
+        data : mapping
+            As a file gives it back.
+
+        Returns
+        -------
+        Answer
+
+        Raises
+        ------
+        KeyError, TypeError, ValueError, AttributeError
+            If it is none.
+        """
+        return cls(
+            trials=tuple(map(Trial.from_dict, data["trials"])),
+            contrast=None if data["contrast"] is None else Contrast.from_dict(data["contrast"]),
+            covered={name: np.array(flags, dtype=bool) for name, flags in data["covered"].items()},
+            comparison=None if data["comparison"] is None else Comparison.from_dict(data["comparison"]),
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tried:
+    """All methods, and the oracles, on a draw.
+
+    Parameters
+    ----------
+    system : str
+        By name.
+    number : int
+        Of the draw.
+    methods : tuple of str
+        By name.
+    """
+
+    system: str
+    number: int
+    methods: tuple[str, ...]
+
+    @property
+    def name(self) -> str:
+        """Of its file."""
+        return f"{self.system}-{self.number:03d}"
+
+    @property
+    def effort(self) -> float:
+        """How many seconds it takes, about."""
+        return _fits(self.system, self.methods) + (0.4 if _large(self.system) else 0.03)
+
+    def answer(self, seed: int) -> Answer:
+        """Run it.
+
+        Parameters
+        ----------
+        seed : int
+            Of the study.
+
+        Returns
+        -------
+        Answer
+        """
+        trials = tuple(try_out(self.system, method, seed, self.number) for method in self.methods)
+        return Answer(trials=trials, contrast=contrast(self.system, seed, self.number))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Covering:
+    """The intervals of several estimators on all draws of a system; a draw takes milliseconds.
+
+    Parameters
+    ----------
+    system : str
+        By name.
+    draws : int
+        How many.
+    estimators : tuple of str
+        By name.
+    """
+
+    system: str
+    draws: int
+    estimators: tuple[str, ...]
+
+    @property
+    def name(self) -> str:
+        """Of its file."""
+        return f"{self.system}-coverage"
+
+    @property
+    def effort(self) -> float:
+        """How many seconds it takes, about."""
+        return 0.003 * self.draws * len(self.estimators)
+
+    def answer(self, seed: int) -> Answer:
+        """Run it.
+
+        Parameters
+        ----------
+        seed : int
+            Of the study.
+
+        Returns
+        -------
+        Answer
+        """
+        return Answer(
+            covered={
+                estimator: np.array([covered(self.system, estimator, seed, number) for number in range(self.draws)])
+                for estimator in self.estimators
+            }
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Noisy:
+    """Some methods, and the intervals of variational Bayes, on a draw with other noise.
+
+    Parameters
+    ----------
+    system : str
+        By name.
+    variance : float
+        Of e(k), square of the output's unit.
+    number : int
+        Of the draw.
+    methods : tuple of str
+        By name.
+    """
+
+    system: str
+    variance: float
+    number: int
+    methods: tuple[str, ...]
+
+    @property
+    def name(self) -> str:
+        """Of its file."""
+        return f"{self.system}-{self.variance:g}-{self.number:03d}"
+
+    @property
+    def effort(self) -> float:
+        """How many seconds it takes, about."""
+        return _fits(self.system, self.methods) + 0.003
+
+    def answer(self, seed: int) -> Answer:
+        """Run it.
+
+        Parameters
+        ----------
+        seed : int
+            Of the study.
+
+        Returns
+        -------
+        Answer
+        """
+        flags = covered(self.system, VARIATIONAL, seed, self.number, self.variance)
+        return Answer(
+            trials=tuple(try_out(self.system, m, seed, self.number, self.variance) for m in self.methods),
+            covered={VARIATIONAL: flags[None, :]},
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sampled:
+    """A method beside the sampler of structures, on a draw.
+
+    Parameters
+    ----------
+    system : str
+        By name.
+    number : int
+        Of the draw.
+    method : str
+        By name.
+    """
+
+    system: str
+    number: int
+    method: str
+
+    @property
+    def name(self) -> str:
+        """Of its file."""
+        return f"{self.system}-sampler-{self.number:03d}"
+
+    @property
+    def effort(self) -> float:
+        """How many seconds it takes, about."""
+        return 2.0
+
+    def answer(self, seed: int) -> Answer:
+        """Run it.
+
+        Parameters
+        ----------
+        seed : int
+            Of the study.
+
+        Returns
+        -------
+        Answer
+        """
+        return Answer(comparison=compare(self.system, self.method, seed, self.number))
+
+
+Case = Tried | Covering | Noisy | Sampled
+
+
+def _fits(system: str, methods: tuple[str, ...]) -> float:
+    return sum(METHODS[method].efforts[_large(system)] for method in methods)
+
+
+def _large(system: str) -> bool:
+    return SYSTEMS[system].degree > 3

@@ -1,0 +1,249 @@
+"""Files that studies keep, and public recordings: how they are read, and sound ones to start from."""
+
+import io
+import json
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from readers import SEEDS, Kind
+
+from deatwin.plant.recording import Experiment
+from deatwin.scenarios import evidence, vhb4910
+from deatwin.scenarios.concealed_physics.page import opened_data
+from deatwin.scenarios.concealed_physics.seal import Seal
+from deatwin.scenarios.concealed_physics.study import key_of
+from deatwin.scenarios.control_check.page import story_data
+from deatwin.scenarios.folder import ResultFolder
+from deatwin.scenarios.live.verdicts import Verdict
+from deatwin.scenarios.real_data.tables import csv_columns, hdf5_vectors, matlab_vectors
+from deatwin.scenarios.sweep.seal import SweepSeal
+from deatwin.scenarios.sweep.store import CaseStore, read_seal
+
+DOCS = Path(__file__).parents[2] / "docs"
+SWEEP = SweepSeal(schema="deatwin/study-case/1", parts={"code": "c" * 64, "seed": 3, "levels": [0.1, 0.2]})
+KEY = key_of(())
+
+
+def as_bytes(content: Any) -> tuple[bytes, ...]:
+    """A JSON file as studies write them."""
+    return ((json.dumps(content, indent=1, ensure_ascii=False) + "\n").encode(),)
+
+
+@contextmanager
+def beside(path: Path, name: str, others: Mapping[str, bytes]) -> Iterator[Path]:
+    """A folder with the file under a name, and others that belong to it."""
+    with tempfile.TemporaryDirectory() as folder:
+        for other, content in others.items():
+            target = Path(folder) / other
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_bytes(content)
+        (Path(folder) / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(path, Path(folder) / name)
+        yield Path(folder)
+
+
+def seal_of(kind: type, seeds: Callable[[], tuple[bytes, ...]]) -> Kind:
+    """The seal of a sweep or a study."""
+
+    def require_seal(found: Any) -> None:
+        assert type(found).from_dict(found.to_dict()).hash == found.hash
+
+    return Kind(
+        stem="seal", ending=".json", read=lambda path: read_seal(kind, path.parent), require_sound=require_seal,
+        seeds=seeds,
+    )  # fmt: skip
+
+
+@cache
+def study_seal() -> Seal:
+    """Of a study without cases."""
+    return Seal.of("tiny", 0, KEY)
+
+
+def read_case(path: Path) -> dict[str, Any]:
+    """A case, as the store of its sweep gives it."""
+    with tempfile.TemporaryDirectory() as folder:
+        store = CaseStore(folder, SWEEP)
+        shutil.copy(path, store.path("case"))
+        return store.get("case")
+
+
+@cache
+def case_seeds() -> tuple[bytes, ...]:
+    """A case with numbers, lists, texts and nothing."""
+    with tempfile.TemporaryDirectory() as folder:
+        store = CaseStore(folder, SWEEP)
+        notes = {"µ": "text", "no": None}
+        store.put("case", {"status": "done", "gain": 0.25, "track": [1.0, 2.5, None], "notes": notes})
+        return (store.path("case").read_bytes(),)
+
+
+def case_ending() -> str:
+    """Of the file of a case."""
+    with tempfile.TemporaryDirectory() as folder:
+        return CaseStore(folder, SWEEP).path("case").suffix
+
+
+def require_case(found: dict[str, Any]) -> None:
+    """Under its seal."""
+    assert {name: found[name] for name in ("schema", "seal", "name")} == SWEEP.stamp("case")
+
+
+def read_key(path: Path) -> dict[str, Any]:
+    """The key of a study, and the score of what it has: nothing."""
+    with beside(path, "key.json", {"seal.json": as_bytes(study_seal().to_dict())[0]}) as folder:
+        return opened_data(folder)
+
+
+def page_kind(name: str) -> Kind:
+    """A data file of the documents, from which their tables are made."""
+
+    def read(path: Path) -> dict[str, str]:
+        others = {f"data/{file.name}": file.read_bytes() for file in (DOCS / "data").glob("*.json")}
+        others |= {page: (DOCS / page).read_bytes() for page in ("control-check.md", "validation.md")}
+        with beside(path, f"data/{name}.json", others) as folder:
+            return evidence.pages(folder)
+
+    def require_pages(found: dict[str, str]) -> None:
+        assert len(found) == 3 and all(found.values())
+
+    return Kind(stem=name, ending=".json", read=read, require_sound=require_pages, seeds=lambda: shortened(name))
+
+
+@cache
+def shortened(name: str) -> tuple[bytes, ...]:
+    """A data file of the documents with two rows of each list."""
+    whole = json.loads((DOCS / "data" / f"{name}.json").read_text(encoding="utf-8"))
+    return as_bytes({key: value[:2] if isinstance(value, list) else value for key, value in whole.items()})
+
+
+STORY = {
+    "measures": [{"measure": "tones", "demanded": "at least 5 times", "reached": "3.0 times", "passed": False}],
+    "tracking": {"nominal rig": {"PI": {"rms_error": 2.4e-5, "gain_margin": 4.0, "phase_margin_deg": 61.0}}},
+    "fleet": [{"actuator": "DEA 1", "stable": False, "overshoot": 0.25, "ripple": 0.2, "tones_rms_error": 4.9e-5}],
+    "models": [], "concealed": [],
+}  # fmt: skip
+STORY_RUN = {"seed": 9, "versions": {"deatwin": "7.8"}}
+
+
+def story_kind(name: str, content: Any) -> Kind:
+    """A file of a control check's results."""
+    files = {"control-check.json": as_bytes(STORY)[0], "run.json": as_bytes(STORY_RUN)[0]}
+
+    def read(path: Path) -> dict[str, Any]:
+        with beside(path, f"{name}.json", files) as folder:
+            return story_data(folder)
+
+    def require_story(found: dict[str, Any]) -> None:
+        json.dumps(found, allow_nan=False)
+
+    return Kind(stem=name, ending=".json", read=read, require_sound=require_story, seeds=lambda: as_bytes(content))
+
+
+def run_record() -> Any:
+    """As commands write it."""
+    rig = {"file": "rig.toml", "sha256": "a" * 64}
+    return {"inputs": [rig], "seconds": 12.5, "outputs": ["figures/fit.csv", "figures/../../kept.csv", "report.html"]}
+
+
+def shown(path: Path) -> Verdict:
+    """A folder of results in the live view, which passes over a record that it cannot use."""
+    diagnosis = (SEEDS / "diagnosis.json").read_bytes()
+    with beside(path, "results/run.json", {"results/diagnosis.json": diagnosis}) as folder:
+        return Verdict.read(folder, "results")
+
+
+def require_shown(found: Verdict) -> None:
+    assert not found.fault and found.sentence
+    assert found.seconds is None or isinstance(found.seconds, float)
+    assert all(isinstance(text, str) for pair in found.inputs.items() for text in pair)
+
+
+def cleared(path: Path) -> set[str]:
+    """What is left of a folder, and around it, after the files of a former run were removed."""
+    others = {"kept.csv": b"", "results/own.txt": b"", "results/figures/fit.csv": b"", "results/figures/kept.txt": b""}
+    with beside(path, "results/run.json", others) as folder:
+        ResultFolder(folder / "results").remove_former(r"figures/\w+\.csv")
+        return {entry.relative_to(folder).as_posix() for entry in folder.rglob("*") if entry.is_file()}
+
+
+def require_cleared(found: set[str]) -> None:
+    assert found >= {"kept.csv", "results/own.txt", "results/figures/kept.txt", "results/run.json"}
+
+
+def require_numbers(found: Any) -> None:
+    """Finite samples."""
+    vectors = found.values() if isinstance(found, Mapping) else found
+    assert all(np.size(values) and np.isfinite(values).all() for values in vectors)
+
+
+@cache
+def matlab_seeds() -> tuple[bytes, ...]:
+    """As EMPS was published."""
+    from scipy.io import savemat
+
+    column, found = np.arange(1.0, 13.0)[:, None], []
+    for packed in (True, False):
+        stream = io.BytesIO()
+        savemat(stream, {"qg": column, "qm": 2 * column, "gtau": [[35.15]], "pulses_N": 0 * column},
+                do_compression=packed)  # fmt: skip
+        found.append(stream.getvalue())
+    return tuple(found)
+
+
+@cache
+def hdf5_seeds() -> tuple[bytes, ...]:
+    """As the Bouc-Wen benchmark was stored."""
+    import h5py
+
+    stream = io.BytesIO()
+    with h5py.File(stream, "w") as file:
+        for name in ("u", "y"):
+            file.create_dataset(f"multisine/{name}", data=np.arange(12.0)[:, None], chunks=(12, 1), compression="gzip")
+    return (stream.getvalue(),)
+
+
+def pull_seeds() -> tuple[bytes, ...]:
+    """As VHB 4910 was published."""
+    rows = "".join(f'"{0.02 * k:.2f}","{0.8 * k:.3f}","{0.1 * k:.3f}"\n' for k in range(12))
+    return (('"时间","位移","力"\n"(s)","(mm)","(N)"\n' + rows).encode("gbk"),)
+
+
+def require_pull(found: Experiment) -> None:
+    """Finite, on the stretch of a strip."""
+    (record,) = found.recordings
+    assert np.isfinite(record.inputs).all() and np.isfinite(record.outputs).all()
+
+
+BOX = b'"V1","V2",\n' + b"".join(b"%.4f,%.4f,\n" % (0.1 * k, 0.2 * k) for k in range(12))
+STUDIES: Mapping[str, Kind] = {
+    "sweep seal": seal_of(SweepSeal, lambda: as_bytes(SWEEP.to_dict())),
+    "study seal": seal_of(Seal, lambda: as_bytes(study_seal().to_dict())),
+    "study key": Kind(
+        stem="key", ending=".json", read=read_key, seeds=lambda: as_bytes(KEY),
+        require_sound=lambda found: json.dumps(found, allow_nan=False),
+    ),
+    "case": Kind(stem="case", ending=case_ending(), read=read_case, require_sound=require_case, seeds=case_seeds),
+    **{name: page_kind(name) for name in evidence.DATA},
+    "story": story_kind("control-check", STORY),
+    "story run": story_kind("run", STORY_RUN),
+    "shown run": Kind(stem="run", ending=".json", read=shown, require_sound=require_shown,
+                      seeds=lambda: as_bytes(run_record())),
+    "former run": Kind(stem="run", ending=".json", read=cleared, require_sound=require_cleared,
+                       seeds=lambda: as_bytes(run_record())),
+}  # fmt: skip
+PUBLIC: Mapping[str, Kind] = {
+    "public csv": Kind(ending=".csv", read=lambda path: [csv_columns(path, ("V1", "V2"))],
+                       require_sound=require_numbers, seeds=lambda: (BOX,)),
+    "public mat": Kind(ending=".mat", require_sound=require_numbers, seeds=matlab_seeds, read=lambda path: (
+                       matlab_vectors(path, ("qg", "qm"), single=("gtau",), optional=("pulses_N",)))),
+    "public hdf5": Kind(ending=".h5", read=lambda path: hdf5_vectors(path, "multisine", ("u", "y")),
+                        require_sound=require_numbers, seeds=hdf5_seeds),
+    "pull": Kind(ending=".csv", read=vhb4910.pull, require_sound=require_pull, seeds=pull_seeds),
+}  # fmt: skip

@@ -1,0 +1,132 @@
+"""A rig file with several mistakes: all of them in one error, each with its key, its line and what is allowed."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from deatwin.plant.errors import RigError
+from deatwin.plant.rigs.rigfile import RigFile, read_rig
+from deatwin.plant.rigs.rigmistakes import MOST
+
+WRONG = """\
+# of the second visit
+[film]
+material = "VHB 4905"
+thickness_mm = 0.0005
+prestrech = 3.5
+frame_diameter_mm = 80.0
+electrode_diameter_mm = 90.0
+
+[load]
+mass_g = "3"
+contact_diameter_mm = 6.0
+
+[drive]
+start_ramp_s = 2.0
+start_hold_s = 3.0
+
+[senser]
+sample_rate_Hz = 50.0
+noise_um = -2.0
+zero = "displacement at rest"
+"""
+ALL = (
+    ("thickness_mm = 0.0005", "[film] thickness_mm: 0.0005 is out of range; it must be from 0.001 to 10; if that is in "
+     "m, write 0.5"),
+    ("prestrech = 3.5", '[film]: unknown key "prestrech"; did you mean "prestretch"?'),
+    ("electrode_diameter_mm = 90.0", "[film] electrode_diameter_mm: 90 is out of range; it must be below "
+     "frame_diameter_mm, 80"),
+    ('mass_g = "3"', '[load] mass_g: "3" is a text; it must be a number from 0 to 1000'),
+    ("[drive]", '[drive]: the key "gain" is missing; it must be a number from 1 to 100000'),
+    ("[senser]", 'unknown section [senser]; did you mean "sensor"?'),
+    ("noise_um = -2.0", "[senser] noise_um: -2.0 is out of range; it must be from 0 to 10000"),
+    ('zero = "displacement at rest"', '[senser] zero: "displacement at rest" is not known; it must be "displacement at '
+     'zero volts"'),
+)  # fmt: skip
+"""The line at which each is told, and what is said, in the order of the file."""
+SOUND = {
+    "film": {
+        "material": "VHB 4905", "thickness_mm": 0.5, "prestretch": 3.5, "frame_diameter_mm": 80.0,
+        "electrode_diameter_mm": 35.0,
+    },
+    "load": {"mass_g": 3, "contact_diameter_mm": 6.0},
+    "drive": {"gain": 800.0, "start_ramp_s": 2.0, "start_hold_s": 3.0},
+    "sensor": {"sample_rate_Hz": 50.0, "noise_um": 2.0, "zero": "displacement at zero volts"},
+}  # fmt: skip
+
+
+def said_of(tmp_path: Path, text: str) -> str:
+    (tmp_path / "rig.toml").write_text(text, encoding="utf-8", newline="")
+    with pytest.raises(RigError) as caught:
+        read_rig(tmp_path / "rig.toml")
+    return str(caught.value).removeprefix(f"{tmp_path}/")
+
+
+@pytest.mark.parametrize("ends", ["\n", "\r\n"])
+def test_all_are_told_in_the_order_of_the_file(tmp_path: Path, ends: str) -> None:
+    lines = WRONG.splitlines()
+    expected = [
+        f"({number}) line {lines.index(line) + 1}, {text}" if text.startswith("[") else
+        f"({number}) line {lines.index(line) + 1}: {text}"
+        for number, (line, text) in enumerate(ALL, start=1)
+    ]  # fmt: skip
+    assert said_of(tmp_path, WRONG.replace("\n", ends)) == f"rig.toml: {len(ALL)} mistakes: {' '.join(expected)}"
+
+
+@pytest.mark.parametrize(("line", "text"), ALL, ids=lambda text: text[:20])
+def test_one_alone_is_told_without_its_line(tmp_path: Path, line: str, text: str) -> None:
+    right = {
+        "thickness_mm = 0.0005": "thickness_mm = 0.5", "prestrech = 3.5": "prestretch = 3.5",
+        "electrode_diameter_mm = 90.0": "electrode_diameter_mm = 35.0", 'mass_g = "3"': "mass_g = 3",
+        "[drive]": "[drive]\ngain = 800.0", "[senser]": "[sensor]", "noise_um = -2.0": "noise_um = 2.0",
+        'zero = "displacement at rest"': 'zero = "displacement at zero volts"',
+    }  # fmt: skip
+    single = WRONG
+    for wrong, repaired in right.items():
+        if wrong != line:
+            single = single.replace(f"{wrong}\n", f"{repaired}\n")
+    text = text if line == "[senser]" else text.replace("[senser]", "[sensor]")
+    assert said_of(tmp_path, single) == f"rig.toml{', ' if text.startswith('[') else ': '}{text}"
+
+
+def test_what_is_missing_has_the_line_of_its_section_or_none() -> None:
+    data = {"film": SOUND["film"], "load": {}, "drive": SOUND["drive"]}
+    with pytest.raises(RigError) as caught:
+        RigFile.from_dict(data, "a rig")
+    assert str(caught.value) == (
+        'a rig: 3 mistakes: (1) [load]: the key "mass_g" is missing; it must be a number from 0 to 1000 '
+        '(2) [load]: the key "contact_diameter_mm" is missing; it must be a number from 0.01 to 1000 '
+        "(3) the section [sensor] is missing; it must hold sample_rate_Hz, noise_um, zero"
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "lines"),
+    [
+        ("film = {prestretch = 0.5, lid = 3}\nload = 3\n", [1, 1, 1, 1, 1, 1, 2]),  # an inline table is in one line
+        ("film.prestretch = 0.5\nload.lid = 3\n", [1, 2]),
+        ('[ "film" ] # so\n"prestretch" = 0.5\n[load]\nlid = 3\n', [1, 1, 1, 1, 2, 3, 3, 4]),
+        ('zero = """\n[load]\nlid = 2"""\n[load]\nlid = 3\n', []),  # what looks like a key may be text
+    ],
+)
+def test_lines_are_told_where_they_are_known(tmp_path: Path, text: str, lines: list[int]) -> None:
+    said = said_of(tmp_path, text)
+    assert [int(found) for found in re.findall(r"\(\d+\) line (\d+)", said)] == lines
+    assert said.index("the section [sensor] is missing") > said.rfind("line ")
+
+
+def test_a_name_in_the_wrong_place_is_not_missing_as_well() -> None:
+    drive = {key: value for key, value in SOUND["drive"].items() if key != "gain"}
+    above, moved = {"gain": 800.0}, {"load": {**SOUND["load"], "gain": 1}}
+    for data in ({**SOUND, "drive": drive, **above}, {**SOUND, "drive": drive, **moved}):
+        with pytest.raises(RigError, match=r"a rig.*belongs into \[drive\]$") as caught:
+            RigFile.from_dict(data, "a rig")
+        assert "mistakes" not in str(caught.value)
+
+
+def test_many_are_counted_and_not_told_one_by_one() -> None:
+    data = {**SOUND, "load": {**SOUND["load"], **{f"colour_{k}": k for k in range(1000)}}}
+    with pytest.raises(RigError, match=r"a rig: 1000 mistakes: .* and 980 more$") as caught:
+        RigFile.from_dict(data, "a rig")
+    assert str(caught.value).count("unknown key") == MOST and len(str(caught.value)) < 3000

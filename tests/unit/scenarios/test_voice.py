@@ -1,0 +1,154 @@
+"""How a command tells how far it is: a bar on a terminal, plain lines elsewhere, nothing when it is quiet."""
+
+import io
+import re
+import sys
+import time
+
+import pytest
+
+from deatwin.scenarios import voice
+from deatwin.scenarios.voice import PlainProgress, Voice, print_lines
+
+
+class Clock:
+    """Time that passes when somebody waits; the work ends at the last call."""
+
+    def __init__(self, waits: int) -> None:
+        self.now, self.waits = 1000.0, waits
+
+    def __call__(self) -> float:
+        return self.now
+
+    def wait(self, seconds: float) -> bool:
+        self.now += seconds
+        self.waits -= 1
+        return self.waits < 0
+
+
+def test_a_line_comes_every_half_minute(capsys: pytest.CaptureFixture[str]) -> None:
+    clock = Clock(waits=3)
+    progress = PlainProgress("reading", clock)
+    progress.tell(0.0, "calibrating the base plant")
+    told: list[float] = []
+
+    def wait(seconds: float) -> bool:
+        told.append(seconds)
+        ended = clock.wait(seconds)
+        progress.tell((0.2, 0.25, 0.6, 1.0)[len(told) - 1], "calibrating the base plant")
+        return ended
+
+    print_lines(progress, wait)
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert told == [30.0] * 4  # the last one was ended
+    # A fifth in 30 s: the rest takes 4 times as long; a quarter in 60 s: 3 times; 0.6 in 90 s: 2/3 of it.
+    assert err.splitlines() == [
+        "calibrating the base plant, 20 % done, about 2 min left",
+        "calibrating the base plant, 25 % done, about 3 min left",
+        "calibrating the base plant, 60 % done, about 60 s left",
+    ]
+
+
+def test_the_time_left_grows_while_nothing_is_told() -> None:
+    clock = Clock(waits=0)
+    progress = PlainProgress("reading", clock)
+    progress.tell(0.0, "fitting")
+    clock.now += 10.0
+    progress.tell(0.5, "fitting")
+    assert progress.line == "fitting, 50 % done, about 10 s left"
+    clock.now += 30.0
+    assert progress.line == "fitting, 50 % done, about 40 s left"
+
+
+def test_work_that_is_gone_on_with_is_judged_by_what_this_run_did() -> None:
+    clock = Clock(waits=0)
+    progress = PlainProgress("study", clock)
+    progress.tell(0.8, "cases")
+    clock.now += 60.0
+    progress.tell(0.9, "cases")  # a tenth a minute; another tenth is left
+    assert progress.line == "cases, 90 % done, about 60 s left"
+
+
+def test_no_time_is_guessed_from_nothing() -> None:
+    clock = Clock(waits=0)
+    progress = PlainProgress("reading", clock)
+    assert progress.line == "reading, 0 % done, time left not known yet"
+    progress.tell(0.0, "checking the recordings")
+    clock.now += 100.0
+    progress.tell(0.02, "calibrating")
+    assert progress.line == "calibrating, 2 % done, time left not known yet"
+
+
+def test_a_time_that_the_work_itself_tells_is_not_told_twice() -> None:
+    clock = Clock(waits=0)
+    progress = PlainProgress("study", clock)
+    progress.tell(0.0)
+    clock.now += 100.0
+    progress.tell(0.5, "case 5 of 10, about 7 min left")
+    assert progress.line == "case 5 of 10, about 7 min left, 50 % done"
+
+
+def test_control_characters_do_not_pass() -> None:
+    progress = PlainProgress("one\ntwo")
+    progress.tell(0.0, "a\x1b[2Kb\r\nc\x07")
+    assert progress.line.startswith("a [2Kb c, 0 % done")
+    assert progress.line.isprintable()
+
+
+@pytest.mark.parametrize("as_json", [False, True])
+def test_off_a_terminal_lines_go_to_stderr_while_the_work_runs(
+    as_json: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(voice, "EVERY", 0.01)
+    with Voice(as_json=as_json).progress("reading") as tell:
+        tell(0.25, "fitting")
+        lines = seen(capsys)
+    out, err = capsys.readouterr()
+    assert out == ""
+    for line in (lines + err).splitlines():
+        assert re.fullmatch(r"(reading, 0|fitting, 25) % done, time left not known yet", line)
+    time.sleep(0.05)
+    assert capsys.readouterr().err == ""  # with the work the lines end
+
+
+def seen(capsys: pytest.CaptureFixture[str]) -> str:
+    """What was said on stderr as soon as a line of the work is there."""
+    text, end = "", time.monotonic() + 10
+    while "fitting" not in text and time.monotonic() < end:
+        time.sleep(0.01)
+        text += capsys.readouterr().err
+    assert "fitting" in text
+    return text
+
+
+def test_a_quiet_command_says_nothing(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr(voice, "EVERY", 0.01)
+    with Voice(quiet=True).progress("reading") as tell:
+        tell(0.25, "fitting")
+        time.sleep(0.05)
+    assert capsys.readouterr() == ("", "")
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def test_on_a_terminal_there_is_a_bar_and_no_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(voice, "EVERY", 0.01)
+    monkeypatch.setenv("TERM", "xterm")
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stderr", terminal)
+    with Voice().progress("reading") as tell:
+        tell(0.25, "fitting")
+        time.sleep(0.05)
+    assert "25%" in terminal.getvalue() and "fitting" in terminal.getvalue()
+    assert "% done" not in terminal.getvalue()
+
+
+def test_lines_that_nobody_takes_do_not_end_the_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    closed = io.StringIO()
+    closed.close()
+    monkeypatch.setattr(sys, "stderr", closed)
+    print_lines(PlainProgress("reading"), Clock(waits=2).wait)
