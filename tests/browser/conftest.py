@@ -6,7 +6,9 @@ environment, as in ``.ci/run``, they fail instead.
 
 from __future__ import annotations
 
+import base64
 import importlib.util
+import io
 import json
 import os
 import shutil
@@ -18,7 +20,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NoReturn
 
+import numpy as np
 import pytest
+from matplotlib.image import imsave
 
 from deatwin.scenarios.stories import STORIES
 
@@ -210,3 +214,21 @@ def run_scenario(name: str, folder: Path) -> str:
     line = ["scenario", name, *size, "--out", str(folder), "--jobs", "1", "--quiet"]
     done = subprocess.run([sys.executable, "-c", program, *line], capture_output=True, text=True, check=False)
     return done.stderr.strip() or f"it ended with the status {done.returncode}" if done.returncode else ""
+
+
+@pytest.fixture
+def words_on_a_map() -> str:
+    """Words on a map, black above white, that is drawn upside down as matplotlib draws them."""
+    stream = io.BytesIO()
+    imsave(stream, np.array([[1.0], [0.0]]), cmap="gray", format="png")
+    address = f"data:image/png;base64,{base64.b64encode(stream.getvalue()).decode()}"
+    words = "".join(
+        f'<text x="5" y="{y}" font-size="8" fill="{ink}">{name}</text>'
+        for y, ink, name in ((20, "#000", "on black"), (35, "#fff", "legible"), (70, "#fff", "on white"),
+                             (85, "#000", "legible"))
+    )  # fmt: skip
+    return (
+        '<figure style="background: #888"><h3>A</h3><svg viewBox="0 0 300 100" width="300" height="100">'
+        f'<image href="{address}" transform="scale(1 -1) translate(0 -100)" width="300" height="100" '
+        f'preserveAspectRatio="none" style="image-rendering: pixelated"/>{words}</svg></figure>'
+    )

@@ -7,7 +7,6 @@ take an hour and a half to run; with ``DEATWIN_REPORTS=FOLDER`` they are kept th
 from __future__ import annotations
 
 import base64
-import io
 import re
 import time
 from collections.abc import Callable
@@ -16,7 +15,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from matplotlib.image import imsave
 
 from deatwin.plant import Coupon, Creep, Plant
 from deatwin.plant.files import write_csv
@@ -275,7 +273,9 @@ def downloads_wrong(tab: Any, folder: Path, into: Path) -> list[str]:
     tab.browser.execute_cdp_cmd("Browser.setDownloadBehavior", {"behavior": "allow", "downloadPath": str(into)})
     wrong = []
     links = "[...document.querySelectorAll('a.data')]"
-    for name in dict.fromkeys(tab.run(f"return {links}.map(a => a.getAttribute('href'))")):
+    for number, name in enumerate(dict.fromkeys(tab.run(f"return {links}.map(a => a.getAttribute('href'))"))):
+        if number and number % 10 == 0:  # Chromium gives scripts no more of one page
+            tab.browser.get(tab.browser.current_url)
         got = into / Path(name).name
         tab.run(f"{links}.find(a => a.getAttribute('href') === arguments[0]).click()", name)
         limit = time.monotonic() + 10
@@ -338,32 +338,15 @@ FIGURE = (
     + '<path d="M0 0L9 9"/>' * 10 + '<text fill="#ddd" y="50">faint</text></svg></div>'
     + '<a class="data" href="figures/a.csv" download>Data</a></figure>'
 )  # fmt: skip
-
-
-def on_a_map() -> str:
-    """Words on a map, black above white, that is drawn upside down as matplotlib draws them."""
-    stream = io.BytesIO()
-    imsave(stream, np.array([[1.0], [0.0]]), cmap="gray", format="png")
-    address = f"data:image/png;base64,{base64.b64encode(stream.getvalue()).decode()}"
-    words = "".join(
-        f'<text x="5" y="{y}" font-size="8" fill="{ink}">{name}</text>'
-        for y, ink, name in ((20, "#000", "on black"), (35, "#fff", "legible"), (70, "#fff", "on white"),
-                             (85, "#000", "legible"))
-    )  # fmt: skip
-    return (
-        '<figure style="background: #888"><h3>A</h3><svg viewBox="0 0 300 100" width="300" height="100">'
-        f'<image href="{address}" transform="scale(1 -1) translate(0 -100)" width="300" height="100" '
-        f'preserveAspectRatio="none" style="image-rendering: pixelated"/>{words}</svg></figure>'
-    )
-
-
 OTHERWISE = """<script>document.querySelector("a.data").addEventListener("click", event => {
     event.preventDefault();
     Object.assign(document.createElement("a"), {href: "data:text/csv,y", download: "a.csv"}).click();
 })</script>"""
 
 
-def test_every_check_can_fail(tab: Any, axe: Callable[[], list[str]], tmp_path: Path) -> None:
+def test_every_check_can_fail(
+    tab: Any, axe: Callable[[], list[str]], words_on_a_map: str, tmp_path: Path
+) -> None:
     (tmp_path / "figures").mkdir()
     for name in ("a.csv", "b.csv"):
         (tmp_path / "figures" / name).write_text("x\n1\n", encoding="utf-8")
@@ -388,7 +371,7 @@ def test_every_check_can_fail(tab: Any, axe: Callable[[], list[str]], tmp_path: 
     opened(page(FIGURE))
     assert figures_missing(tab, tmp_path) == ["figures/b.csv: a figure's data, but no figure"]
     assert [line[:11] for line in illegible(tab)] == ['A: "faint" ']
-    opened(page(on_a_map()))
+    opened(page(words_on_a_map))
     assert [line[:12] for line in illegible(tab)] == ['A: "on black', 'A: "on white']
     opened(page(FIGURE))
     assert "figure 0: the key does not zoom" in zoom_fails(tab)

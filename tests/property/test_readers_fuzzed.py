@@ -251,6 +251,17 @@ def test_atheris_finds_nothing_in_a_few_seconds(name: str, tmp_path: Path) -> No
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize("kind", ["mat", "public mat"])
+def test_elements_of_types_that_there_are_not_are_refused_before_scipy_crashes_on_them(
+    kind: str, fuzz: dict[str, ModuleType]
+) -> None:
+    chosen = kinds(fuzz)[kind]
+    plain = next(seed for seed in chosen.seeds() if seed[128:132] == b"\x0e\0\0\0")  # of version 5, not packed
+    spoilt = plain.replace(b"\x09\0\0\0", b"\x09\x08\0\0")  # the type of doubles
+    assert spoilt != plain
+    assert fuzz["readers"].probe(chosen, spoilt) is None
+
+
 def test_the_property_itself_can_fail(fuzz: dict[str, ModuleType]) -> None:
     readers = fuzz["readers"]
 

@@ -24,6 +24,7 @@ SIZES = (0.02, 0.06, 0.2, 0.6, 0.95)
 """Amplitudes of the command at which the plant is measured, as shares of the room to its limits."""
 FREQUENCIES = 10
 _LOWEST = 0.3  # of the crossover, above which a loop turns its phase by half a circle
+_SLUGGISH = 20.0  # closed-loop times: a loop that is slower than that is looked at as if it were so fast
 _FINE = 60  # points of each axis on which cycles are looked for
 _LARGEST = 30.0  # times the limit: how far beyond it a saturated command is looked at
 
@@ -123,9 +124,13 @@ def _of_codes(plant: Plant, controller: Controller, linear: LinearModel, omega: 
 
 
 def _crossover(controller: Controller, linear: LinearModel) -> float:
-    """Of the linear loop, rad/s; what was asked for where its gain is never one."""
+    """Of the linear loop, rad/s; what was asked for where its gain is never one.
+
+    A controller that hardly acts has its crossover at periods of days, which no run lasts.
+    """
     found = float(margins(*_loop(controller, linear), controller.sample_time).crossover[0])
-    return found or 1.0 / controller.closed_loop_time
+    asked = 1.0 / controller.closed_loop_time
+    return max(found or asked, asked / _SLUGGISH)
 
 
 def _loop(controller: Controller, linear: LinearModel) -> tuple[Array, Array]:

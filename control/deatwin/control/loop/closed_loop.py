@@ -19,11 +19,12 @@ from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.rigs.base import Rig
 from deatwin.plant.simulate import RunStatus, Stepper
+from deatwin.plant.timeline import Timeline
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["ClosedLoop", "at_operating_point", "closed_loop"]
+__all__ = ["ClosedLoop", "approach", "at_operating_point", "closed_loop"]
 
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]
@@ -309,8 +310,8 @@ def _measured(rig: Rig, before: float, now: float, rng: np.random.Generator) -> 
     return float(rig.chain.record([before, now], rng, sample_time=rig.sample_time)[-1])
 
 
-def at_operating_point(plant: Plant, command: float, count: int) -> Stepper:
-    """The plant after its start procedure and further samples of the operating input.
+def approach(plant: Plant, command: float, count: int) -> Timeline:
+    """The commands of a plant's start procedure and of further samples of the operating input.
 
     Parameters
     ----------
@@ -323,11 +324,26 @@ def at_operating_point(plant: Plant, command: float, count: int) -> Stepper:
 
     Returns
     -------
+    Timeline
+    """
+    still = Recording.from_arrays(np.full(count, command), np.zeros(count), plant.rig.sample_time)
+    return plant.timeline(Experiment(recordings=(still,)))
+
+
+def at_operating_point(plant: Plant, command: float, count: int) -> Stepper:
+    """The plant after its start procedure and further samples of the operating input.
+
+    Parameters
+    ----------
+    plant, command, count
+        As for `approach`.
+
+    Returns
+    -------
     Stepper
         Its status says whether the plant got there.
     """
-    still = Recording.from_arrays(np.full(count, command), np.zeros(count), plant.rig.sample_time)
-    timeline = plant.timeline(Experiment(recordings=(still,)))
+    timeline = approach(plant, command, count)
     stepper = plant.simulator.stepper(
         plant.free_values, rest_command=plant.rig.start.rest_command, start=timeline.start,
         sample_time=timeline.sample_time,

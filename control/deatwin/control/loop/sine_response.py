@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deatwin.control.errors import ControlError
-from deatwin.control.loop.closed_loop import at_operating_point
+from deatwin.control.loop.closed_loop import approach
 from deatwin.plant.model import Plant
 
 if TYPE_CHECKING:
@@ -117,22 +117,22 @@ def sine_response(
 
 
 def _of_frequency(plant: Plant, operating_input: float, sizes: Array, omega: float) -> Complex:
-    """One size after another; NaN from where the plant fails."""
+    """One size after another, in one run; NaN from where the plant fails."""
     h = plant.rig.sample_time
     period = 2 * np.pi / (omega * h)
     first = max(int(np.ceil(_SETTLE * period)), _FEWEST)
-    count = max(round(_MEASURE * period), _FEWEST)
-    stepper = at_operating_point(plant, operating_input, first)
+    clock: Array = omega * h * np.arange(first + max(round(_MEASURE * period), _FEWEST), dtype=np.float64)
+    before = approach(plant, operating_input, first)
+    sines: Array = operating_input + sizes[:, None] * np.sin(clock)
+    run = plant.simulator.run(
+        np.concatenate([before.commands, sines.ravel()]), start=before.start, sample_time=h,
+        rest_command=plant.rig.start.rest_command, values=plant.free_values,
+    )  # fmt: skip
     found = np.full(sizes.size, np.nan + 0j)
-    clock: Array = omega * h * np.arange(first + count, dtype=np.float64)
-    for number, size in enumerate(sizes):
-        readings = np.empty(clock.size)
-        commands: Array = operating_input + size * np.sin(clock)
-        for k, command in enumerate(commands):
-            readings[k] = stepper.reading if stepper.status.ok else np.nan
-            if not stepper.advance(float(command)).ok:
-                return found
-        found[number] = _fundamental(readings[first:], clock[first:]) / _fundamental(commands[first:], clock[first:])
+    readings = run.outputs[before.commands.size : -1]  # each before the command of its row
+    for number in range(readings.size // clock.size):
+        of_size = readings[number * clock.size :][first : clock.size]
+        found[number] = _fundamental(of_size, clock[first:]) / _fundamental(sines[number, first:], clock[first:])
     return found
 
 

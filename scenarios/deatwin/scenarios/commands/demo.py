@@ -42,8 +42,8 @@ def demo(
     try:
         with folder, voice.progress("making a recording") as progress:
             diagnosis = run(folder, effect, command=context.obj, jobs=jobs, seed=seed, progress=progress)
-    except KeyboardInterrupt:
-        complain(f"interrupted; {folder.summary}")
+    except KeyboardInterrupt as stop:
+        complain(str(stop) or f"interrupted; {folder.summary}")
         raise typer.Exit(130) from None
     voice.say(f"concealed: {effect} (truth.json)")
     voice.say(f"{diagnosis.verdict.value}: {diagnosis.sentence}")

@@ -120,6 +120,7 @@ def _schema(source: str) -> str | None:
     """Of a JSON file; None where there is none, which loading it will complain about."""
     from deatwin.plant.documents import read_json
     from deatwin.plant.errors import ModelError
+    from deatwin.plant.intake import clipped
 
     try:
         document = read_json(source)
@@ -127,7 +128,7 @@ def _schema(source: str) -> str | None:
         return None
     schema = document.get("schema") if isinstance(document, dict) else None
     if schema not in (PLANT, NARX, CHECK):
-        raise ModelError(f"{source}: schema is {schema!r}; {PLANT}, {NARX} and {CHECK} can be exported")
+        raise ModelError(f"{source}: schema is {clipped(repr(schema))}; {PLANT}, {NARX} and {CHECK} can be exported")
     return str(schema)
 
 

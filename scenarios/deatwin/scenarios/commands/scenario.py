@@ -100,8 +100,8 @@ def scenario(
                     folder=folder, data=data, command=context.obj, jobs=jobs, seed=seed, progress=progress, size=size
                 )
             )
-    except KeyboardInterrupt:
-        complain(f"interrupted; {folder.summary}")
+    except KeyboardInterrupt as stop:
+        complain(str(stop) or f"interrupted; {folder.summary}")
         raise typer.Exit(130) from None
     voice.say(str(result["sentence"]))
     voice.say(folder.summary)

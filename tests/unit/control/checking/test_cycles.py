@@ -136,3 +136,18 @@ def test_a_plant_that_does_not_live_through_the_sines_is_judged_by_its_limits(ga
     )  # fmt: skip
     linear = linearise_plant(gap, 0.3).in_loop(gap.rig.reading)
     assert np.isfinite(judge_cycles(gap, controller, linear, 0.1, Specification()).value)
+
+
+def test_a_loop_that_hardly_acts_is_not_looked_at_for_days(slow, monkeypatch):
+    """An integrator of a ten-thousandth of the gain crosses over at a period of days: 300 million samples."""
+    asked: list[np.ndarray] = []
+
+    def measured(plant, operating_input, amplitudes, omega):
+        asked.append(omega)
+
+    monkeypatch.setattr("deatwin.control.checking.cycles.sine_response", measured)
+    linear = linearise_plant(slow, 0.0).in_loop(slow.rig.reading)
+    controller = integral(slow, 1e-4)
+    judge_cycles(slow, controller, linear, 1.0, Specification())
+    longest = 2 * np.pi / asked[0][0]
+    assert longest < 500 * controller.closed_loop_time
