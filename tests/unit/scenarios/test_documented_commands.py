@@ -44,6 +44,7 @@ SHAKER = "docs/how-to/own-plant.md"
 ELSEWHERE = {
     "view measurements": "tests/browser/test_view.py, a step of .ci/run, with the extra `view`",
     "scenario NAME": "a placeholder: each scenario has commands of its own",
+    "scenario NAME --out results/NAME": "the same placeholder",
 }
 DATA = ("scenario silverbox --data recordings --out silverbox",)
 """Public recordings, which a user downloads: run where DEATWIN_DATA names their folder."""

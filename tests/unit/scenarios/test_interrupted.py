@@ -27,7 +27,12 @@ from deatwin.scenarios.folder import ResultFolder
 ROOT = Path(__file__).parents[3]
 CASE = ROOT / "tests" / "recordings" / "open_creep"
 SAMPLES = 800
-PROGRAM = "import sys; from deatwin.scenarios.cli import main; sys.exit(main())"
+PROGRAM = """
+import signal, sys
+from deatwin.scenarios.cli import main
+signal.signal(signal.SIGINT, signal.default_int_handler)  # which a shell's background jobs ignore, these tests too
+sys.exit(main())
+"""
 SCHEMA = json.loads((ROOT / "scenarios/deatwin/scenarios/schemas/partial.schema.json").read_text(encoding="utf-8"))
 DIAGNOSE = ["diagnose", "strip_of_mine:strip", "pulls.csv", "--jobs", "1", "--quiet", "--out"]
 

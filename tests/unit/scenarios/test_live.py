@@ -184,7 +184,7 @@ def test_a_sound_recording_is_kept_under_its_own_name(root: Path) -> None:
         ("big.csv", TABLE * 20, r"big.csv: 0.0 MB; at most 0.01 MB are taken \(--upload-limit\)"),
         ("page.html", TABLE, r'page.html: files ".html" are not taken; drop one of .csv, .txt, .tsv, .toml'),
         ("noise.csv", TABLE, "noise.csv: the folder has a file of this name; rename yours"),
-        ("key.toml", "[film]\nprestrech = 3", r'^key.toml, \[film\]: unknown key "prestrech"; did you mean'),
+        ("key.toml", "[film]\nprestrech = 3", r'^key.toml: .+ line 2, \[film\]: unknown key "prestrech"; did you mean'),
     ],
 )
 def test_what_is_not_taken_leaves_nothing_behind(name: str, content: str, message: str, root: Path) -> None:

@@ -174,8 +174,9 @@ def test_a_plant_simulated_here_in_two_processes_and_on_a_cluster_reads_the_same
 
 
 SCRIPT = """
-import sys
+import signal, sys
 from pathlib import Path
+signal.signal(signal.SIGINT, signal.default_int_handler)  # which a shell's background jobs ignore
 sys.path.insert(0, sys.argv[1])
 import test_sweep
 from deatwin.scenarios.sweep import grid, run_study

@@ -21,7 +21,7 @@ from deatwin.scenarios.sweep.run import run_sweep
 __all__ = ["SIZES", "carry_out", "key_of", "labels", "run_case"]
 
 SIZES = ("tiny", "standard", "full")
-SECONDS = {"tiny": (60.0, 24.0), "standard": (120.0, 48.0), "full": (120.0, 48.0)}
+SECONDS = {"tiny": (36.0, 16.0), "standard": (120.0, 48.0), "full": (120.0, 48.0)}
 """Length of a case's recordings together, and of its check, s."""
 EFFORT = {"clean": 0.5, "interval": 0.15, "tie": 2.0}
 """Of a case of that kind, where others take 1."""
