@@ -40,7 +40,9 @@ class Delay(Effect):
 
     with Legendre polynomials shifted to 0 to 1. The moments, of the command and not of its square, are what the
     step's quadrature sees; the end is what a reading sees that follows without any dynamics, for which the command is
-    so interpolated between samples. At whole samples it is the exact shift. Typical: 0 to 40 ms. Signature: phase
+    so interpolated between samples. Where the polarity is reversed the sizes are interpolated, under the later sign:
+    the pull goes with the square, of which a reversal changes little, and no polynomial jumps from u to -u without a
+    gap. At whole samples it is the exact shift. Typical: 0 to 40 ms. Signature: phase
     linear in frequency, 7.2° per 20 ms at 1 Hz, without a change of gain, for all harmonics of the command alike;
     below 1 Hz a short `electrode_rc` or `sensor_lag` looks the same, from 5 Hz on they roll off. Off at
     :math:`\tau_d = 0`.
@@ -78,7 +80,8 @@ class Delay(Effect):
         for k, (later, earlier) in enumerate(pairwise(past)):
             # A dead time is never negative: at 0 the slope is to be that of a longer one.
             passed = ca.fmin(shift - k if k == 0 else ca.fmax(shift - k, 0.0), 1.0)
-            shifted += (earlier - later) * _until(passed, phase)
+            reversed_within = ca.logic_and(earlier * later < 0.0, passed < 1.0)
+            shifted += (ca.if_else(reversed_within, -earlier, earlier) - later) * _until(passed, phase)
         return signal + shifted - build.command
 
 

@@ -121,6 +121,7 @@ def test_a_delay_between_samples_mixes_two_neighbours_for_who_follows_at_once(ch
 
 FILM = Plant(rig=Diaphragm())
 STAIRS = np.repeat(np.random.default_rng(3).uniform(1.2, 3.2, 20), 25)
+REVERSALS = STAIRS * np.repeat(np.resize([1.0, -1.0], 20), 25)
 
 
 def film(plant, commands, sample_time=0.02):
@@ -132,7 +133,8 @@ def film(plant, commands, sample_time=0.02):
 
 @pytest.mark.parametrize("quarters", [1, 2, 6, 7])
 @pytest.mark.parametrize(
-    "commands", [STAIRS, band_limited_noise(np.random.default_rng(4), 10.0, 0.02)], ids=["stairs", "noise"]
+    "commands", [STAIRS, REVERSALS, band_limited_noise(np.random.default_rng(4), 10.0, 0.02)],
+    ids=["stairs", "reversals", "noise"],
 )
 def test_a_delay_between_samples_is_one_of_whole_shorter_samples(commands, quarters):
     late = film(FILM.with_effects(Delay(time=quarters * 0.005)), commands).outputs[1:]
