@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Calibration, simulated
+from deatwin.ident.greybox.fit import Calibration, Part, simulated
 from deatwin.ident.mismatch.bench import Bench
 
-__all__ = ["contribution"]
+__all__ = ["contribution", "readings_of_fit"]
 
 
 def contribution(bench: Bench, explanation: Calibration, added: Sequence[str]) -> np.ndarray:
@@ -35,4 +35,22 @@ def contribution(bench: Bench, explanation: Calibration, added: Sequence[str]) -
     without = simulated(explanation.plant.without_effects(*added), [part.until_last() for part in bench.fitted])
     if without is None:
         return np.full_like(explanation.residuals, np.inf)
-    return np.concatenate([part.measured for part in bench.fitted]) - explanation.residuals - without
+    return readings_of_fit(bench.fitted, explanation.residuals) - without
+
+
+def readings_of_fit(parts: Sequence[Part], residuals: np.ndarray) -> np.ndarray:
+    """What the plant reads that left these residuals.
+
+    Parameters
+    ----------
+    parts : sequence of Part
+        Of recordings.
+    residuals : ndarray, shape (n,)
+        Over all of them, SI.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        SI.
+    """
+    return np.concatenate([part.measured for part in parts]) - residuals

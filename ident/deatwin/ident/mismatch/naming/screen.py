@@ -10,6 +10,7 @@ import numpy as np
 
 from deatwin.ident.greybox.fit import Calibration, Part, simulated
 from deatwin.ident.mismatch.bench import Bench
+from deatwin.ident.mismatch.naming.contribution import readings_of_fit
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant.effects.base import Effect, Place
 from deatwin.plant.parameters import Scale
@@ -193,7 +194,7 @@ def _of_effect(
     base: Calibration, effect: Effect, parts: Sequence[Part], fit: Calibration
 ) -> list[Footprint]:
     """One for each shape at which the plant can be simulated."""
-    without = np.concatenate([part.measured for part in parts]) - base.residuals
+    without = readings_of_fit(parts, base.residuals)
     times = np.concatenate([part.timepts for part in parts])
 
     def footprint(shape: Effect) -> Footprint | None:

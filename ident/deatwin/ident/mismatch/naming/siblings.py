@@ -9,7 +9,7 @@ import numpy as np
 
 from deatwin.ident.greybox.fit import Calibration, Problem, simulated
 from deatwin.ident.mismatch.bench import Bench
-from deatwin.ident.mismatch.naming.contribution import contribution
+from deatwin.ident.mismatch.naming.contribution import contribution, readings_of_fit
 from deatwin.ident.mismatch.naming.screen import Footprint, Lead, footprints, leads, off_jacobian
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant.effects.base import Effect
@@ -85,5 +85,5 @@ def _at_its_strength(bench: Bench, bare: Calibration, lead: Lead, done: Calibrat
     readings = simulated(bare.plant.with_effects(lead.estimate), [part.until_last() for part in bench.fitted])
     if strength == 0.0 or readings is None:
         return None
-    change = readings - (np.concatenate([part.measured for part in bench.fitted]) - bare.residuals)
+    change = readings - readings_of_fit(bench.fitted, bare.residuals)
     return leads([Footprint(effect=lead.estimate, change=change / strength)], done)[0]
