@@ -47,8 +47,8 @@ class FinishedSteps:
         doing : str
             What is being done.
         """
+        self._progress(share, doing)  # which raises where an interrupt was not heard before
         self.share, self.doing = share, doing
-        self._progress(share, doing)
 
     def take(self, step: Step) -> None:
         """Take a step that is through, in place of a former one of the same subject.

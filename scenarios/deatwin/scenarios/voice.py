@@ -12,6 +12,8 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any
 
+from deatwin.scenarios.interrupts import obey
+
 __all__ = ["PlainProgress", "Progress", "Voice", "complain"]
 
 Progress = Callable[[float, str], None]
@@ -74,10 +76,21 @@ class Voice:
         Yields
         ------
         callable
-            Takes the share that is done, from 0 to 1, and what is being done.
+            Takes the share that is done, from 0 to 1, and what is being done. It raises KeyboardInterrupt if Ctrl-C
+            came and has not ended the work.
         """
+        with self._shown(title) as show:
+
+            def tell(share: float, text: str = "") -> None:
+                obey()
+                show(share, text)
+
+            yield tell
+
+    @contextmanager
+    def _shown(self, title: str) -> Iterator[Progress]:
         if self.quiet:
-            yield lambda share, text="": None  # type: ignore[misc]
+            yield lambda share, text: None
             return
         if not sys.stderr.isatty():
             with _lines(PlainProgress(title)) as plain:
@@ -90,7 +103,7 @@ class Voice:
         columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
         with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
             task = bar.add_task(title, total=1.0)
-            yield lambda share, text="": bar.update(task, completed=share, description=text or title)  # type: ignore[misc]
+            yield lambda share, text: bar.update(task, completed=share, description=text or title)
 
 
 class PlainProgress:

@@ -95,7 +95,7 @@ def test_ctrl_c_keeps_the_calibrated_plant(
 ) -> None:
     arguments = ["diagnose", "rig.toml", "noise.csv", "--jobs", "1", "--json", "--out", "result"]
     status, out, err = interrupted_at_a_terminal(arguments, recorded, "looking for a mismatch")
-    assert (status, out) == (130, "")
+    assert (status, out) == (130, ""), err
     assert files(recorded / "result") == {"partial/steps.json", "partial/base_model.json"}
     line = err.splitlines()[-1]
     assert "error: interrupted while looking for a mismatch; there is no verdict" in line

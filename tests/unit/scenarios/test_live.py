@@ -562,7 +562,8 @@ def test_the_server_answers_here_only_and_ends_with_ctrl_c(server: tuple[Any, di
     assert status == 200 and "connect-src 'self'" in headers["Content-Security-Policy"]
     assert not re.search(r"""(?:src|href)=["']?(?:https?:)?//""", page)
     assert get("/", Origin="http://evil.example", **cookie)[0] == 403
-    assert get("/_nicegui/client/x/upload/1", "POST", bytes(2_000_000), **cookie)[0] == 413
+    declared = {"Content-Length": "2000000", **cookie}  # refused before any of it is sent
+    assert get("/_nicegui/client/x/upload/1", "POST", None, **declared)[0] == 413
     status, headers, text = get("/results/report.html", **cookie)
     assert (status, text) == (200, "<p>found</p>") and headers["Content-Security-Policy"].startswith("sandbox ")
     assert get("/results/rig.toml", **cookie)[0] == 404

@@ -2,12 +2,15 @@
 
 import io
 import re
+import signal
 import sys
 import time
+from contextlib import suppress
 
 import pytest
 
 from deatwin.scenarios import voice
+from deatwin.scenarios.interrupts import heard
 from deatwin.scenarios.voice import PlainProgress, Voice, print_lines
 
 
@@ -152,3 +155,30 @@ def test_lines_that_nobody_takes_do_not_end_the_work(monkeypatch: pytest.MonkeyP
     closed.close()
     monkeypatch.setattr(sys, "stderr", closed)
     print_lines(PlainProgress("reading"), Clock(waits=2).wait)
+
+
+@pytest.mark.parametrize("quiet", [True, False])
+def test_an_interrupt_that_a_solver_took_for_a_failure_ends_the_work_at_its_next_word(quiet: bool) -> None:
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with heard(), Voice(quiet=quiet).progress("work") as tell:
+            tell(0.1, "solving")
+            with suppress(KeyboardInterrupt):
+                signal.raise_signal(signal.SIGINT)
+            with pytest.raises(KeyboardInterrupt):
+                tell(0.2, "solved")
+        with heard(), Voice(quiet=quiet).progress("more work") as tell:
+            tell(0.1, "solving")  # what ended one command does not end the next
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def test_where_interrupts_are_ignored_they_stay_so() -> None:
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        with heard(), Voice().progress("work") as tell:
+            signal.raise_signal(signal.SIGINT)
+            tell(0.1, "solving")
+    finally:
+        signal.signal(signal.SIGINT, before)
