@@ -12,7 +12,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any
 
-from deatwin.scenarios.interrupts import obey
+from deatwin.plant.interrupts import obey
 
 __all__ = ["PlainProgress", "Progress", "Voice", "complain"]
 

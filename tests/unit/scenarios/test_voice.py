@@ -9,8 +9,8 @@ from contextlib import suppress
 
 import pytest
 
+from deatwin.plant.interrupts import heard
 from deatwin.scenarios import voice
-from deatwin.scenarios.interrupts import heard
 from deatwin.scenarios.voice import PlainProgress, Voice, print_lines
 
 
@@ -158,7 +158,7 @@ def test_lines_that_nobody_takes_do_not_end_the_work(monkeypatch: pytest.MonkeyP
 
 
 @pytest.mark.parametrize("quiet", [True, False])
-def test_an_interrupt_that_a_solver_took_for_a_failure_ends_the_work_at_its_next_word(quiet: bool) -> None:
+def test_an_interrupt_that_was_dropped_ends_the_work_at_its_next_word(quiet: bool) -> None:
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         with heard(), Voice(quiet=quiet).progress("work") as tell:

@@ -19,6 +19,7 @@ from types import MappingProxyType
 import casadi as ca
 
 from deatwin.plant.integrator.lanes import replaced
+from deatwin.plant.interrupts import obey
 
 __all__ = ["cache_folder", "compile_functions", "compile_source", "compiler"]
 
@@ -98,6 +99,7 @@ def compile_functions(
     for function in renamed.values():
         generator.add(function)
     source = generator.dump()
+    obey()  # much was done in CasADi, which may have lost an interrupt
     try:
         target = _target(program)
         if target.wide_vectors:

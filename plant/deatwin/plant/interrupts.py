@@ -1,4 +1,4 @@
-"""Ctrl-C that is not lost: a solver in compiled code may take it for a step that failed, and the work would go on."""
+"""Ctrl-C that is not lost: CasADi drops one that comes while it converts arguments, and the work would go on."""
 
 from __future__ import annotations
 
