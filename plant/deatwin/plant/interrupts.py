@@ -3,43 +3,18 @@
 from __future__ import annotations
 
 import signal
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
-from types import FrameType
 
-__all__ = ["heard", "obey"]
-
-_ASKED = threading.Event()
-
-
-@contextmanager
-def heard() -> Iterator[None]:
-    """Remember Ctrl-C while a command runs, where it is what ends a program of Python; it is raised as ever."""
-    _ASKED.clear()
-    ours = threading.current_thread() is threading.main_thread()
-    if not ours or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
-        yield
-        return
-    signal.signal(signal.SIGINT, _remember)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+__all__ = ["obey"]
 
 
 def obey() -> None:
-    """Raise what was asked for and has not ended the work.
+    """Raise the interrupt that was asked for and has not ended the work.
 
     Raises
     ------
     KeyboardInterrupt
-        If Ctrl-C came since the command began.
+        If the program's handler of SIGINT has an event `asked`, and that is set.
     """
-    if _ASKED.is_set():
+    asked = getattr(signal.getsignal(signal.SIGINT), "asked", None)
+    if asked is not None and asked.is_set():
         raise KeyboardInterrupt
-
-
-def _remember(number: int, frame: FrameType | None) -> None:
-    _ASKED.set()
-    signal.default_int_handler(number, frame)

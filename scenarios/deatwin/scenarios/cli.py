@@ -8,7 +8,6 @@ from typing import Annotated, Any
 
 import typer
 
-from deatwin.plant.interrupts import heard
 from deatwin.scenarios.commands.check import check
 from deatwin.scenarios.commands.demo import demo
 from deatwin.scenarios.commands.diagnose import diagnose
@@ -19,6 +18,7 @@ from deatwin.scenarios.commands.identify import identify
 from deatwin.scenarios.commands.scenario import scenario, scenarios
 from deatwin.scenarios.commands.simulate import simulate
 from deatwin.scenarios.commands.view import view
+from deatwin.scenarios.interrupts import heard
 from deatwin.scenarios.options import fold_experiments
 from deatwin.scenarios.usage import Command, Group, unwrapped
 from deatwin.scenarios.voice import complain

@@ -12,8 +12,6 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any
 
-from deatwin.plant.interrupts import obey
-
 __all__ = ["PlainProgress", "Progress", "Voice", "complain"]
 
 Progress = Callable[[float, str], None]
@@ -79,6 +77,8 @@ class Voice:
             Takes the share that is done, from 0 to 1, and what is being done. It raises KeyboardInterrupt if Ctrl-C
             came and has not ended the work.
         """
+        from deatwin.plant.interrupts import obey  # which comes with numpy: help does without
+
         with self._shown(title) as show:
 
             def tell(share: float, text: str = "") -> None:

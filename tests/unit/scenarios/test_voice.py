@@ -9,8 +9,8 @@ from contextlib import suppress
 
 import pytest
 
-from deatwin.plant.interrupts import heard
 from deatwin.scenarios import voice
+from deatwin.scenarios.interrupts import heard
 from deatwin.scenarios.voice import PlainProgress, Voice, print_lines
 
 
