@@ -20,7 +20,7 @@ from deatwin.control.design.loop_shaping import loop_shaping, loop_shaping_pid
 from deatwin.control.design.lqg import lqg
 from deatwin.control.design.pid import PidGains, pid
 from deatwin.control.design.scheduling import scheduled
-from deatwin.control.errors import ControlError
+from deatwin.control.errors import ControlError, MissingPackageError
 from deatwin.control.interop.from_control import from_control
 from deatwin.control.interop.narx_system import past_state
 from deatwin.control.interop.responses import Frd, linear_frd, to_frd
@@ -80,6 +80,7 @@ __all__ = [
     "MarginBand",
     "MarginRow",
     "Margins",
+    "MissingPackageError",
     "OperatingPoint",
     "PidGains",
     "PredictedLoop",

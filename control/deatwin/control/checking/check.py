@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from deatwin.control.arguments import finite, function, generator, instance, numbers, pair, positive, taking, whole
 from deatwin.control.checking.cycles import judge_cycles
 from deatwin.control.checking.film import judge_film
 from deatwin.control.checking.given import (
@@ -18,6 +19,7 @@ from deatwin.control.checking.given import (
     require_inside,
     require_laws,
     require_limits,
+    require_others,
     require_pair,
     trained_range,
 )
@@ -52,7 +54,7 @@ from deatwin.control.loop.residual import DivergedError, Residual
 from deatwin.control.progress import Progress, part
 from deatwin.control.stability.bands import band_margins
 from deatwin.control.stability.excited import Excitation
-from deatwin.ident.frequency.checks import real_numbers, whole_number
+from deatwin.ident.frequency.checks import real_numbers
 from deatwin.ident.narx import NarxModel, ThetaTrajectory
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.errors import DeatwinError, ModelError
@@ -68,9 +70,10 @@ Design = Callable[..., Controller]
 
 STICKING = ("hysteresis", "coulomb_friction")
 """Effects that act as a spring on small motions and are nothing to the dynamics of large ones: the loop meets both."""
-_TAKEN = ("model", "plant")
 POINTS = 5
 """Operating points at which margins are judged, where none are given."""
+SAME = 1e-9
+"""Operating inputs that differ by less, as a share of the range of the command, are one."""
 PLANTS = 20
 """Plants drawn from a calibration."""
 TIME_SAMPLES = 50
@@ -79,6 +82,12 @@ FILMS = 8
 """Of them, those on which the film's limits are tried."""
 
 
+@taking(
+    model=instance(NarxModel), plant=instance(Plant, CalibratedPlant), rng=generator, design=function,
+    operating_input=finite, operating_inputs=numbers, closed_loop_time=positive, command_limits=pair,
+    recording=instance(Recording), specification=instance(Specification), others=require_others,
+    trajectory=instance(ThetaTrajectory), samples=whole(1), progress=function,
+)
 def check(
     model: NarxModel,
     plant: Plant | CalibratedPlant,
@@ -114,8 +123,8 @@ def check(
     operating_input : float, optional
         At which the loop is closed, in the input's unit; the centre of the training data by default.
     operating_inputs : array_like, shape (n,), optional
-        Operating points at which margins are judged, in the input's unit; by default five over the range in
-        which the references of the check move.
+        Operating points at which margins are judged, in the input's unit, beside the controller's own; by default
+        five over the range in which the references of the check move.
     closed_loop_time : float, optional
         Lambda of the default design, s; see `lambda_tuning`.
     command_limits : (float, float), optional
@@ -146,17 +155,14 @@ def check(
     ModelError
         If model and plants do not belong together, or the operating input lies outside the training data.
     ControlError
-        If the limits of the command make no sense, the controller is none, has another sample time or so long a
-        closed-loop time that its runs have no end, or the design or the controller's `local` raises what is no error
-        of deatwin's (chained) or returns something else.
+        If an argument is of another kind, the limits of the command make no sense, the controller is none, has another
+        sample time or so long a closed-loop time that its runs have no end, or the design or the controller's `local`
+        raises what is no error of deatwin's (chained) or returns something else.
     """
-    samples = whole_number(samples, "samples")
     if controller is not None:
         require_controller(controller, model)
     known = _known(plant)
     everyone = {name: _known(other) for name, other in (others or {}).items()}
-    if unfit := [name for name in everyone if not name or name.split()[0] in _TAKEN]:
-        raise ControlError(f"another plant cannot be called {unfit[0]!r}: {', '.join(_TAKEN)} and nothing mean others")
     for one in (known, *everyone.values()):
         require_pair(model, one.plant)
     linear = linearise(model, operating_input if controller is None else controller.operating_input)
@@ -185,7 +191,7 @@ def check(
             raise ControlError(
                 f"the design {_name(chosen)} returned {type(controller).__name__}; it must return a Controller"
             )
-        if abs(controller.operating_input - seen.operating_input) > 1e-9 * (limits[1] - limits[0]):
+        if abs(controller.operating_input - seen.operating_input) > SAME * (limits[1] - limits[0]):
             raise ControlError(
                 f"the design is for the operating input {controller.operating_input:g}, not "
                 f"for {seen.operating_input:g}"
@@ -268,9 +274,9 @@ class _Subject:
         """Margins at the controller's own point, and at all points and times."""
         reading = self.plant.plant.rig.reading
         thetas = np.vstack([self.model.theta, draw(self.model, self.rng, self.samples)])
-        at = np.unique(np.append(self.points, self.controller.operating_input))
-        rows = rows_of_family("model", linearise_many(self.model, at, thetas).in_loop(reading), self.controller)
-        here = rows[int(np.flatnonzero(at == self.controller.operating_input)[0])]
+        family = linearise_many(self.model, self.points, thetas).in_loop(reading)
+        rows = rows_of_family("model", family, self.controller)
+        here = rows[int(np.flatnonzero(self.points == self.controller.operating_input)[0])]
         if here.gain > 0.0:  # else the loop of the model itself is unstable and has no band
             law = self.controller.local(self.controller.operating_input)
             rows = (*rows, row_of_band(band_margins(self.linear, *law.feedback), self.linear, here.crossover_Hz))
@@ -318,10 +324,13 @@ class _Subject:
         spec, plant = self.specification, self.plant.plant
         factors = (spec.gain.poor, spec.gain.good)
         raised = [
-            (factor, trial.raised(plant, factor, part(progress, 0.5 * n, 0.5 * (n + 1))))
+            (factor, trial.raised(plant, factor, part(progress, 0.25 * n, 0.25 * (n + 1))))
             for n, factor in enumerate(factors)
         ]
-        found = [judge_raised(raised, spec), judge_cycles(plant, self.controller, self.linear, trial.amplitude, spec)]
+        cycles = judge_cycles(
+            plant, self.controller, self.linear, trial.amplitude, spec, progress=part(progress, 0.5, 1.0)
+        )
+        found = [judge_raised(raised, spec), cycles]
         if predicted is not None:
             found.append(judge_prediction(predicted, steps, spec))
         return found
@@ -359,13 +368,16 @@ def _known(plant: Plant | CalibratedPlant) -> CalibratedPlant:
 
 
 def _points(model: NarxModel, controller: Controller, operating_inputs: ArrayLike | None) -> Array:
-    """Operating inputs at which margins are judged."""
+    """Operating inputs at which margins are judged, the controller's own among them; each once."""
+    c = controller
     if operating_inputs is not None:
-        points = np.unique(real_numbers(operating_inputs, "operating_inputs"))
+        points = real_numbers(operating_inputs, "operating_inputs").ravel()
         if points.size == 0 or not np.all(np.isfinite(points)):
             raise ControlError("operating_inputs must be one or more finite numbers")
         require_inside(model, points.tolist())
-        return points
-    c = controller
-    room = STEP_SHARE * min(c.operating_input - c.command_min, c.command_max - c.operating_input)
-    return np.linspace(c.operating_input - room, c.operating_input + room, POINTS)
+    else:
+        room = STEP_SHARE * min(c.operating_input - c.command_min, c.command_max - c.operating_input)
+        points = np.linspace(c.operating_input - room, c.operating_input + room, POINTS)
+    # The middle of a range is the operating input but for its last digit.
+    others = points[np.abs(points - c.operating_input) > SAME * (c.command_max - c.command_min)]
+    return np.unique(np.append(others, c.operating_input))

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.control.checking.amounts import amount
 from deatwin.control.checking.specification import Specification, Verdict
 from deatwin.control.checking.verdict import Finding, worst
 from deatwin.control.controllers.base import Controller
 from deatwin.control.linear.model import LinearModel
-from deatwin.control.loop.sine_response import sine_response
+from deatwin.control.loop.sine_response import SineResponse, sine_response
+from deatwin.control.progress import Progress
 from deatwin.control.stability.describing import Quantiser, Saturation
 from deatwin.control.stability.limit_cycles import LimitCycle, limit_cycles
 from deatwin.control.stability.margins import margins
@@ -30,7 +34,13 @@ _LARGEST = 30.0  # times the limit: how far beyond it a saturated command is loo
 
 
 def judge_cycles(
-    plant: Plant, controller: Controller, linear: LinearModel, step: float, specification: Specification
+    plant: Plant,
+    controller: Controller,
+    linear: LinearModel,
+    step: float,
+    specification: Specification,
+    *,
+    progress: Progress | None = None,
 ) -> Finding:
     """Judge the limit cycles that describing functions predict.
 
@@ -50,24 +60,31 @@ def judge_cycles(
         With which a cycle's amplitude is compared, in the output's unit.
     specification : Specification
         What is asked.
+    progress : callable, optional
+        Called with the share that is done.
 
     Returns
     -------
     Finding
         Of the cycle that is worst: a sustained one should be small at the output, an unstable one large, since it
-        is the edge beyond which the loop does not come back.
+        is the edge beyond which the loop does not come back. At best marginal where the plant does not live through
+        sines of two sizes, so that its response is not measured; where it does not live through all sizes, the text
+        says through which.
     """
     highest = 0.9 * np.pi / controller.sample_time
     omega = np.geomspace(min(_LOWEST * _crossover(controller, linear), 0.5 * highest), highest, FREQUENCIES)
+    sizes = _room(controller) * np.array(SIZES)
+    response = sine_response(plant, controller.operating_input, sizes, omega, progress=progress)
     found = [
-        *_that_matter(_of_plant(plant, controller, omega)),
+        *_that_matter(_of_plant(response, controller, omega)),
         *_that_matter(_of_limits(controller, linear, omega)),
         *_that_matter(_of_codes(plant, controller, linear, omega)),
     ]
-    if not found:
-        text = "describing functions of plant, limits and codes predict no limit cycle"
-        return Finding(subject="limit cycle", value=0.0, verdict=Verdict.PASS, text=text)
-    return worst([_judged(what, cycle, amplitude / abs(step), specification) for what, cycle, amplitude in found])
+    judged = [_judged(what, cycle, amplitude / abs(step), specification) for what, cycle, amplitude in found]
+    if response is None:
+        return _with_plant_unmeasured(judged)
+    finding = worst(judged) if judged else _none("plant, limits and codes")
+    return replace(finding, text=finding.text + _sizes_measured(response))
 
 
 _Found = tuple[str, LimitCycle, float]
@@ -80,10 +97,34 @@ def _judged(what: str, cycle: LimitCycle, share: float, specification: Specifica
     wanted = "" if verdict is Verdict.PASS else f" ({limit.wanted} of a step is wanted)"
     kind = "a limit cycle" if cycle.stable else "an unstable limit cycle, beyond which the loop does not come back,"
     text = (
-        f"describing functions predict {kind} at {cycle.frequency_Hz:.2g} Hz with {100 * share:.3g} % of a step, by "
-        f"{what}{wanted}"
+        f"describing functions predict {kind} at {cycle.frequency_Hz:.2g} Hz with "
+        f"{amount(100 * share, '.3g', ' %')} of a step, by {what}{wanted}"
     )
     return Finding(subject="limit cycle", value=share, verdict=verdict, text=text)
+
+
+def _none(of: str) -> Finding:
+    text = f"describing functions of {of} predict no limit cycle"
+    return Finding(subject="limit cycle", value=0.0, verdict=Verdict.PASS, text=text)
+
+
+def _with_plant_unmeasured(judged: list[Finding]) -> Finding:
+    """The worst of the findings on limits and codes, at best marginal: nothing is known of the plant itself."""
+    least = f"{100 * SIZES[1]:g} % of the room to the command's limits"
+    why = f"the plant's own response to sines is not measured: it does not live through sines of {least}"
+    # Without a cycle there is no number: zero would be one.
+    finding = worst(judged) if judged else replace(_none("limits and codes"), value=None)
+    verdict = max(finding.verdict, Verdict.MARGINAL, key=lambda verdict: verdict.severity)
+    return replace(finding, verdict=verdict, text=f"{finding.text}; {why}")
+
+
+def _sizes_measured(response: SineResponse) -> str:
+    """What is to be said where the plant did not live through the sines of all sizes."""
+    lived = [f"{100 * size:g}" for size in SIZES[: response.amplitudes.size]]
+    if len(lived) == len(SIZES):
+        return ""
+    sizes = f"{', '.join(lived[:-1])} and {lived[-1]} % of the room to the command's limits"
+    return f"; the plant is measured with sines of {sizes} only: it does not live through larger ones"
 
 
 def _that_matter(found: list[_Found]) -> list[_Found]:
@@ -92,9 +133,7 @@ def _that_matter(found: list[_Found]) -> list[_Found]:
     return [entry for entry in found if entry[1].stable or entry[2] > caught]
 
 
-def _of_plant(plant: Plant, controller: Controller, omega: Array) -> list[_Found]:
-    room = min(controller.operating_input - controller.command_min, controller.command_max - controller.operating_input)
-    response = sine_response(plant, controller.operating_input, room * np.array(SIZES), omega)
+def _of_plant(response: SineResponse | None, controller: Controller, omega: Array) -> list[_Found]:
     if response is None:
         return []
     top, bottom = controller.local(controller.operating_input).feedback
@@ -105,7 +144,7 @@ def _of_plant(plant: Plant, controller: Controller, omega: Array) -> list[_Found
 
 
 def _of_limits(controller: Controller, linear: LinearModel, omega: Array) -> list[_Found]:
-    room = min(controller.operating_input - controller.command_min, controller.command_max - controller.operating_input)
+    room = _room(controller)
     top, bottom = _loop(controller, linear)
     sizes = np.geomspace(1.001 * room, _LARGEST * room, _FINE)
     limits = Saturation(limit=room)
@@ -121,6 +160,11 @@ def _of_codes(plant: Plant, controller: Controller, linear: LinearModel, omega: 
     sizes = np.geomspace(0.51 * step, 20.0 * step, _FINE)
     cycles = limit_cycles(top, bottom, controller.sample_time, Quantiser(step=step), sizes, _between(omega))
     return [("the codes of the sensor's converter", c, c.amplitude) for c in cycles]
+
+
+def _room(controller: Controller) -> float:
+    """From the operating input to the nearer limit of the command, in its unit."""
+    return min(controller.operating_input - controller.command_min, controller.command_max - controller.operating_input)
 
 
 def _crossover(controller: Controller, linear: LinearModel) -> float:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from deatwin.control.arguments import instance
 from deatwin.control.controllers.base import Controller
 from deatwin.control.controllers.law import Law
 from deatwin.control.errors import ControlError
@@ -12,6 +13,7 @@ from deatwin.control.linear.model import LinearModel
 from deatwin.control.loop.residual import Residual, free_run_residual
 from deatwin.control.stability.excited import Excitation, excitation
 from deatwin.ident.narx import NarxModel
+from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.errors import DeatwinError, ModelError
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Recording
@@ -23,12 +25,32 @@ __all__ = [
     "require_inside",
     "require_laws",
     "require_limits",
+    "require_others",
     "require_pair",
     "trained_range",
 ]
 
+_TAKEN = ("model", "plant")
 _FOREIGN = 3.0
 """Times the residual that a model carries: a recording that leaves more is not of the actuator, or in another unit."""
+
+
+def require_others(value: Any, name: str) -> None:
+    """Raise ControlError unless further plants are plants, each by a name of its own.
+
+    Parameters
+    ----------
+    value : mapping of str to Plant or CalibratedPlant
+        Or anything else, by mistake.
+    name : str
+        What it is.
+    """
+    instance(Mapping, hint=" from names to plants")(value, name)
+    for key, plant in value.items():
+        instance(str)(key, f"a name in {name}")
+        if not key.strip() or key.split()[0] in _TAKEN:
+            raise ControlError(f"another plant cannot be called {key!r}: {', '.join(_TAKEN)} and nothing mean others")
+        instance(Plant, CalibratedPlant)(plant, f"{name}[{key!r}]")
 
 
 def require_pair(model: NarxModel, plant: Plant) -> None:

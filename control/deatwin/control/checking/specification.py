@@ -7,6 +7,7 @@ from enum import Enum
 from math import isfinite
 from typing import Any
 
+from deatwin.control.arguments import finite, instance, number, require_fields
 from deatwin.control.errors import ControlError
 
 __all__ = ["Limit", "Specification", "Verdict"]
@@ -40,7 +41,7 @@ class Limit:
     Raises
     ------
     ControlError
-        If they are equal or not finite.
+        If they are no numbers, equal or not finite.
     """
 
     good: float
@@ -48,6 +49,7 @@ class Limit:
     unit: str = ""
 
     def __post_init__(self) -> None:
+        require_fields(self, good=number, poor=number, unit=instance(str))
         if not (isfinite(self.good) and isfinite(self.poor) and self.good != self.poor):
             raise ControlError(
                 f"a limit needs two finite numbers that differ, as the larger one says whether more is better; "
@@ -154,10 +156,10 @@ class Specification:
     reserve: float = 0.2
 
     def __post_init__(self) -> None:
+        a_limit = instance(Limit, hint=", with a good and a poor value")
+        require_fields(self, **dict.fromkeys(_defaults(), a_limit), reserve=finite)
         for name, default in _defaults().items():
             limit = getattr(self, name)
-            if not isinstance(limit, Limit):
-                raise ControlError(f"{name} = {limit!r}: it must be a Limit, with a good and a poor value")
             if limit.more_is_better is not default.more_is_better:
                 sense, side = ("more", "above") if default.more_is_better else ("less", "below")
                 raise ControlError(
@@ -165,7 +167,7 @@ class Specification:
                     f"good = {limit.good:g} and poor = {limit.poor:g}"
                 )
         if not 0.0 <= self.reserve < 1.0:
-            raise ControlError(f"reserve = {self.reserve}: it is a share, from 0 to below 1")
+            raise ControlError(f"reserve = {self.reserve:g}: it is a share, from 0 to below 1")
         if min(self.gain.good, self.gain.poor) < 1.0:
             raise ControlError(f"a gain margin is at least 1; its limits are {self.gain.good:g} and {self.gain.poor:g}")
 

@@ -8,10 +8,12 @@ from math import inf, isfinite
 
 import numpy as np
 
+from deatwin.control.checking.amounts import amount
 from deatwin.control.checking.rows import MarginRow
 from deatwin.control.checking.specification import Limit, Specification, Verdict
 from deatwin.control.loop.closed_loop import ClosedLoop
 from deatwin.control.loop.predicted import PredictedLoop
+from deatwin.plant.amplitudes import written_amplitude
 
 __all__ = [
     "Finding",
@@ -161,12 +163,17 @@ def judge_runs(runs: Runs, sine_predicted: float, specification: Specification) 
     steps, sine, spec = runs.steps, runs.sine, specification
     ratio = late_rms_error(sine) / sine_predicted if sine_predicted > 0.0 else inf
     saturated = max(steps.saturated_share, sine.saturated_share)
+    over, off, moves = (
+        amount(100 * share, form, " %")
+        for share, form in ((steps.overshoot, ".0f"), (steps.steady_error, ".1f"), (steps.ripple, ".1f"))
+    )
+    times = amount(ratio, ".2f", " times")
     measured = (
-        ("overshoot", steps.overshoot, spec.overshoot, f"steps overshoot by {100 * steps.overshoot:.0f} %"),
-        ("steady error", steps.steady_error, spec.steady_error, f"steps end {100 * steps.steady_error:.1f} % off"),
-        ("ripple", steps.ripple, spec.ripple, f"late after a step {100 * steps.ripple:.1f} % of it still moves"),
+        ("overshoot", steps.overshoot, spec.overshoot, f"steps overshoot by {over}"),
+        ("steady error", steps.steady_error, spec.steady_error, f"steps end {off} off"),
+        ("ripple", steps.ripple, spec.ripple, f"late after a step {moves} of it still moves"),
         ("saturation", saturated, spec.saturated, f"{100 * saturated:.0f} % of the commands are at a limit"),
-        ("tracking", ratio, spec.tracking, f"the error on a slow sine is {ratio:.2f} times the predicted"),
+        ("tracking", ratio, spec.tracking, f"the error on a slow sine is {times} the predicted"),
     )
     return tuple(
         _finding(runs.subject(name), value, limit, f"{text} {runs.where}") for name, value, limit, text in measured
@@ -209,7 +216,7 @@ def judge_width(predicted: PredictedLoop, step: float, specification: Specificat
         At most marginal.
     """
     share = float(np.median(predicted.half_width)) / abs(step)
-    text = f"the band that the model predicts reaches {share:.2g} steps to either side"
+    text = f"the band that the model predicts reaches {amount(share, '.3g', ' steps')} to either side"
     return _finding("width of the prediction", share, specification.width, text)
 
 
@@ -230,7 +237,8 @@ def judge_prediction(predicted: PredictedLoop, achieved: ClosedLoop, specificati
     Finding
     """
     share = predicted.inside(achieved)
-    text = f"{100 * share:.1f} % of the steps on the physics plant lie inside the band that the model predicts"
+    where = f"on the physics plant{_beyond(predicted.trained, achieved)}"
+    text = f"{100 * share:.1f} % of the steps {where} lie inside the band that the model predicts"
     return _finding("prediction", share, specification.inside, text)
 
 
@@ -275,6 +283,21 @@ def late_rms_error(run: ClosedLoop) -> float:
         In the output's unit.
     """
     return float(np.sqrt(np.mean(run.error[run.error.size // 3 :] ** 2)))
+
+
+def _beyond(trained: tuple[float, float] | None, achieved: ClosedLoop) -> str:
+    """How far a run went beyond the outputs of the training data, in words; empty where it did not.
+
+    Commands inside the training data do not keep the outputs inside: where a slow actuator never got under noise, it
+    gets on a step, and no draw of a model's parameters tells how wrong its form is there.
+    """
+    low, high = float(achieved.output.min()), float(achieved.output.max())
+    if trained is None or trained[0] <= low <= high <= trained[1]:
+        return ""
+    unit, size = written_amplitude(achieved.output_unit)
+    ends = " to ".join(f"{value / size:.3g}" for value in (low, high))
+    data = " to ".join(f"{value / size:.3g}" for value in trained)
+    return f", which go from {ends} {unit} and leave the training data of {data} {unit},"
 
 
 def _failed(runs: Runs, run: ClosedLoop) -> Finding:

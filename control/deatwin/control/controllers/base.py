@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from deatwin.control.arguments import finite, positive, require_fields
 from deatwin.control.controllers.law import Law
 from deatwin.control.errors import ControlError
 
@@ -58,10 +59,10 @@ class Controller(ABC):
     kind: ClassVar[str]
 
     def __post_init__(self) -> None:
-        values = (self.operating_input, self.operating_output, self.command_min, self.command_max)
-        times = (self.sample_time, self.closed_loop_time)
-        if not all(map(isfinite, (*values, *times))) or min(times) <= 0.0:
-            raise ControlError(f"every value of a controller must be finite, and its times positive: {self}")
+        require_fields(
+            self, sample_time=positive, operating_input=finite, operating_output=finite, command_min=finite,
+            command_max=finite, closed_loop_time=positive,
+        )  # fmt: skip
         if not self.command_min < self.operating_input < self.command_max:
             raise ControlError(
                 f"the operating input {self.operating_input:g} must lie between the limits of the command, "

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from deatwin.control.arguments import instance, taking
 from deatwin.control.controllers.base import Controller
 from deatwin.control.controllers.inverse import InverseController
 from deatwin.control.controllers.linear import LinearController
@@ -19,6 +20,7 @@ _COMMON = (
 )  # fmt: skip
 
 
+@taking(controller=instance(Controller))
 def controller_to_dict(controller: Controller) -> dict[str, Any]:
     """A controller as JSON can hold it.
 
@@ -35,6 +37,7 @@ def controller_to_dict(controller: Controller) -> dict[str, Any]:
     return {"kind": controller.kind, **common, **controller.details()}
 
 
+@taking(data=instance(Mapping))
 def controller_from_dict(data: Mapping[str, Any]) -> Controller:
     """The controller that `controller_to_dict` described.
 
@@ -50,8 +53,10 @@ def controller_from_dict(data: Mapping[str, Any]) -> Controller:
     Raises
     ------
     ControlError
-        If the kind is not known.
+        If a key is missing, or the kind is not known.
     """
+    if absent := [name for name in ("kind", *_COMMON) if name not in data]:
+        raise ControlError(f"the description of a controller lacks {', '.join(absent)}")
     for kind in _KINDS:
         if kind.kind == data["kind"]:
             return kind.from_details({name: data[name] for name in _COMMON}, data)

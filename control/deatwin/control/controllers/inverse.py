@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from deatwin.control.arguments import instance, numbers, require_fields
 from deatwin.control.controllers.base import Controller, require_factor
 from deatwin.control.controllers.law import Law
 from deatwin.control.controllers.linear import LinearController
@@ -61,6 +62,7 @@ class StaticCurve:
     output_unit: str = ""
 
     def __post_init__(self) -> None:
+        require_fields(self, inputs=numbers, outputs=numbers)
         for name in ("inputs", "outputs"):
             values = np.array(getattr(self, name), dtype=np.float64)
             values.setflags(write=False)
@@ -222,6 +224,10 @@ class InverseController(Controller):
     curve: StaticCurve
 
     kind = "inverse"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_fields(self, feedback=instance(LinearController), curve=instance(StaticCurve))
 
     @property
     def states(self) -> int:

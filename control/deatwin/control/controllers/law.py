@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from deatwin.control.arguments import numbers, require_fields
 from deatwin.control.errors import ControlError
 
 if TYPE_CHECKING:
@@ -50,6 +51,7 @@ class Law:
     d: Array
 
     def __post_init__(self) -> None:
+        require_fields(self, a=numbers, b=numbers, c=numbers, d=numbers)
         for name in ("a", "b", "c", "d"):
             values = np.array(getattr(self, name), dtype=np.float64)
             values.setflags(write=False)
@@ -61,7 +63,7 @@ class Law:
             if values.shape != shape:
                 raise ControlError(f"{name} of a control law has the shape {values.shape}: it must be {shape}")
             if not np.all(np.isfinite(values)):
-                raise ControlError(f"{name} of a control law must be finite; it has {values.tolist()}")
+                raise ControlError(f"{name} of a control law must be finite")
 
     @classmethod
     def of_error(cls, a: ArrayLike, b: ArrayLike, c: ArrayLike, d: float) -> Self:

@@ -9,6 +9,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from deatwin.control.arguments import instance, numbers, require_fields
 from deatwin.control.controllers.base import Controller, require_factor
 from deatwin.control.controllers.law import READING, REFERENCE, Law
 from deatwin.control.errors import ControlError
@@ -52,6 +53,7 @@ class LinearController(Controller):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        require_fields(self, law=instance(Law), windup=numbers)
         values = np.array(self.windup, dtype=np.float64)
         values.setflags(write=False)
         object.__setattr__(self, "windup", values)

@@ -10,6 +10,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from deatwin.control.arguments import each, instance, numbers, require_fields
 from deatwin.control.controllers.base import Controller, require_factor
 from deatwin.control.controllers.law import READING, REFERENCE, Law
 from deatwin.control.errors import ControlError
@@ -63,13 +64,15 @@ class ScheduledController(Controller):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        require_fields(self, points=numbers, laws=each(instance(Law)), windup=numbers)
         points, windup = (np.array(getattr(self, name), dtype=np.float64) for name in ("points", "windup"))
         if windup.ndim == 1:
             windup = np.tile(windup, (points.size, 1))
         for name, values in (("points", points), ("windup", windup)):
             values.setflags(write=False)
             object.__setattr__(self, name, values)
-        if self.points.size < 2 or not np.all(np.diff(self.points) > 0.0) or self.points.size != len(self.laws):
+        increasing = np.isfinite(self.points).all() and np.all(np.diff(self.points) > 0.0)
+        if self.points.size < 2 or not increasing or self.points.size != len(self.laws):
             raise ControlError(f"a schedule needs two or more increasing points, a law at each; got {self.points}")
         first = self.laws[0]
         if any(law.c.size != first.c.size for law in self.laws):

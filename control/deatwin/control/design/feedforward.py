@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.control.arguments import instance, number, taking
 from deatwin.control.controllers.inverse import InverseController
 from deatwin.control.controllers.law import Law
 from deatwin.control.errors import ControlError
-from deatwin.control.linear.model import LinearModel
+from deatwin.control.linear.model import LinearModel, linear_model
 
 __all__ = ["InverseFilter", "inverse_filter", "with_dynamics"]
 
@@ -87,6 +88,7 @@ class InverseFilter:
         return Law(a=a, b=b, c=np.concatenate([law.c, self.c]), d=law.d + np.array([self.d, 0.0]))
 
 
+@taking(linear=linear_model, band_Hz=number)
 def inverse_filter(linear: LinearModel, band_Hz: float) -> InverseFilter:
     """Fit the inverse of a model's dynamics on a band, by a filter that does not look ahead.
 
@@ -134,6 +136,7 @@ def inverse_filter(linear: LinearModel, band_Hz: float) -> InverseFilter:
     )
 
 
+@taking(controller=instance(InverseController), filter=instance(InverseFilter))
 def with_dynamics(controller: InverseController, filter: InverseFilter) -> InverseController:
     """The controller with the filtered reference fed forward instead of the bare one.
 

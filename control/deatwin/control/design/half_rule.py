@@ -14,8 +14,8 @@ __all__ = ["SecondOrderDelay", "reduce_to_second_order"]
 
 Array = NDArray[np.float64]
 
-_REAL = 1e-9  # imaginary part, against the modulus, of a root that is real
-_CLOSE = 1.6  # a zero is nearer to the smaller lag beside it if their ratio is below this
+_REAL = 0.01  # oscillation against decay of a pair that is a double lag (damping 1 - 5e-5): rounding splits equal lags
+_CLOSE = 1.6 * (1 - 1e-3)  # a zero is nearer to the smaller lag beside it if their ratio is below 1.6, less rounding
 _ROUNDS = 20  # of delay and zeros, which depend on each other
 
 
@@ -94,9 +94,9 @@ def reduce_to_second_order(linear: LinearModel) -> SecondOrderDelay:
 def _times(polynomial: Array, h: float) -> Array:
     """Time constants of the real roots between 0 and 1, the longest first, s."""
     roots = np.roots(np.trim_zeros(polynomial, "f"))
-    real = roots.real[np.abs(roots.imag) <= _REAL * np.abs(roots)]
-    inside = real[(real > 0.0) & (real < 1.0)]
-    return np.asarray(np.sort(-h / np.log(inside))[::-1])
+    rates = np.log(roots[roots != 0.0].astype(np.complex128))
+    real = rates.real[(rates.real < 0.0) & (np.abs(rates.imag) <= _REAL * np.abs(rates.real))]
+    return np.asarray(np.sort(-h / real)[::-1])
 
 
 def _residence(linear: LinearModel) -> float:

@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from deatwin.control.arguments import number, pair, taking
 from deatwin.control.controllers.law import Law
 from deatwin.control.controllers.linear import LinearController
 from deatwin.control.design.pid import Limits
 from deatwin.control.design.states import States, integrating
-from deatwin.control.errors import ControlError
-from deatwin.control.linear.model import LinearModel
+from deatwin.control.errors import ControlError, MissingPackageError
+from deatwin.control.linear.model import LinearModel, linear_model
 from deatwin.control.stability.margins import margins
 
 if TYPE_CHECKING:
@@ -110,6 +111,7 @@ class MixedSensitivity:
         return first, second
 
 
+@taking(linear=linear_model, command_limits=pair, bandwidth_Hz=number, max_sensitivity=number, effort=number)
 def hinf(
     linear: LinearModel,
     *,
@@ -147,8 +149,10 @@ def hinf(
     ------
     ModelError
         If no controller can be designed on the model.
+    MissingPackageError
+        If slycot is not installed.
     ControlError
-        If slycot is missing, a bound makes no sense, or the bounds cannot be met (the text says up to which bandwidth
+        If a bound makes no sense, or the bounds cannot be met (the text says up to which bandwidth
         they can).
 
     References
@@ -181,7 +185,7 @@ def hinf(
 
 def _require_slycot() -> None:
     if find_spec("slycot") is None:
-        raise ControlError("an H-infinity design needs slycot, which is not installed: pip install deatwin[hinf]")
+        raise MissingPackageError('an H-infinity design needs slycot: install it with pip install "deatwin[hinf]"')
 
 
 def _to_w(states: States) -> StateSpace:

@@ -10,12 +10,13 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.control.arguments import function, instance, pair, taking, whole
 from deatwin.control.controllers.inverse import InverseController, StaticCurve
 from deatwin.control.controllers.law import READING, Law
 from deatwin.control.controllers.linear import LinearController
 from deatwin.control.design.pid import Limits
 from deatwin.control.errors import ControlError
-from deatwin.control.linear.model import LinearModel
+from deatwin.control.linear.model import LinearModel, linear_model
 from deatwin.ident.frequency import equilibrium
 from deatwin.ident.narx import NarxModel
 from deatwin.plant.errors import ModelError
@@ -67,10 +68,10 @@ def static_curve(system: Any, command_range: Limits, *, count: int = 33) -> Stat
     Raises
     ------
     ControlError
-        If the range is empty, the system does not come to rest at one of the commands, or the curve cannot be
-        inverted; the text says where.
+        If the range is empty, the system is none or does not come to rest at one of the commands, or the curve cannot
+        be inverted; the text says where.
     """
-    raise TypeError(f"a static curve is that of a NarxModel or a Plant, not of a {type(system).__name__}")
+    raise ControlError(f"a static curve is that of a NarxModel or a Plant, not of a {type(system).__name__}")
 
 
 @static_curve.register
@@ -118,11 +119,11 @@ def _(system: Plant, command_range: Limits, *, count: int = 33) -> StaticCurve:
 def _curve(
     output: Callable[[float], float], command_range: Limits, count: int, input_unit: str, output_unit: str
 ) -> StaticCurve:
+    pair(command_range, "command_range")
+    whole(2)(count, "count")
     low, high = map(float, command_range)
-    if not (np.isfinite([low, high]).all() and low < high):
+    if not low < high:
         raise ControlError(f"the range of the command is {low:g} to {high:g}: it must rise")
-    if count < 2:
-        raise ControlError(f"a static curve of {count} points: it needs two or more")
     inputs = np.linspace(low, high, count)
     return StaticCurve(
         inputs=inputs, outputs=np.array([output(float(u)) for u in inputs]), input_unit=input_unit,
@@ -130,6 +131,7 @@ def _curve(
     )  # fmt: skip
 
 
+@taking(linear=linear_model, curve=instance(StaticCurve), design=function, command_limits=pair)
 def with_inverse(
     linear: LinearModel, curve: StaticCurve, design: Design, *, command_limits: Limits
 ) -> InverseController:

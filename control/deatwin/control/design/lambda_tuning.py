@@ -7,11 +7,12 @@ from math import isfinite
 
 import numpy as np
 
+from deatwin.control.arguments import number, pair, positive, taking
 from deatwin.control.controllers.linear import LinearController
 from deatwin.control.design.half_rule import reduce_to_second_order
 from deatwin.control.design.pid import PidGains, pid
 from deatwin.control.errors import ControlError
-from deatwin.control.linear.model import LinearModel
+from deatwin.control.linear.model import LinearModel, linear_model
 
 __all__ = [
     "FirstOrderDelay",
@@ -100,6 +101,7 @@ def _first_time(values: np.ndarray, level: float) -> float:
     return float(after - (values[after] - level) / (values[after] - values[after - 1]))
 
 
+@taking(linear=linear_model, command_limits=pair, closed_loop_time=number, band_Hz=positive)
 def lambda_tuning(
     linear: LinearModel,
     *,
@@ -159,6 +161,7 @@ def lambda_tuning(
     return pid(linear, gains, command_limits, wanted)
 
 
+@taking(linear=linear_model, command_limits=pair, closed_loop_time=number, band_Hz=positive)
 def lambda_tuning_pid(
     linear: LinearModel,
     *,

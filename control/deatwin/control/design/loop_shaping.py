@@ -9,10 +9,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.control.arguments import number, pair, taking
 from deatwin.control.controllers.linear import LinearController
 from deatwin.control.design.pid import Limits, PidGains, pid
 from deatwin.control.errors import ControlError
-from deatwin.control.linear.model import LinearModel
+from deatwin.control.linear.model import LinearModel, linear_model
 
 __all__ = ["Robustness", "loop_shaping", "loop_shaping_pid"]
 
@@ -85,6 +86,9 @@ class Robustness:
         return np.asarray(root.min(axis=1))
 
 
+@taking(
+    linear=linear_model, command_limits=pair, crossover_Hz=number, phase_margin_deg=number, max_sensitivity=number
+)
 def loop_shaping(
     linear: LinearModel,
     *,
@@ -137,6 +141,9 @@ def loop_shaping(
     return _shaped(linear, gains, bounds, command_limits, crossover_Hz)
 
 
+@taking(
+    linear=linear_model, command_limits=pair, crossover_Hz=number, phase_margin_deg=number, max_sensitivity=number
+)
 def loop_shaping_pid(
     linear: LinearModel,
     *,

@@ -8,13 +8,14 @@ from math import isfinite
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.control.arguments import number, pair, positive, taking
 from deatwin.control.controllers.law import Law
 from deatwin.control.controllers.linear import LinearController
 from deatwin.control.design.lambda_tuning import default_closed_loop_time, require_time
 from deatwin.control.design.pid import Limits
 from deatwin.control.design.states import States, integrating
 from deatwin.control.errors import ControlError
-from deatwin.control.linear.model import LinearModel
+from deatwin.control.linear.model import LinearModel, linear_model
 
 __all__ = ["LqgGains", "lqg", "lqg_gains"]
 
@@ -83,6 +84,9 @@ class LqgGains:
         return integrating(law), applied  # exactly, for what rounding left of it
 
 
+@taking(
+    linear=linear_model, command_limits=pair, closed_loop_time=number, noise=number, drift=number, band_Hz=positive
+)
 def lqg(
     linear: LinearModel,
     *,

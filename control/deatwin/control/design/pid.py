@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from deatwin.control.arguments import finite, instance, number, pair, require_fields, taking
 from deatwin.control.controllers.law import Law
 from deatwin.control.controllers.linear import LinearController
 from deatwin.control.errors import ControlError
-from deatwin.control.linear.model import LinearModel
+from deatwin.control.linear.model import LinearModel, linear_model
 from deatwin.control.stability.margins import margins
 from deatwin.control.stability.polynomials import in_series
 
@@ -46,8 +47,7 @@ class PidGains:
     filter_time: float = 0.0
 
     def __post_init__(self) -> None:
-        if not np.all(np.isfinite([self.proportional, self.integral, self.derivative, self.filter_time])):
-            raise ControlError(f"the gains of a controller must be finite: {self}")
+        require_fields(self, proportional=finite, integral=finite, derivative=finite, filter_time=finite)
         if self.integral == 0.0:
             raise ControlError("a controller of a drifting actuator needs integral action: integral must not be 0")
         if self.filter_time < 0.0 or (self.derivative != 0.0 and self.filter_time == 0.0):
@@ -104,6 +104,7 @@ class PidGains:
         return np.array([tracking, 0.0] if self.derivative else [tracking])
 
 
+@taking(linear=linear_model, gains=instance(PidGains), command_limits=pair, closed_loop_time=number)
 def pid(linear: LinearModel, gains: PidGains, command_limits: Limits, closed_loop_time: float) -> LinearController:
     """A PI or PID controller about the operating point of a model.
 

@@ -6,17 +6,19 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from deatwin.control.arguments import each, finite, function, pair, taking
 from deatwin.control.controllers.linear import LinearController
 from deatwin.control.controllers.scheduled import ScheduledController
 from deatwin.control.design.inverse import Design
 from deatwin.control.design.pid import Limits
 from deatwin.control.errors import ControlError
-from deatwin.control.linear.model import LinearModel
+from deatwin.control.linear.model import LinearModel, linear_model
 from deatwin.plant.errors import ModelError
 
 __all__ = ["scheduled"]
 
 
+@taking(models=each(linear_model), design=function, command_limits=pair, operating_input=finite)
 def scheduled(
     models: Sequence[LinearModel], design: Design, *, command_limits: Limits, operating_input: float | None = None
 ) -> ScheduledController:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.control.arguments import finite, taking
 from deatwin.control.errors import ControlError
 from deatwin.control.linear.model import LinearModel
 from deatwin.control.linear.realisation import Realisation
@@ -19,6 +20,7 @@ __all__ = ["from_control"]
 Array = NDArray[np.float64]
 
 
+@taking(operating_input=finite, operating_output=finite)
 def from_control(
     system: LTI,
     *,
@@ -122,5 +124,5 @@ def _trimmed(coefficients: Array) -> Array:
 def _finite(values: Any) -> Array:
     given = np.asarray(values)
     if np.iscomplexobj(given) or not np.isfinite(given).all():
-        raise ControlError(f"every coefficient of the system must be a finite real number; it has {given.tolist()}")
+        raise ControlError("every coefficient of the system must be a finite real number")
     return np.asarray(given, dtype=np.float64)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from deatwin.control.arguments import instance, numbers, taking
 from deatwin.ident.frequency import equilibrium
 from deatwin.ident.narx import NarxModel
 from deatwin.ident.narx.response import divergence_limit
@@ -184,6 +185,7 @@ class NarxSystem:
         return self.past(np.tile(found.operating_input[:, None], rows), np.full((1, rows), found.output))
 
 
+@taking(model=instance(NarxModel), inputs=numbers, outputs=numbers)
 def past_state(model: NarxModel, inputs: ArrayLike, outputs: ArrayLike) -> Array:
     """The state of a model's ``control.nlsys`` after some rows of a recording.
 

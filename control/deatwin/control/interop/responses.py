@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.control.linear.model import LinearModel
+from deatwin.control.arguments import instance, numbers, taking
+from deatwin.control.linear.model import LinearModel, linear_model
 from deatwin.ident.frequency import FrequencyResponse
 from deatwin.plant.datasets import PARTS, dataset, squared
 from deatwin.plant.drawing import axes_or_new, written_unit
@@ -113,6 +114,7 @@ class Frd:
         )  # fmt: skip
 
 
+@taking(input_name=instance(str), output_name=instance(str), name=instance(str))
 def to_frd(
     response: FrequencyResponse, *, input_name: str = "input", output_name: str = "output", name: str = "response"
 ) -> Frd:
@@ -143,6 +145,7 @@ def to_frd(
     return _frd(response.omega, response.values, response.covariance, signals, response.unit, name)
 
 
+@taking(linear=linear_model, omega=numbers, name=instance(str))
 def linear_frd(linear: LinearModel, omega: ArrayLike, *, name: str = "response") -> Frd:
     """The frequency response of a linear model as that of python-control.
 

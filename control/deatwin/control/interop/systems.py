@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from deatwin.control.arguments import instance, numbers, taking
 from deatwin.control.errors import ControlError
 from deatwin.control.interop.narx_system import NarxSystem
 from deatwin.control.interop.plant_system import PlantSystem
@@ -61,11 +62,13 @@ def to_nlsys(source: object, name: str | None = None) -> NonlinearIOSystem:
 
 
 @to_nlsys.register(NarxModel)
+@taking(name=instance(str))
 def _(source: NarxModel, name: str | None = None) -> NonlinearIOSystem:
     return NarxSystem(model=source.deterministic).to_control(name)
 
 
 @to_nlsys.register(Plant)
+@taking(name=instance(str))
 def _(source: Plant, name: str | None = None) -> NonlinearIOSystem:
     return PlantSystem(source).to_control(name)
 
@@ -108,12 +111,14 @@ def _(source: NarxModel, operating_input: ArrayLike) -> Array:
 
 @rest_state_of.register(Plant)
 def _(source: Plant, operating_input: ArrayLike) -> Array:
+    numbers(operating_input, "operating_input")
     command = np.asarray(operating_input, dtype=np.float64).ravel()
     if command.size != 1 or not np.isfinite(command).all():
-        raise ControlError(f"a plant rests under one finite command; got {operating_input!r}")
+        raise ControlError("a plant rests under one finite command")
     return PlantSystem(source).rest(float(command[0]))
 
 
+@taking(name=instance(str))
 def in_loop(system: NonlinearIOSystem, name: str | None = None) -> NonlinearIOSystem:
     """A system with its outputs one sample later: the readings to which the commands of a loop can answer.
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from deatwin.control.arguments import generator, instance, numbers, positive, require_fields, taking, whole
 from deatwin.control.linear.model import LinearModel, LinearStatus
 from deatwin.ident.frequency.checks import real_numbers
 from deatwin.ident.frequency.dc import equilibrium, expand
@@ -74,6 +75,10 @@ class LinearFamily:
     output_unit: str = ""
 
     def __post_init__(self) -> None:
+        require_fields(
+            self, operating_inputs=numbers, operating_outputs=numbers, numerators=numbers, denominators=numbers,
+            sample_time=positive,
+        )  # fmt: skip
         shape = np.shape(self.exists)
         for name in ("operating_inputs", "operating_outputs", "numerators", "denominators"):
             object.__setattr__(self, name, _read_only(getattr(self, name), np.float64))
@@ -212,6 +217,7 @@ class LinearFamily:
         return {name: getattr(self, name) for name in names}
 
 
+@taking(model=instance(NarxModel), rng=generator, count=whole(0))
 def draw(model: NarxModel, rng: np.random.Generator, count: int) -> Array:
     """Draw parameters from a model's posterior.
 
@@ -232,6 +238,7 @@ def draw(model: NarxModel, rng: np.random.Generator, count: int) -> Array:
     return draw_theta(model, rng, count)
 
 
+@taking(model=instance(NarxModel))
 def linearise_many(
     model: NarxModel, operating_inputs: ArrayLike, thetas: ArrayLike | None = None
 ) -> LinearFamily:
@@ -265,7 +272,7 @@ def linearise_many(
     points = np.ravel(real_numbers(operating_inputs, "operating_inputs"))
     samples = np.atleast_2d(model.theta if thetas is None else real_numbers(thetas, "thetas"))
     if not (points.size and np.isfinite(points).all()):
-        raise ModelError(f"operating_inputs must be finite numbers, at least one; got {operating_inputs!r}")
+        raise ModelError("operating_inputs must be finite numbers, at least one")
     if samples.shape[1:] != model.theta.shape or not np.isfinite(samples).all():
         raise ModelError(f"thetas have the shape {samples.shape}; they must be finite, {model.theta.size} in a row")
     found = [_at_one_point(model, point, samples) for point in points.tolist()]

@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from deatwin.control.arguments import finite, instance, number, numbers, positive, require_fields
 from deatwin.control.linear.datasets import linear_dataset
+from deatwin.ident.narx.covariance import covariance_of
 from deatwin.plant.errors import ModelError
 from deatwin.plant.rigs.base import ReadingTime
 
@@ -46,6 +48,21 @@ class LinearStatus(Enum):
         return self is LinearStatus.OK
 
 
+_text = instance(str)
+
+
+def _covariance(values: Array, n_b: int) -> Array:
+    """The covariance of b_0, b_1, ..., a_1, a_2, ..., symmetric to the last bit."""
+    if not np.isfinite(values).all():
+        raise ModelError("the covariance of a linear model must be finite")
+    names = [f"b_{i}" if i < n_b else f"a_{i - n_b + 1}" for i in range(len(values))]
+    try:
+        return covariance_of(values, names)
+    except ModelError as error:  # whose start names what the identified model calls it
+        reason = str(error).partition(": ")[2]
+        raise ModelError(f"the covariance of a linear model is none: {reason}") from None
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LinearModel:
     """Deviations about an operating point, ``G(z) = (b_0 + b_1 z^-1 + ...) / (1 + a_1 z^-1 + ...)``.
@@ -58,6 +75,7 @@ class LinearModel:
         1, a_1, a_2, ...
     covariance : ndarray, shape (n_b + n_a, n_b + n_a)
         Of b_0, b_1, ..., a_1, a_2, ..., to first order; the equilibrium moves with the model's parameters.
+        Symmetric positive semidefinite, but for rounding; without an equilibrium it is not read.
     sample_time : float
         s.
     operating_input : float
@@ -70,6 +88,13 @@ class LinearModel:
         What was found where the status is not sound or digits were lost, else empty.
     input_name, output_name, input_unit, output_unit : str
         Names and units of the signals.
+
+    Raises
+    ------
+    ControlError
+        If a field is of another kind, or the operating point of a sound model is not finite.
+    ModelError
+        If the coefficients are not finite or of another shape, or the covariance is none.
     """
 
     numerator: Array
@@ -86,15 +111,28 @@ class LinearModel:
     output_unit: str = ""
 
     def __post_init__(self) -> None:
+        require_fields(
+            self, numerator=numbers, denominator=numbers, covariance=numbers, sample_time=positive,
+            operating_input=number, status=instance(LinearStatus), detail=_text, input_name=_text, output_name=_text,
+            input_unit=_text, output_unit=_text,
+        )  # fmt: skip
+        if self.operating_output is not None:
+            number(self.operating_output, "operating_output")
+        if self.status.ok:
+            require_fields(self, operating_input=finite, operating_output=finite)
         for name in ("numerator", "denominator", "covariance"):
             values = np.array(getattr(self, name), dtype=np.float64)
             values.setflags(write=False)
             object.__setattr__(self, name, values)
         size = self.numerator.size + self.denominator.size - 1
-        if not self.sample_time > 0.0 or self.denominator[:1].tolist() != [1.0]:
-            raise ModelError("a linear model needs a positive sample time and a denominator whose first is 1")
+        if self.numerator.ndim != 1 or self.denominator.ndim != 1 or self.denominator[:1].tolist() != [1.0]:
+            raise ModelError("a linear model needs lists of coefficients, and a denominator whose first is 1")
+        if not (np.isfinite(self.numerator).all() and np.isfinite(self.denominator).all()):
+            raise ModelError("the coefficients of a linear model must be finite")
         if self.covariance.shape != (size, size):
             raise ModelError(f"the covariance has shape {self.covariance.shape}: it must be ({size}, {size})")
+        if self.status is not LinearStatus.NO_EQUILIBRIUM:
+            object.__setattr__(self, "covariance", _covariance(self.covariance, self.numerator.size))
 
     @classmethod
     def without_equilibrium(cls, detail: str, **signals: Any) -> Self:
@@ -294,3 +332,7 @@ class LinearModel:
         import control
 
         return control.ss(self.system())
+
+
+linear_model = instance(LinearModel, hint=", as linearise(model, operating_input) makes it")
+"""Check of an argument: refuses what is none, such as a model that is not linearised."""

@@ -8,11 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.control.arguments import instance, taking
 from deatwin.control.linear.family import draw, linearise_many
 from deatwin.control.linear.model import LinearModel
 from deatwin.ident.frequency import equilibrium, linear_part
 from deatwin.ident.frequency.linear import LinearPart, operating_input_of
 from deatwin.ident.narx import NarxModel
+from deatwin.ident.narx.covariance import transformed
 from deatwin.plant.errors import ModelError
 
 __all__ = ["linearise", "linearise_posterior"]
@@ -21,6 +23,7 @@ Array = NDArray[np.float64]
 Progress = Callable[[float], None]
 
 
+@taking(model=instance(NarxModel))
 def linearise(model: NarxModel, operating_input: float | None = None) -> LinearModel:
     """Linearise a model of one input and one output about its equilibrium at a constant input.
 
@@ -53,6 +56,7 @@ def linearise(model: NarxModel, operating_input: float | None = None) -> LinearM
     return _of_part(model, part, point, rest.output).judged(rest.is_stable)
 
 
+@taking(model=instance(NarxModel))
 def linearise_posterior(
     model: NarxModel,
     operating_input: float | None,
@@ -95,7 +99,7 @@ def _of_part(model: NarxModel, part: LinearPart, operating_input: float, output:
     denominator[part.output_lags] = -part.a
     slopes[n_b + part.output_lags - 1] = -part.a_theta
     return LinearModel(
-        numerator=numerator, denominator=denominator, covariance=slopes @ model.theta_cov @ slopes.T,
+        numerator=numerator, denominator=denominator, covariance=transformed(slopes, model.theta_cov),
         operating_output=output, **_signals(model, operating_input),
     )  # fmt: skip
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from deatwin.control.arguments import each, generator, instance, number, numbers, taking, whole
 from deatwin.control.linear.family import LinearFamily
 from deatwin.control.linear.model import LinearModel
 from deatwin.control.linear.realisation import Realisation
@@ -35,6 +36,7 @@ _LOSS = 1e-6
 """Relative error of the response that the coefficients may have without a word about it."""
 
 
+@taking(plant=instance(Plant), time=number)
 def linearise_plant(
     plant: Plant, operating_input: float, *, values: Array | None = None, time: float = 0.0
 ) -> LinearModel:
@@ -76,6 +78,7 @@ def linearise_plant(
     return _models(plant, [operating_input], values, time)[0]
 
 
+@taking(calibrated=instance(CalibratedPlant), rng=generator, count=whole(0))
 def draw_plants(calibrated: CalibratedPlant, rng: np.random.Generator, count: int) -> tuple[Plant, ...]:
     """Draw plants as a calibration leaves them possible.
 
@@ -103,6 +106,7 @@ def draw_plants(calibrated: CalibratedPlant, rng: np.random.Generator, count: in
     return tuple(plant.with_values(problem.values(coordinates)) for coordinates in drawn)
 
 
+@taking(time=number)
 def linearise_calibrated(
     calibrated: CalibratedPlant, operating_input: float, rng: np.random.Generator, count: int, *, time: float = 0.0
 ) -> tuple[LinearModel, ...]:
@@ -134,6 +138,7 @@ def linearise_calibrated(
     return tuple(_models(plant, [operating_input], None, time)[0] for plant in draw_plants(calibrated, rng, count))
 
 
+@taking(plants=each(instance(Plant)), time=number)
 def linearise_plants(
     plants: tuple[Plant, ...], operating_inputs: ArrayLike, *, time: float = 0.0, progress: Progress | None = None
 ) -> LinearFamily:
@@ -161,17 +166,18 @@ def linearise_plants(
         As `linearise_plant`, or if there are no plants or no operating inputs.
     """
     columns = []
-    for number, plant in enumerate(plants):
+    for place, plant in enumerate(plants):
         columns.append(_models(plant, operating_inputs, None, time))
         if progress is not None:
-            progress((number + 1) / len(plants))
+            progress((place + 1) / len(plants))
     return LinearFamily.of(list(zip(*columns, strict=True)))
 
 
 def _models(plant: Plant, operating_inputs: ArrayLike, values: Array | None, time: float) -> tuple[LinearModel, ...]:
+    numbers(operating_inputs, "operating_inputs")
     points = np.atleast_1d(np.asarray(operating_inputs, dtype=np.float64))
     if points.ndim != 1 or points.size == 0 or not (np.isfinite(points).all() and np.isfinite(time)):
-        raise ModelError(f"operating inputs {operating_inputs!r} at the time {time} s: all must be finite numbers")
+        raise ModelError(f"operating inputs and the time must be finite numbers; got {points} at {time:g} s")
     found = small_signals(plant, points, values=values, time=time)
     return tuple(_model(plant, float(point), small) for point, small in zip(points, found, strict=True))
 
@@ -208,7 +214,8 @@ def _lost(least: Realisation, numerator: Array, denominator: Array, plant: Plant
     loss = float(np.max(np.abs(held - exact) / np.maximum(np.abs(exact), 1e-9 * size))) if size else 0.0
     if loss <= _LOSS:
         return ""
-    return f"the plant has many slow modes, so that the coefficients hold its response only to {loss:.1g} of it"
+    share = f"only to {loss:.1g} of it" if loss < 1.0 else "not at all"
+    return f"the plant has many slow modes, so that the coefficients hold its response {share}"
 
 
 def _signals(plant: Plant, operating_input: float) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from deatwin.control.arguments import generator, instance, taking, whole
 from deatwin.control.linear.bands import FamilyBands
 from deatwin.control.linear.datasets import family_dataset
 from deatwin.control.linear.family import LinearFamily, draw, linearise_many
@@ -98,6 +99,7 @@ class VaryingLinear(FamilyBands):
         return family_dataset(self, "time", {"time": ("time", self.timepts, "s"), "operating_input": inputs})
 
 
+@taking(trajectory=instance(ThetaTrajectory), rng=generator, samples=whole(0))
 def linearise_along(
     trajectory: ThetaTrajectory,
     operating_input: ArrayLike | None = None,

@@ -8,8 +8,9 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from deatwin.control.arguments import function, generator, instance, not_negative, row, taking
 from deatwin.control.controllers.base import Controller
 from deatwin.control.errors import ControlError
 from deatwin.plant.amplitudes import written_amplitude
@@ -235,10 +236,14 @@ class ClosedLoop:
         )  # fmt: skip
 
 
+@taking(
+    plant=instance(Plant), controller=instance(Controller), reference=row, rng=generator, settle=not_negative,
+    progress=function,
+)
 def closed_loop(
     plant: Plant,
     controller: Controller,
-    reference: Array,
+    reference: ArrayLike,
     *,
     rng: np.random.Generator,
     settle: float = 2.0,
@@ -256,7 +261,7 @@ def closed_loop(
         The actuator.
     controller : Controller
         With the plant's sample time.
-    reference : ndarray, shape (n,)
+    reference : array_like, shape (n,)
         Wanted output, in its unit.
     rng : numpy.random.Generator
         Source of the sensor's noise.
@@ -272,32 +277,31 @@ def closed_loop(
     Raises
     ------
     ControlError
-        If controller and plant have different sample times, or the reference is no row of finite numbers.
+        If an argument is of another kind, controller and plant have different sample times, or the reference is no
+        row of finite numbers.
     """
-    rig = plant.rig
-    if reference.ndim != 1 or reference.size == 0 or not np.all(np.isfinite(reference)):
-        raise ControlError(f"the reference must be a row of finite numbers; it has the shape {reference.shape}")
+    rig, wanted = plant.rig, np.asarray(reference, dtype=np.float64)
     if abs(controller.sample_time / rig.sample_time - 1.0) > 1e-6:
         raise ControlError(
             f"the controller works every {controller.sample_time:g} s, the rig every {rig.sample_time:g} s"
         )
     stepper = at_operating_point(plant, controller.operating_input, max(round(settle / rig.sample_time), 1))
-    series = np.empty((3, reference.size))
+    series = np.empty((3, wanted.size))
     memory, count = controller.start(), 0
     before = stepper.reading if stepper.status.ok else 0.0
-    while stepper.status.ok and count < reference.size:
+    while stepper.status.ok and count < wanted.size:
         measured = _measured(rig, before, stepper.reading, rng)
-        command, memory = controller.command(reference[count], measured, memory)
+        command, memory = controller.command(wanted[count], measured, memory)
         series[:, count] = stepper.reading, measured, command
         before = stepper.reading
         stepper.advance(float(command if rig.chain is None else rig.chain.applied(command)))
         count += 1
-        if progress is not None and (count % _NEWS == 0 or count == reference.size):
-            progress(count / reference.size)
+        if progress is not None and (count % _NEWS == 0 or count == wanted.size):
+            progress(count / wanted.size)
     output, measured_all, commands = series[:, :count]
     return ClosedLoop(
         status=stepper.status, timepts=rig.sample_time * np.arange(count, dtype=np.float64),
-        reference=reference[:count], output=output, measured=measured_all, command=commands,
+        reference=wanted[:count], output=output, measured=measured_all, command=commands,
         command_limits=(controller.command_min, controller.command_max),
         input_unit=rig.input_unit, output_unit=rig.output_unit,
     )  # fmt: skip

@@ -8,8 +8,9 @@ from math import ceil
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from deatwin.control.arguments import function, generator, instance, not_negative, row, taking, whole
 from deatwin.control.controllers.base import Controller
 from deatwin.control.linear.family import draw
 from deatwin.control.loop.closed_loop import ClosedLoop
@@ -58,6 +59,8 @@ class PredictedLoop:
         Of the controller, in the input's unit.
     input_unit, output_unit : str
         Units.
+    trained : (float, float) or None
+        Least and largest output of the training data, in the output's unit; None where the model does not know them.
     """
 
     timepts: Array
@@ -68,6 +71,7 @@ class PredictedLoop:
     command_limits: tuple[float, float]
     input_unit: str
     output_unit: str
+    trained: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         for name in ("timepts", "reference", "outputs", "commands"):
@@ -187,10 +191,14 @@ class PredictedLoop:
         return axes
 
 
+@taking(
+    model=instance(NarxModel), controller=instance(Controller), reference=row, reading=instance(ReadingTime),
+    residual=instance(Residual), noise=not_negative, rng=generator, draws=whole(1), progress=function,
+)
 def predict_loop(
     model: NarxModel,
     controller: Controller,
-    reference: Array,
+    reference: ArrayLike,
     *,
     reading: ReadingTime,
     residual: Residual,
@@ -210,7 +218,7 @@ def predict_loop(
         Of one input and one output, with an equilibrium at the controller's operating input.
     controller : Controller
         In the loop.
-    reference : ndarray, shape (n,)
+    reference : array_like, shape (n,)
         In the output's unit.
     reading : ReadingTime
         When in its row a reading is taken.
@@ -231,42 +239,52 @@ def predict_loop(
 
     Raises
     ------
+    ControlError
+        If an argument is of another kind, or the reference is no row of finite numbers.
     ModelError
         If the model has no equilibrium there, or a reading at the start of the hold answers to the command that
         follows it.
     """
+    wanted = np.asarray(reference, dtype=np.float64)
     rest = equilibrium(model, controller.operating_input).output
     terms = _Terms(
-        model, draw(model, rng, draws), reading, rest, controller.operating_input, _far(model, rest, reference)
+        model, draw(model, rng, draws), reading, rest, controller.operating_input, _far(model, rest, wanted)
     )
     for _ in range(_SETTLE):
         terms.advance(np.full(draws, controller.operating_input))
-    n = reference.size
+    n = wanted.size
     left = residual.draw(n + 1, draws, model.sample_time, rng)
     errors = noise * rng.standard_normal((n, draws))
     outputs, commands = np.empty((n, draws)), np.empty((n, draws))
     state = np.multiply.outer(controller.start(), np.ones(draws))
     for k in range(n):
         outputs[k] = terms.output + left[k]
-        commands[k], state = controller.command(np.full(draws, reference[k]), outputs[k] + errors[k], state)
+        commands[k], state = controller.command(np.full(draws, wanted[k]), outputs[k] + errors[k], state)
         terms.advance(commands[k])
         if progress is not None and ((k + 1) % _NEWS == 0 or k + 1 == n):
             progress((k + 1) / n)
     sound = np.all(np.isfinite(outputs), axis=0) & ~terms.diverged
     return PredictedLoop(
-        timepts=model.sample_time * np.arange(n, dtype=np.float64), reference=reference,
+        timepts=model.sample_time * np.arange(n, dtype=np.float64), reference=wanted,
         outputs=outputs.T[sound], commands=commands.T[sound], diverged=float(1.0 - sound.mean()),
         command_limits=(controller.command_min, controller.command_max),
-        input_unit=model.input_units[0], output_unit=model.output_units[0],
+        input_unit=model.input_units[0], output_unit=model.output_units[0], trained=_trained(model),
     )  # fmt: skip
+
+
+def _trained(model: NarxModel) -> tuple[float, float] | None:
+    """Least and largest output of the training data, in the output's unit."""
+    if model.operating is None:
+        return None
+    return float(model.operating.output_min[0]), float(model.operating.output_max[0])
 
 
 def _far(model: NarxModel, rest: float, reference: Array) -> float:
     """Distance from rest at which a free run has diverged, in the output's unit."""
-    if model.operating is None:
+    trained = _trained(model)
+    if trained is None:
         return divergence_limit(None, np.append(reference, rest))
-    trained = float((model.operating.output_max - model.operating.output_min)[0])
-    return _BEYOND * max(trained, float(np.ptp(reference)))
+    return _BEYOND * max(trained[1] - trained[0], float(np.ptp(reference)))
 
 
 class _Terms:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from deatwin.control.arguments import finite, generator, numbers, positive, taking, whole
 from deatwin.control.errors import ControlError
 
 __all__ = ["sine_reference", "step_reference", "tone_reference"]
@@ -15,6 +18,7 @@ LEVELS = (0.0, 1.0, 0.0, -1.0, 0.0)
 """Levels of the step reference, in amplitudes; the first is where the loop closes."""
 
 
+@taking(centre=finite, amplitude=finite, plateau=whole(1), rise=whole(0))
 def step_reference(centre: float, amplitude: float, plateau: int, rise: int = 0) -> Array:
     """Steps up, back, down and back.
 
@@ -35,7 +39,7 @@ def step_reference(centre: float, amplitude: float, plateau: int, rise: int = 0)
     Raises
     ------
     ControlError
-        If the rise is longer than the level.
+        If an argument is of another kind or not finite, or the rise is longer than the level.
 
     Examples
     --------
@@ -44,7 +48,7 @@ def step_reference(centre: float, amplitude: float, plateau: int, rise: int = 0)
     >>> step_reference(0.0, 1.0, 3, rise=1)[2:6].round(6).tolist()
     [0.0, 0.5, 1.0, 1.0]
     """
-    if not 0 <= rise < plateau:
+    if rise >= plateau:
         raise ControlError(f"a rise of {rise} samples must be shorter than its level of {plateau}")
     share = np.ones(plateau)
     share[:rise] = 0.5 - 0.5 * np.cos(np.pi * np.arange(1, rise + 1) / (rise + 1))
@@ -53,6 +57,7 @@ def step_reference(centre: float, amplitude: float, plateau: int, rise: int = 0)
     return np.asarray(centre + amplitude * np.concatenate(levels))
 
 
+@taking(centre=finite, amplitude=finite, frequency_Hz=positive, sample_time=positive, periods=whole(1))
 def sine_reference(
     centre: float, amplitude: float, frequency_Hz: float, sample_time: float, periods: int
 ) -> Array:
@@ -73,11 +78,27 @@ def sine_reference(
     -------
     ndarray, shape (n,)
         In the output's unit.
+
+    Raises
+    ------
+    ControlError
+        If an argument is of another kind or not finite, or what must be positive is not.
     """
     count = round(periods / (frequency_Hz * sample_time))
     return np.asarray(centre + amplitude * np.sin(2 * np.pi * frequency_Hz * sample_time * np.arange(count)))
 
 
+def _frequencies(value: Any, name: str) -> None:
+    """Refuse what is not one list of frequencies, or one frequency."""
+    numbers(value, name)
+    given = np.asarray(value)
+    if given.ndim > 1 or given.size == 0 or not np.all(np.isfinite(given) & (given > 0.0)):
+        raise ControlError(f"{name} must be a list of one or more positive and finite numbers")
+
+
+@taking(
+    centre=finite, amplitude=finite, frequencies_Hz=_frequencies, sample_time=positive, count=whole(1), rng=generator
+)
 def tone_reference(
     centre: float, amplitude: float, frequencies_Hz: ArrayLike, sample_time: float, count: int,
     rng: np.random.Generator,
@@ -103,6 +124,11 @@ def tone_reference(
     -------
     ndarray, shape (count,)
         In the output's unit; over the first period of the slowest tone it grows from the centre.
+
+    Raises
+    ------
+    ControlError
+        If an argument is of another kind or not finite, or what must be positive is not.
     """
     frequencies = np.atleast_1d(np.asarray(frequencies_Hz, dtype=np.float64))
     timepts = sample_time * np.arange(count)

@@ -10,6 +10,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.control.arguments import generator, instance, not_negative, positive, require_fields, taking, whole
 from deatwin.ident.narx import NarxModel
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
@@ -22,6 +23,8 @@ RMS_KEY, TIME_KEY = "free_run_residual_rms", "free_run_residual_time_s"
 """Keys of a model's provenance under which its residual is found, in the output's unit and in s."""
 DIVERGED = {"free_run": "diverged"}
 """What the provenance of a model says whose free run did not reach the end where it was identified."""
+_SHORT = 0.1  # of a recording: longer lags have too few pairs for their covariance to be known
+_CHANCE = 1e-3  # that noise alone passes for a residual that rings
 _START = 0.05  # of a recording: there the free run still knows the measured start
 
 
@@ -39,11 +42,20 @@ class Residual:
         Without the sensor's white noise, in the output's unit.
     correlation_time : float
         Until the autocorrelation has fallen to 1/e, s.
+
+    Raises
+    ------
+    ControlError
+        If they are no finite numbers, the rms is negative or the time is not positive.
     """
 
     rms: float
     correlation_time: float
 
+    def __post_init__(self) -> None:
+        require_fields(self, rms=not_negative, correlation_time=positive)
+
+    @taking(count=whole(0), draws=whole(0), sample_time=positive, rng=generator)
     def draw(self, count: int, draws: int, sample_time: float, rng: np.random.Generator) -> Array:
         """Draw the process.
 
@@ -111,6 +123,7 @@ class Residual:
         return cls(rms=rms, correlation_time=time)
 
 
+@taking(model=instance(NarxModel), recording=instance(Recording))
 def free_run_residual(model: NarxModel, recording: Recording) -> Residual:
     """Measure what a model leaves of a recording in free run.
 
@@ -127,8 +140,14 @@ def free_run_residual(model: NarxModel, recording: Recording) -> Residual:
 
     Raises
     ------
+    ControlError
+        If it is given something else.
     DivergedError
         If the free run diverges; a ModelError.
+
+    Notes
+    -----
+    A residual that rings has the size and the memory of its envelope, as a process that wanders: in a loop the wider.
     """
     run = model.simulate(recording)
     if not run.status.ok:
@@ -139,11 +158,38 @@ def free_run_residual(model: NarxModel, recording: Recording) -> Residual:
     size = 1 << (2 * error.size - 1).bit_length()
     covariance = np.fft.irfft(np.abs(np.fft.rfft(error, size)) ** 2)[: error.size] / error.size
     # White noise of the sensor is in the covariance at lag 0 only.
-    coloured = max(float(covariance[1]), 0.0)
-    lags = _falls_to(covariance[1:], np.exp(-1.0) * coloured)
-    return Residual(
-        rms=float(np.sqrt(coloured * np.exp(1.0 / lags))), correlation_time=lags * model.sample_time
-    )
+    first = _first_lag(covariance)
+    coloured = max(float(abs(covariance[first]) if first > 1 else covariance[1]), 0.0)
+    curve = covariance[1:] if first == 1 else _envelope(covariance)
+    lags = _falls_to(curve, np.exp(-1.0) * coloured)
+    variance = min(coloured * np.exp(first / lags), float(covariance[0]))
+    return Residual(rms=float(np.sqrt(variance)), correlation_time=lags * model.sample_time)
+
+
+def _first_lag(covariance: Array) -> int:
+    """Lag that tells the size of what is not white: the first, unless another has surely more.
+
+    No lag of a process has more covariance than its variance. What a model leaves of a fast mode rings: at a quarter of
+    its period the covariance is nothing, however large the residual.
+    """
+    from scipy.stats import norm
+
+    sizes = np.abs(_short(covariance))
+    # Bartlett: covariances of white noise have the deviation c(0) / sqrt(n), their difference sqrt(2) times that;
+    # beside the first lag the largest of many is looked at.
+    error = covariance[0] * np.sqrt(2.0 / covariance.size) * norm.isf(_CHANCE / sizes.size)
+    largest = int(np.argmax(sizes))
+    return largest + 1 if sizes[largest] > max(covariance[1], 0.0) + error else 1
+
+
+def _envelope(covariance: Array) -> Array:
+    """Largest size that the covariance has at a lag or after it, from lag 1 on."""
+    return np.asarray(np.maximum.accumulate(np.abs(_short(covariance))[::-1])[::-1])
+
+
+def _short(covariance: Array) -> Array:
+    """The covariance from lag 1 on, at lags that a recording has many times."""
+    return covariance[1 : max(round(_SHORT * covariance.size), 2)]
 
 
 def _falls_to(curve: Array, level: float) -> float:

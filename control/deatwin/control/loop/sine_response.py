@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from deatwin.control.arguments import finite, function, instance, numbers, require_fields, taking
 from deatwin.control.errors import ControlError
 from deatwin.control.loop.closed_loop import approach
+from deatwin.control.loop.long_run import LongRun
+from deatwin.control.progress import Progress, part
 from deatwin.plant.model import Plant
 
 if TYPE_CHECKING:
@@ -23,6 +28,7 @@ Complex = NDArray[np.complex128]
 
 _SETTLE, _MEASURE = 2, 3  # periods before and in which is measured
 _FEWEST = 40  # samples before and in which is measured: a high frequency has several periods more, a mode rings on
+_PIECE = 20_000  # samples that are held in memory at a time
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -37,6 +43,11 @@ class SineResponse:
         rad/s.
     values : ndarray of complex, shape (n, m)
         Output unit by input unit, from a command to the reading before the next; NaN where the plant failed.
+
+    Raises
+    ------
+    ControlError
+        If the axes are not two or more increasing positive numbers each, or the values are no numbers of their shape.
     """
 
     amplitudes: Array
@@ -44,8 +55,14 @@ class SineResponse:
     values: Complex
 
     def __post_init__(self) -> None:
-        for array in (self.amplitudes, self.omega, self.values):
+        require_fields(self, amplitudes=_increasing, omega=_increasing, values=_complex)
+        for name, kind in (("amplitudes", np.float64), ("omega", np.float64), ("values", np.complex128)):
+            array = np.array(getattr(self, name), dtype=kind)
             array.setflags(write=False)
+            object.__setattr__(self, name, array)
+        shape = self.amplitudes.size, self.omega.size
+        if self.values.shape != shape:
+            raise ControlError(f"values of a response have the shape {self.values.shape}: it must be {shape}")
 
     @cached_property
     def _logarithm(self) -> RegularGridInterpolator:
@@ -78,8 +95,30 @@ class SineResponse:
         return np.exp(np.asarray(self._logarithm(points), dtype=np.complex128))
 
 
+def _increasing(value: Any, name: str, below: float = np.inf) -> None:
+    """Refuse what is no axis of a response."""
+    numbers(value, name)
+    axis = np.asarray(value, dtype=np.float64)
+    if axis.ndim != 1 or axis.size < 2 or not (axis[0] > 0.0 and np.all(np.diff(axis) > 0.0) and axis[-1] < below):
+        limit = "and finite" if below == np.inf else f"below {below:.4g}"
+        raise ControlError(f"{name} must be two or more increasing positive numbers, {limit}")
+
+
+def _complex(value: Any, name: str) -> None:
+    """Refuse what is no array of numbers, real or complex."""
+    try:
+        kind = np.asarray(value).dtype.kind
+    except ValueError:
+        kind = "O"
+    if kind not in "iufc":
+        raise ControlError(f"{name} must be an array of complex numbers")
+
+
+@taking(
+    plant=instance(Plant), operating_input=finite, amplitudes=_increasing, omega=_increasing, progress=function
+)
 def sine_response(
-    plant: Plant, operating_input: float, amplitudes: ArrayLike, omega: ArrayLike
+    plant: Plant, operating_input: float, amplitudes: ArrayLike, omega: ArrayLike, *, progress: Progress | None = None
 ) -> SineResponse | None:
     """Measure the response to sines, from small to large, without noise.
 
@@ -93,6 +132,8 @@ def sine_response(
         Increasing and positive, in the input's unit.
     omega : array_like, shape (m,)
         Increasing and positive, below half the sampling rate, rad/s.
+    progress : callable, optional
+        Called with the share that is done.
 
     Returns
     -------
@@ -102,42 +143,95 @@ def sine_response(
     Raises
     ------
     ControlError
-        If amplitudes or frequencies are not as described.
+        If an argument is of another kind, or amplitudes or frequencies are not as described.
+
+    Notes
+    -----
+    Nothing is kept of a run but a triangle of 6 by 6 numbers, so that the slowest sine needs no more memory than the
+    fastest.
     """
     sizes, rates = (np.array(v, dtype=np.float64) for v in (amplitudes, omega))
     h = plant.rig.sample_time
-    for name, axis, limit in (("amplitudes", sizes, np.inf), ("omega", rates, np.pi / h)):
-        if axis.ndim != 1 or axis.size < 2 or not (axis[0] > 0.0 and np.all(np.diff(axis) > 0.0) and axis[-1] < limit):
-            raise ControlError(f"{name} must be two or more increasing positive numbers, below {limit:.4g}")
-    values = np.array([_of_frequency(plant, operating_input, sizes, float(rate)) for rate in rates]).T
+    _increasing(rates, "omega", below=np.pi / h)
+    sines = [_Sine.of(float(rate), h) for rate in rates]
+    ends = np.cumsum([0, *(sine.count for sine in sines)]) / sum(sine.count for sine in sines)
+    values = np.array([
+        _of_frequency(plant, operating_input, sizes, sine, part(progress, float(first), float(last)))
+        for sine, (first, last) in zip(sines, pairwise(ends), strict=True)
+    ]).T  # fmt: skip
     lived = int(np.argmax([*~np.all(np.isfinite(values), axis=1), True]))
     if lived < 2:
         return None
     return SineResponse(amplitudes=sizes[:lived], omega=rates, values=values[:lived])
 
 
-def _of_frequency(plant: Plant, operating_input: float, sizes: Array, omega: float) -> Complex:
+@dataclass(frozen=True, kw_only=True)
+class _Sine:
+    """A sine in samples.
+
+    Parameters
+    ----------
+    angle : float
+        From one sample to the next, rad.
+    first, count : int
+        Where it has settled and is measured, and all samples.
+    """
+
+    angle: float
+    first: int
+    count: int
+
+    @classmethod
+    def of(cls, omega: float, sample_time: float) -> Self:
+        period = 2 * np.pi / (omega * sample_time)
+        first = max(int(np.ceil(_SETTLE * period)), _FEWEST)
+        return cls(angle=omega * sample_time, first=first, count=first + max(round(_MEASURE * period), _FEWEST))
+
+    def basis(self, number: Array) -> Array:
+        """Sine, cosine, a mean and a drift over what is measured, shape (n, 4)."""
+        clock, last = self.angle * number, self.count - 1
+        drift = (2.0 * number - self.first - last) / (last - self.first)
+        return np.stack([np.sin(clock), np.cos(clock), np.ones_like(clock), drift], axis=1)
+
+
+def _of_frequency(
+    plant: Plant, operating_input: float, sizes: Array, sine: _Sine, progress: Progress | None
+) -> Complex:
     """One size after another, in one run; NaN from where the plant fails."""
-    h = plant.rig.sample_time
-    period = 2 * np.pi / (omega * h)
-    first = max(int(np.ceil(_SETTLE * period)), _FEWEST)
-    clock: Array = omega * h * np.arange(first + max(round(_MEASURE * period), _FEWEST), dtype=np.float64)
-    before = approach(plant, operating_input, first)
-    sines: Array = operating_input + sizes[:, None] * np.sin(clock)
-    run = plant.simulator.run(
-        np.concatenate([before.commands, sines.ravel()]), start=before.start, sample_time=h,
-        rest_command=plant.rig.start.rest_command, values=plant.free_values,
-    )  # fmt: skip
     found = np.full(sizes.size, np.nan + 0j)
-    readings = run.outputs[before.commands.size : -1]  # each before the command of its row
-    for number in range(readings.size // clock.size):
-        of_size = readings[number * clock.size :][first : clock.size]
-        found[number] = _fundamental(of_size, clock[first:]) / _fundamental(sines[number, first:], clock[first:])
+    ends = np.linspace(0.0, 1.0, sizes.size + 2).tolist()
+    before = approach(plant, operating_input, 1)
+    run = LongRun(plant, before.start)
+    run.readings(before.commands)
+    for number in _pieces(sine.first - 1, part(progress, *ends[:2])):
+        run.readings(np.full(number.size, operating_input))
+    for row, (first, last) in enumerate(pairwise(ends[1:])):
+        found[row] = _gain(run, operating_input, sizes[row], sine, part(progress, first, last))
     return found
 
 
-def _fundamental(values: Array, clock: Array) -> complex:
-    """Least squares, so that periods need not be whole numbers of samples; a mean and a drift are taken out."""
-    basis = np.stack([np.sin(clock), np.cos(clock), np.ones_like(clock), np.linspace(-1.0, 1.0, clock.size)], axis=1)
-    sine, cosine = np.linalg.lstsq(basis, values, rcond=None)[0][:2]
-    return complex(sine, cosine)
+def _gain(run: LongRun, centre: float, size: float, sine: _Sine, progress: Progress | None) -> complex:
+    """Fundamental of the reading over that of the command; NaN where the plant fails.
+
+    By least squares, so that periods need not be whole numbers of samples; a mean and a drift are taken out. The QR
+    factorisation of all rows is that of the triangle of those before with those of a piece.
+    """
+    level, triangle = run.reading, np.empty((0, 6))  # without what is constant the sums lose fewer digits
+    for number in _pieces(sine.count, progress):
+        commands = centre + size * np.sin(sine.angle * number)
+        readings = run.readings(commands)
+        if readings is None:
+            return complex(np.nan)
+        rows = np.column_stack([sine.basis(number), readings - level, commands - centre])[number >= sine.first]
+        triangle = np.asarray(np.linalg.qr(np.vstack([triangle, rows]), mode="r"))
+    reading, command = np.linalg.lstsq(triangle[:4, :4], triangle[:4, 4:], rcond=None)[0][:2].T
+    return complex(*reading) / complex(*command)
+
+
+def _pieces(count: int, progress: Progress | None) -> Iterator[Array]:
+    """The numbers of so many samples, a piece at a time; tells of each when the next is asked for."""
+    for begin in range(0, count, _PIECE):
+        end = min(begin + _PIECE, count)
+        yield np.arange(begin, end, dtype=np.float64)
+        if progress is not None:
+            progress(end / count)

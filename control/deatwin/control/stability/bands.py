@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from deatwin.control.arguments import coefficients, number, taking
 from deatwin.control.errors import ControlError
-from deatwin.control.linear.model import LinearModel
+from deatwin.control.linear.model import LinearModel, linear_model
 from deatwin.control.stability.circle import search
 from deatwin.control.stability.datasets import margins_dataset
 from deatwin.control.stability.margins import margins
@@ -174,6 +175,7 @@ class _Loop:
         return self.gradient / self.value[:, None]
 
 
+@taking(linear=linear_model, feedback_numerator=coefficients, feedback_denominator=coefficients, level=number)
 def band_margins(
     linear: LinearModel,
     feedback_numerator: ArrayLike,
@@ -210,7 +212,8 @@ def band_margins(
     if not 0.0 < level < 1.0:
         raise ControlError(f"the level is {level}: it must lie between 0 and 1")
     linear.require()
-    feedback = (np.asarray(feedback_numerator, np.float64), np.asarray(feedback_denominator, np.float64))
+    top, bottom = np.atleast_1d(feedback_numerator, feedback_denominator)
+    feedback = (np.asarray(top, np.float64), np.asarray(bottom, np.float64))
     top, bottom = in_series(linear.numerator, feedback[0]), in_series(linear.denominator, feedback[1])
     own = margins(top, bottom, linear.sample_time)
     if not own.stable[0]:
@@ -344,7 +347,7 @@ def _disk(at: partial[_Loop], angle: Array, covariance: Array, level: float) -> 
 def _scheffe(covariance: Array, level: float) -> float:
     from scipy.stats import chi2
 
-    sizes = np.sqrt(np.diag(covariance))
+    sizes = np.sqrt(np.diag(covariance).clip(min=0.0))
     units = np.where(sizes > 0.0, sizes, 1.0)
     rank = int(np.linalg.matrix_rank(covariance / np.outer(units, units), hermitian=True)) if sizes.any() else 0
     return float(np.sqrt(chi2.ppf(level, rank))) if rank else 0.0

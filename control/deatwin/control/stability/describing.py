@@ -18,7 +18,9 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from deatwin.control.arguments import finite, function, number, numbers, require_fields, taking, whole
 from deatwin.control.errors import ControlError
+from deatwin.control.stability.quantising import quantiser_gain
 
 __all__ = [
     "Backlash",
@@ -51,6 +53,7 @@ class DescribingFunction(ABC):
     def __post_init__(self) -> None:
         for item in fields(self):
             value = getattr(self, item.name)
+            number(value, item.name)
             if not (np.isfinite(value) and value > 0.0) and not (value == 0.0 and item.metadata.get("zero")):
                 name = type(self).__name__
                 raise ControlError(f"{item.name} of the {name} is {value}: it must be positive and finite")
@@ -73,11 +76,17 @@ class DescribingFunction(ABC):
         Raises
         ------
         ControlError
-            If an amplitude or a frequency is not positive.
+            If an amplitude or a frequency is no number, or not positive and finite, or they do not broadcast.
         """
-        size, rate = np.broadcast_arrays(np.asarray(amplitude, np.float64), np.asarray(omega, np.float64))
-        if not (np.all(size > 0.0) and np.all(rate > 0.0)):
-            raise ControlError("a describing function takes positive amplitudes and frequencies")
+        numbers(amplitude, "amplitude")
+        numbers(omega, "omega")
+        try:
+            size, rate = np.broadcast_arrays(np.asarray(amplitude, np.float64), np.asarray(omega, np.float64))
+        except ValueError:
+            shapes = f"{np.shape(amplitude)} and {np.shape(omega)}"
+            raise ControlError(f"amplitude and omega must broadcast; got the shapes {shapes}") from None
+        if not all(np.isfinite(each).all() and np.all(each > 0.0) for each in (size, rate)):
+            raise ControlError("a describing function takes positive and finite amplitudes and frequencies")
         return np.asarray(self._of(size, rate), dtype=np.complex128)
 
     @abstractmethod
@@ -142,11 +151,8 @@ class Quantiser(DescribingFunction):
     step: float
 
     def _of(self, amplitude: Array, omega: Array) -> Array:
-        most = int(np.floor(amplitude.max(initial=0.0) / self.step + 0.5))
-        total = np.zeros(amplitude.shape)
-        for k in range(most):  # each edge at (k + 1/2) steps is a relay of one step
-            total += np.sqrt(np.maximum(1.0 - ((k + 0.5) * self.step / amplitude) ** 2, 0.0))
-        return 4.0 * self.step / (np.pi * amplitude) * total
+        with np.errstate(over="ignore"):
+            return quantiser_gain(amplitude / self.step)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -165,6 +171,7 @@ class Relay(DescribingFunction):
     hysteresis: float = 0.0
 
     def __post_init__(self) -> None:
+        require_fields(self, level=number, hysteresis=number)
         if not (self.level > 0.0 and self.hysteresis >= 0.0 and np.isfinite([self.level, self.hysteresis]).all()):
             raise ControlError("a relay needs a positive level and a hysteresis of 0 or more")
 
@@ -272,6 +279,7 @@ class BoucWen(DescribingFunction):
         return np.asarray(2j / np.pi * self.force / amplitude * total)
 
 
+@taking(map=function, amplitude=numbers)
 def describing_function(map: Callable[[Array], Array], amplitude: ArrayLike) -> Complex:
     """Describing function of a static map, by adaptive quadrature that finds its kinks and jumps.
 
@@ -343,6 +351,7 @@ def _harmonic(map: Callable[[Array], Array], size: float) -> float:
     return 2.0 / np.pi * (total + float(whole.sum()))
 
 
+@taking(run=function, amplitude=finite, omega=finite, samples=whole(8), periods=whole(1))
 def describing_function_of_run(
     run: Callable[[Array, float], Array],
     amplitude: float,

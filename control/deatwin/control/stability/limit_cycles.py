@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from deatwin.control.arguments import coefficients, function, numbers, positive, taking
 from deatwin.control.errors import ControlError
 from deatwin.control.stability.datasets import cycles_dataset
 from deatwin.plant.drawing import axes_or_new
@@ -136,6 +137,10 @@ class LimitCycles(Sequence[LimitCycle]):
         return complex(real, imag)
 
 
+@taking(
+    loop_numerator=coefficients, loop_denominator=coefficients, sample_time=positive, describing_function=function,
+    amplitudes=numbers, omegas=numbers,
+)
 def limit_cycles(
     loop_numerator: ArrayLike,
     loop_denominator: ArrayLike,

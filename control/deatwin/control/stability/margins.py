@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.control.errors import ControlError
+from deatwin.control.arguments import numbers, positive, taking
 from deatwin.control.stability.circle import Places, search
 from deatwin.control.stability.polynomials import jet, loop_polynomials, stable_loops
 
@@ -16,7 +16,8 @@ __all__ = ["Margins", "margins"]
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-_ON_CIRCLE = 64 * np.finfo(float).eps  # of its coefficients: a denominator below it is a pole, but for rounding
+_ROUNDING = 64 * np.finfo(float).eps  # of its coefficients: what a polynomial is below it, rounding has made
+_POLE = 1e3  # a loop of more gain over a denominator that is rounding has a pole there
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -68,6 +69,7 @@ class Margins:
         return np.degrees(2.0 * np.arctan(0.5 * self.disk))
 
 
+@taking(numerators=numbers, denominators=numbers, sample_time=positive)
 def margins(numerators: ArrayLike, denominators: ArrayLike, sample_time: float) -> Margins:
     """Compute the margins of loops ``L(z) = numerator / denominator`` under negative feedback.
 
@@ -97,23 +99,19 @@ def margins(numerators: ArrayLike, denominators: ArrayLike, sample_time: float) 
     Seiler, Packard & Gahinet, An introduction to disk margins, IEEE Control Systems Magazine 40 (2020), section on
     the symmetric disk margin.
     """
-    if not (np.isfinite(sample_time) and sample_time > 0.0):
-        raise ControlError(f"the sample time is {sample_time}: it must be positive, in s")
     top, bottom, lead = loop_polynomials(numerators, denominators)
     found, stable = search(top, bottom), stable_loops(top, bottom)
     gain, phase, delay = (np.full(stable.size, np.inf) for _ in range(3))
     crossover = np.zeros(stable.size)
 
     real = _with_ends(found.real, stable.size)
-    at, above, below = _values(top, bottom, real)
-    # A pole on the unit circle is no crossing, nor is a loop of no gain.
-    real_axis = (at.real < 0.0) & (below > 0.0) & (above > 0.0)
+    at, sound = _values(top, bottom, real)
+    real_axis = (at.real < 0.0) & sound
     with np.errstate(over="ignore"):
         size = np.abs(at[real_axis])
         np.minimum.at(gain, real.loops[real_axis], np.maximum(size, 1.0 / size))
 
-    at, above, below = _values(top, bottom, found.gain)
-    sound = (below > 0.0) & (above > 0.0)  # a loop of no gain over a pole on the unit circle is no crossing
+    at, sound = _values(top, bottom, found.gain)
     loops, angle, turned = found.gain.loops[sound], found.gain.angle[sound], np.angle(-at[sound])
     np.minimum.at(phase, loops, np.degrees(np.abs(turned)))
     np.minimum.at(delay, loops, np.mod(turned, 2 * np.pi) / angle * sample_time)
@@ -134,14 +132,19 @@ def _with_ends(places: Places, count: int) -> Places:
     return places + Places(loops=loops, angle=np.zeros(count)) + Places(loops=loops, angle=np.full(count, np.pi))
 
 
-def _values(top: Array, bottom: Array, places: Places) -> tuple[Complex, Array, Array]:
-    """Loops at places, and the sizes of both polynomials: zero where they are not above rounding."""
-    parts = []
+def _values(top: Array, bottom: Array, places: Places) -> tuple[Complex, NDArray[np.bool_]]:
+    """Loops at places, and which of these can be crossings: no pole on the unit circle, and no loop of no gain.
+
+    Of slow lags close together a denominator is small against its coefficients, and its last digits are rounding. The
+    crossings there are known less well, but a margin that leaves them out would be on the unsafe side.
+    """
+    values, sizes, above_rounding = [], [], []
     for polynomial in (top, bottom):
         columns = np.ascontiguousarray(polynomial[places.loops].T)
-        value = jet(columns, places.angle, 0)[0]
-        size = np.abs(value)
-        parts.append((value, np.where(size > _ON_CIRCLE * np.abs(columns).sum(axis=0), size, 0.0)))
-    (above, above_size), (below, below_size) = parts
+        values.append(jet(columns, places.angle, 0)[0])
+        sizes.append(np.abs(values[-1]))
+        above_rounding.append(sizes[-1] > _ROUNDING * np.abs(columns).sum(axis=0))
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        return above / below, above_size, below_size
+        at = values[0] / values[1]
+    pole = ~above_rounding[1] & (sizes[0] >= _POLE * sizes[1])
+    return at, above_rounding[0] & ~pole

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from deatwin.control.arguments import numbers, taking
 from deatwin.control.errors import ControlError
 from deatwin.ident.frequency.many import stable_polynomials
 
@@ -17,6 +18,7 @@ _NEAR = 1e-5
 """Poles this near the unit circle are not left to the recursion of Schur and Cohn, whose rounding grows there."""
 
 
+@taking(first=numbers, second=numbers)
 def in_series(first: ArrayLike, second: ArrayLike) -> Array:
     """Multiply polynomials, a family by a family or by one.
 
@@ -28,13 +30,27 @@ def in_series(first: ArrayLike, second: ArrayLike) -> Array:
     Returns
     -------
     ndarray, shape (..., n + m - 1)
+
+    Raises
+    ------
+    ControlError
+        If they are no real numbers, or their leading axes do not fit together.
     """
     left, right = (np.atleast_1d(np.asarray(c, dtype=np.float64)) for c in (first, second))
-    lead = np.broadcast_shapes(left.shape[:-1], right.shape[:-1])
+    lead = _lead(left, right)
     product = np.zeros((*lead, left.shape[-1] + right.shape[-1] - 1))
     for lag in range(right.shape[-1]):
         product[..., lag : lag + left.shape[-1]] += left * right[..., lag : lag + 1]
     return product
+
+
+def _lead(one: Array, other: Array) -> tuple[int, ...]:
+    try:
+        return np.broadcast_shapes(one.shape[:-1], other.shape[:-1])
+    except ValueError:
+        raise ControlError(
+            f"families of polynomials of shapes {one.shape} and {other.shape} do not fit together"
+        ) from None
 
 
 def loop_polynomials(numerators: ArrayLike, denominators: ArrayLike) -> tuple[Array, Array, tuple[int, ...]]:
@@ -58,7 +74,7 @@ def loop_polynomials(numerators: ArrayLike, denominators: ArrayLike) -> tuple[Ar
         If a coefficient is not finite, or a denominator is zero.
     """
     top, bottom = (np.atleast_2d(np.asarray(c, dtype=np.float64)) for c in (numerators, denominators))
-    lead = np.broadcast_shapes(top.shape[:-1], bottom.shape[:-1])
+    lead = _lead(top, bottom)
     size = max(top.shape[-1], bottom.shape[-1])
     rows = []
     for name, given in (("numerator", top), ("denominator", bottom)):

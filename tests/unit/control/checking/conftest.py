@@ -1,4 +1,4 @@
-"""Rigs of a user, so small that everything about them is known: lags in series, and a plate that is pulled in."""
+"""Rigs of a user, so small that everything about them is known: lags, a plate that is pulled in, one that breaks."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -73,6 +73,19 @@ class Gap(Rig):
         return position
 
 
+@dataclass(frozen=True, kw_only=True)
+class Brittle(Gap):
+    """The position 1 - sqrt(1 - u) with a lag: beyond 1 V there is none."""
+
+    kind: ClassVar[str] = "brittle"
+
+    def write(self, build: Builder) -> Any:
+        position = build.state("position", scale=1.0)
+        wanted = build.parameter("stiffness") * (1 - (1 - build.command) ** 0.5)
+        build.rate(position, wanted - position, mass=0.02)
+        return position
+
+
 @pytest.fixture(scope="module")
 def uncompiled() -> Iterator[None]:
     """So small a plant runs as fast as it compiles."""
@@ -89,3 +102,8 @@ def lags(uncompiled: None) -> Callable[..., Plant]:
 @pytest.fixture(scope="module")
 def gap(uncompiled: None) -> Plant:
     return Plant(rig=Gap())
+
+
+@pytest.fixture(scope="module")
+def brittle(uncompiled: None) -> Plant:
+    return Plant(rig=Brittle())

@@ -8,6 +8,7 @@ import pytest
 from deatwin.control import LinearController, Specification, Verdict, closed_loop, margins
 from deatwin.control.checking.cycles import judge_cycles
 from deatwin.control.design.pid import PidGains
+from deatwin.control.linear.model import LinearModel
 from deatwin.control.linear.plant import linearise_plant
 from deatwin.control.stability.polynomials import in_series
 from deatwin.plant import MeasuringChain, Plant
@@ -127,22 +128,65 @@ def test_a_cycle_is_judged_by_the_step_it_disturbs(slow):
     assert (small.verdict, large.verdict) == (Verdict.FAIL, Verdict.PASS)
 
 
-def test_a_plant_that_does_not_live_through_the_sines_is_judged_by_its_limits(gap):
-    """At 0.3 V ± 0.3 V the plate pulls in or not: the check says something either way."""
-    gains = PidGains(proportional=0.0, integral=0.2)
+def about(plant: Plant, voltage: float, share: float = 0.05) -> tuple[LinearController, LinearModel]:
+    """A weak integral controller about a voltage, with limits at 0 V and as far above, and the plant there."""
+    linear = linearise_plant(plant, voltage).in_loop(plant.rig.reading)
+    gains = PidGains(proportional=0.0, integral=share / linear.static_gain)
     controller = LinearController(
-        name="I", sample_time=H, operating_input=0.3, operating_output=0.11, command_min=0.0, command_max=0.6,
-        closed_loop_time=0.06, law=gains.law(H), windup=gains.windup(H),
+        name="I", sample_time=H, operating_input=voltage, operating_output=linear.operating_output, command_min=0.0,
+        command_max=2 * voltage, closed_loop_time=0.06, law=gains.law(H), windup=gains.windup(H),
     )  # fmt: skip
-    linear = linearise_plant(gap, 0.3).in_loop(gap.rig.reading)
-    assert np.isfinite(judge_cycles(gap, controller, linear, 0.1, Specification()).value)
+    return controller, linear
+
+
+def test_a_plant_that_does_not_live_through_the_sines_is_not_measured(gap):
+    """The plate pulls in at 0.385 V: of a room of 0.37 V about 0.37 V it bears 2 %, to 0.377 V; 6 % are 0.392 V."""
+    controller, linear = about(gap, 0.37)
+    found = judge_cycles(gap, controller, linear, 0.1, Specification())
+    assert found.verdict is Verdict.MARGINAL
+    assert found.value is None
+    assert "of limits and codes predict no limit cycle" in found.text
+    assert "not measured: it does not live through sines of 6 % of the room" in found.text
+
+
+def test_the_sizes_of_the_sines_that_a_plant_lived_through_are_told(brittle):
+    """Of a room of 0.8 V about 0.8 V 20 % reach 0.96 V, and 60 % go beyond 1 V, which it does not bear."""
+    controller, linear = about(brittle, 0.8)
+    found = judge_cycles(brittle, controller, linear, 0.1, Specification())
+    assert found.verdict is Verdict.PASS
+    assert "measured with sines of 2, 6 and 20 % of the room to the command's limits only" in found.text
+    controller, linear = about(brittle, 0.5)
+    found = judge_cycles(brittle, controller, linear, 0.1, Specification())
+    assert (found.verdict, found.value) == (Verdict.PASS, 0.0)
+    assert found.text == "describing functions of plant, limits and codes predict no limit cycle"
+
+
+def test_a_cycle_of_the_limits_is_told_where_the_plant_is_not_measured(slow, monkeypatch):
+    linear = linearise_plant(slow, 0.0).in_loop(slow.rig.reading)
+    controller = integral(slow, 1.2)
+    small, large = (judge_cycles(slow, controller, linear, step, Specification()) for step in (1e3, 1.0))
+    monkeypatch.setattr("deatwin.control.checking.cycles.sine_response", lambda *_, **__: None)
+    for measured, verdict, step in ((small, Verdict.MARGINAL, 1e3), (large, Verdict.FAIL, 1.0)):
+        found = judge_cycles(slow, controller, linear, step, Specification())
+        assert (found.verdict, found.value) == (verdict, measured.value)
+        assert found.text.startswith(measured.text)
+        assert "not measured" in found.text and "not measured" not in measured.text
+
+
+def test_progress_is_told(slow):
+    linear = linearise_plant(slow, 0.0).in_loop(slow.rig.reading)
+    shares = []
+    judge_cycles(slow, integral(slow, 1 / 3), linear, 1.0, Specification(), progress=shares.append)
+    assert shares == sorted(shares)
+    assert 0.0 < shares[0] < 0.5
+    assert shares[-1] == pytest.approx(1.0, abs=1e-12)
 
 
 def test_a_loop_that_hardly_acts_is_not_looked_at_for_days(slow, monkeypatch):
     """An integrator of a ten-thousandth of the gain crosses over at a period of days: 300 million samples."""
     asked: list[np.ndarray] = []
 
-    def measured(plant, operating_input, amplitudes, omega):
+    def measured(plant, operating_input, amplitudes, omega, *, progress):
         asked.append(omega)
 
     monkeypatch.setattr("deatwin.control.checking.cycles.sine_response", measured)

@@ -80,8 +80,8 @@ def test_states_stay_bounded_at_a_limit(made):
     [
         ({"operating_input": 5.0}, "must lie between the limits"),
         ({"operating_output": np.nan}, "must be finite"),
-        ({"closed_loop_time": 0.0}, "times positive"),
-        ({"sample_time": -1.0}, "times positive"),
+        ({"closed_loop_time": 0.0}, "closed_loop_time is 0: it must be positive"),
+        ({"sample_time": -1.0}, "sample_time is -1: it must be positive"),
         ({"windup": np.zeros(2)}, "windup has the shape"),
         ({"windup": np.zeros(1)}, "drift away"),
         ({"windup": np.array([2.5])}, "drift away"),

@@ -6,7 +6,7 @@ import control
 import numpy as np
 import pytest
 
-from deatwin.control import ControlError
+from deatwin.control import ControlError, MissingPackageError
 from deatwin.control.design import hinf as module
 from deatwin.control.design.hinf import MixedSensitivity, hinf
 from deatwin.control.design.states import States
@@ -126,5 +126,5 @@ def test_the_weights_of_python_control_have_the_same_values():
 
 def test_without_slycot_it_says_how_to_get_it(monkeypatch, sampled):
     monkeypatch.setattr(module, "find_spec", lambda name: None if name == "slycot" else importlib.util.find_spec(name))
-    with pytest.raises(ControlError, match=r"pip install deatwin\[hinf\]"):
+    with pytest.raises(MissingPackageError, match=r"pip install \"deatwin\[hinf\]\""):
         hinf(sampled(1.0, [0.5]), command_limits=LIMITS, bandwidth_Hz=0.5)

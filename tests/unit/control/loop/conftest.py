@@ -42,8 +42,28 @@ class Curve(Rig):
         return position
 
 
+@dataclass(frozen=True, kw_only=True)
+class Late(Curve):
+    """A curve with a lag behind a command that comes two samples late and grows while it is held, from half of it."""
+
+    kind: ClassVar[str] = "late"
+
+    def write(self, build: Builder) -> Any:
+        late = build.past_commands(2)[2] * (0.5 + (build.time - build.sample_start) / self.sample_time)
+        wanted = build.parameter("slope") * late + build.constant("cubic", self.cubic) * late**3
+        position = build.state("position", scale=1.0)
+        build.rate(position, wanted - position, mass=self.lag)
+        return position
+
+
 @pytest.fixture
 def curve(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Plant]:
     # So small a plant runs as fast as it compiles.
     monkeypatch.setattr("deatwin.plant.simulate.compile_functions", lambda functions, **_: dict(functions))
     return lambda **details: Plant(rig=Curve(**details))
+
+
+@pytest.fixture
+def late(curve: Callable[..., Plant]) -> Plant:
+    """A plant that asks for past commands and for the time at which a sample began; not compiled either."""
+    return Plant(rig=Late(cubic=0.4, lag=0.1))

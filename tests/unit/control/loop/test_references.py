@@ -25,7 +25,7 @@ def test_a_sharp_step_is_the_limit_of_no_rise():
     assert np.count_nonzero(np.diff(step_reference(0.0, 1.0, 7))) == 4
 
 
-@pytest.mark.parametrize(("plateau", "rise"), [(5, 5), (5, -1), (0, 0)])
+@pytest.mark.parametrize(("plateau", "rise"), [(5, 5), (5, 9), (1, 1)])
 def test_a_rise_longer_than_its_level_is_refused(plateau, rise):
     with pytest.raises(ControlError, match="shorter"):
         step_reference(0.0, 1.0, plateau, rise=rise)

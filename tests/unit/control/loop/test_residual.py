@@ -116,3 +116,29 @@ def test_a_free_run_that_diverges_is_refused():
     rng = np.random.default_rng(0)
     with pytest.raises(DivergedError, match="free run fails"):
         free_run_residual(grows, Recording.from_arrays(rng.standard_normal(500), rng.standard_normal(500), H))
+
+
+def test_a_residual_that_rings_is_not_taken_for_white_noise():
+    """At four samples a period the covariance of r^k cos(pi k / 2) is nothing at lag 1, -r² of the size at lag 2."""
+    rng = np.random.default_rng(5)
+    radius, n, found = 0.9, 6000, []
+    for _ in range(20):
+        # Var of v(k) = -r² v(k-2) + e(k): of every second sample a first-order process.
+        ringing, shocks = np.zeros(n), RMS * np.sqrt(1 - radius**4) * rng.standard_normal(n)
+        ringing[:2] = RMS * rng.standard_normal(2)
+        for k in range(2, n):
+            ringing[k] = -(radius**2) * ringing[k - 2] + shocks[k]
+        found.append(left_by(ringing + NOISE * rng.standard_normal(n), rng))
+    sizes, times = np.array([(r.rms, r.correlation_time) for r in found]).T
+    # The envelope r^k has fallen to 1/e after 1 / ln(1/r) = 9.5 samples, and is seen at every second.
+    assert np.all(np.abs(sizes / RMS - 1.0) < 0.15)
+    assert np.all((times > 7.0 * H) & (times < 13.0 * H))
+
+
+def test_white_noise_alone_leaves_next_to_nothing():
+    """The largest of many covariances of white noise is no residual: what is left is that of lag 1, c(0) / sqrt(n)."""
+    rng = np.random.default_rng(6)
+    n = 6000
+    left = np.array([left_by(NOISE * rng.standard_normal(n), rng).rms for _ in range(20)])
+    # Three deviations of the covariance at lag 1, which is taken back to lag 0 by a factor of e at most.
+    assert np.all(left**2 < 3.0 * np.e * NOISE**2 / np.sqrt(0.95 * n))

@@ -1,10 +1,14 @@
-"""The measured describing function against the linearised plant and against closed forms."""
+"""The measured describing function against the linearised plant, against closed forms, and against one long run."""
+
+import tracemalloc
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from deatwin.control import ControlError
 from deatwin.control.linear.plant import linearise_plant
+from deatwin.control.loop.closed_loop import approach
 from deatwin.control.loop.sine_response import SineResponse, sine_response
 from deatwin.plant import Diaphragm, Plant, ReadingTime
 
@@ -45,6 +49,71 @@ def test_it_is_about_the_operating_point(curve):
     found = sine_response(curve(cubic=0.4), 1.5, [1e-2, 0.5], WHOLE)
     slope = 2 + 1.2 * 1.5**2 + 0.3 * np.array([1e-2, 0.5]) ** 2
     np.testing.assert_allclose(np.abs(found.values), np.broadcast_to(slope[:, None], (2, 3)), rtol=4e-3)
+
+
+def of_one_run(plant, centre, sizes, omega):
+    """Least squares over a run that is kept as a whole: two periods at rest and of each size, then three measured."""
+    period = 2 * np.pi / (omega * H)
+    first, measured = max(int(np.ceil(2 * period)), 40), max(round(3 * period), 40)
+    clock = omega * H * np.arange(first + measured)
+    before = approach(plant, centre, first)
+    sines = centre + np.multiply.outer(sizes, np.sin(clock))
+    run = plant.simulator.run(
+        np.concatenate([before.commands, sines.ravel()]), start=before.start, sample_time=H,
+        rest_command=plant.rig.start.rest_command, values=plant.free_values,
+    )  # fmt: skip
+    readings = run.outputs[before.commands.size : -1].reshape(sines.shape)[:, first:]
+    late = clock[first:]
+    basis = np.stack([np.sin(late), np.cos(late), np.ones(measured), np.linspace(-1.0, 1.0, measured)], axis=1)
+    (y_sine, y_cosine), (u_sine, u_cosine) = (
+        np.linalg.lstsq(basis, signal.T, rcond=None)[0][:2] for signal in (readings, sines[:, first:])
+    )
+    return (y_sine + 1j * y_cosine) / (u_sine + 1j * u_cosine)
+
+
+@pytest.mark.parametrize("piece", [37, 200, 20_000])
+def test_a_run_in_pieces_is_the_run_as_a_whole(late, monkeypatch, piece):
+    """The plant asks for past commands, of the piece before too; neither periods nor pieces are whole."""
+    monkeypatch.setattr("deatwin.control.loop.sine_response._PIECE", piece)
+    sizes, omega = np.array([0.02, 0.3, 1.0]), np.array([1.3, 7.1, 100.0])
+    found = sine_response(late, 0.7, sizes, omega)
+    expected = np.stack([of_one_run(late, 0.7, sizes, rate) for rate in omega], axis=1)
+    np.testing.assert_allclose(found.values, expected, rtol=1e-12)
+
+
+class Gain:
+    """A plant that does nothing but double, so fast that long runs are short."""
+
+    def __init__(self, plant, start):
+        self.reading = 0.0
+
+    def readings(self, commands):
+        self.reading = 2.0 * float(commands[-1])
+        return 2.0 * commands
+
+
+def test_a_long_run_needs_no_more_memory_than_a_short_one(curve, monkeypatch):
+    """A period of 200 000 samples makes a run of 2.4 million: 19 MB for a single signal."""
+    monkeypatch.setattr("deatwin.control.loop.sine_response.LongRun", Gain)
+    plant, peaks = curve(), []
+    for samples in (20_000, 200_000):
+        tracemalloc.start()
+        found = sine_response(plant, 3.0, [0.01, 1.0], 2 * np.pi / (H * samples) * np.array([1.0, 1.5]))
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+        np.testing.assert_allclose(found.values, 2.0, rtol=1e-11)
+    assert peaks[1] < 1.2 * peaks[0]
+    assert peaks[1] < 19e6 / 2
+
+
+def test_progress_rises_to_one_in_the_order_of_the_work(curve, monkeypatch):
+    monkeypatch.setattr("deatwin.control.loop.sine_response._PIECE", 100)
+    shares = []
+    sine_response(curve(), 0.0, [0.1, 1.0], [1.0, 10.0], progress=shares.append)
+    assert all(a < b for a, b in pairwise(shares))
+    assert shares[-1] == pytest.approx(1.0, abs=1e-12)
+    # By hundreds: 628 samples of rest, 629 + 942 of each size of the slow sine, and 62 and 63 + 94 for the fast one.
+    assert len(shares) == (7 + 2 * 16) + (1 + 2 * 2)
 
 
 def test_rows_read_at_the_start_are_the_same_loop(curve):

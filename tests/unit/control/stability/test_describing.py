@@ -1,5 +1,7 @@
 """Describing functions against closed forms, quadrature, simulation and python-control."""
 
+import math
+
 import casadi as ca
 import control
 import numpy as np
@@ -191,6 +193,33 @@ def test_what_does_not_move_has_no_describing_function():
     assert Backlash(gap=1.0)(0.4) == 0.0
     assert DeadZone(limit=0.5)(0.4) == pytest.approx(0.0, abs=1e-15)
     assert Quantiser(step=1.0)(0.4) == 0.0
+
+
+def test_a_quantiser_of_many_steps_is_the_sum_over_its_edges():
+    # Edges at (k + 1/2) steps, each a relay; a sum of 1e6 terms of at most 1 rounds by 1e-15 of its size, the
+    # difference to a gain of 1, about 2 zeta(3/2) / pi² / ratio^(3/2), is up to 5e-7.
+    for ratio in (9999.9, 10000.1, 10000.5, 12345.49999, 12345.5, 99999.97, 1e6 + 0.25):
+        edges = np.arange(np.floor(ratio + 0.5)) + 0.5
+        expected = 4.0 / (np.pi * ratio) * math.fsum(np.sqrt(1.0 - (edges / ratio) ** 2))
+        assert Quantiser(step=0.5)(0.5 * ratio).real == pytest.approx(expected, abs=1e-14)
+
+
+def test_a_quantiser_of_very_many_steps_is_a_gain_of_one():
+    amplitude = np.array([1e8, 1e12, 1e300])
+    bound = 2.0 * 2.6124 / np.pi**2 * amplitude**-1.5
+    assert (abs(Quantiser(step=1.0)(amplitude) - 1.0) <= bound + 1e-15).all()
+    assert Quantiser(step=1e-300)(1e300) == pytest.approx(1.0, abs=1e-15)
+    assert Quantiser(step=1e300)(1e-300) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("amplitude", "omega"),
+    [("1", 1.0), (None, 1.0), (1j, 1.0), (True, 1.0), ([[1.0], [1.0, 2.0]], 1.0), (1.0, "1"), (np.inf, 1.0),
+     (np.nan, 1.0), (1.0, np.inf), ([1.0, 2.0], [1.0, 2.0, 3.0])],
+)  # fmt: skip
+def test_what_is_no_amplitude_or_frequency_is_refused(amplitude, omega):
+    with pytest.raises(ControlError, match=r"amplitude|omega"):
+        Quantiser(step=1.0)(amplitude, omega)
 
 
 def test_amplitudes_and_frequencies_broadcast():

@@ -197,6 +197,25 @@ def test_random_stable_loops_against_python_control(order):
     assert compared > 5
 
 
+@pytest.mark.parametrize("lags", [3, 4])
+def test_slow_lags_close_together_keep_their_crossings(lags):
+    """Equal lags of 40 s at 50 Hz: of four the denominator at the crossing is 1e-14 of its coefficients."""
+    pole, static = 0.9995, 2.0
+    top = np.append(np.zeros(lags), static * (1 - pole) ** lags)
+    found = margins(top, np.poly([pole] * lags), H)
+    # |e^jw - p|^2 = 1 + p^2 - 2 p cos w is (1 - p)^2 static^(2/lags) at the gain crossing; its phase is lags times that
+    # of e^jw - p, which at the phase crossing is pi/lags: sin(pi/lags - w) = p sin(pi/lags).
+    turn = 2 * np.arcsin(np.sqrt((static ** (2 / lags) - 1) / pole) * (1 - pole) / 2)
+    phase = np.pi - lags * np.arctan2(np.sin(turn), np.cos(turn) - pole)
+    turned = np.pi / lags - np.arcsin(pole * np.sin(np.pi / lags))
+    gain = (abs(np.exp(1j * turned) - pole) / (1 - pole)) ** lags / static
+    # Half a unit in the last place of each coefficient against the denominator where it is smallest, |e^jw - p|^lags.
+    rounding = 0.5 * np.finfo(float).eps * (1 + pole) ** lags / (1 - pole) ** lags
+    assert found.stable[0]
+    assert found.gain[0] == pytest.approx(gain, rel=rounding)
+    assert found.phase_deg[0] == pytest.approx(np.degrees(phase), abs=np.degrees(rounding))
+
+
 def test_families_are_multiplied_and_keep_their_axes():
     rng = np.random.default_rng(4)
     plants, controllers = rng.normal(size=(3, 1, 5, 2)) * 0.1, rng.normal(size=(2, 1, 3))
@@ -265,7 +284,7 @@ def test_stability_agrees_with_the_roots_near_the_unit_circle():
     [
         ([[0.0, np.nan]], [1.0, -0.5], H, "loop 0 is not finite"),
         ([[0.0, 1.0], [0.0, 1.0]], [[1.0, 0.0], [0.0, 0.0]], H, "loop 1 is zero"),
-        ([0.0, 1.0], [1.0, -0.5], 0.0, "sample time"),
+        ([0.0, 1.0], [1.0, -0.5], 0.0, "sample_time"),
     ],
 )
 def test_what_is_no_loop_is_refused(top, bottom, sample_time, text):

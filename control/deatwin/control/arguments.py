@@ -1,0 +1,294 @@
+"""Whether what a function or a class is given is of its kind; what is not is one clear error that names it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import wraps
+from inspect import signature
+from math import isfinite
+from typing import Any, ParamSpec, TypeVar
+
+import numpy as np
+
+from deatwin.control.errors import ControlError
+from deatwin.ident.frequency.checks import real_numbers
+from deatwin.plant.errors import ModelError
+
+__all__ = [
+    "coefficients", "each", "finite", "function", "generator", "instance", "not_negative", "number", "numbers", "pair",
+    "positive", "require_fields", "row", "taking", "whole",
+]  # fmt: skip
+
+P = ParamSpec("P")
+R = TypeVar("R")
+Check = Callable[[Any, str], object]
+"""Takes a value and its name, and raises ControlError where the value is of another kind."""
+
+
+def taking(**checks: Check) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Decorate a function so that its arguments are checked first; one that is its own default is not.
+
+    Parameters
+    ----------
+    **checks : callable
+        For each argument that is to be checked.
+    """
+
+    def decorate(taker: Callable[P, R]) -> Callable[P, R]:
+        parameters = signature(taker)
+
+        @wraps(taker)
+        def checked(*args: P.args, **kwargs: P.kwargs) -> R:
+            for name, value in parameters.bind(*args, **kwargs).arguments.items():
+                if name in checks and value is not parameters.parameters[name].default:
+                    checks[name](value, name)
+            return taker(*args, **kwargs)
+
+        return checked
+
+    return decorate
+
+
+def require_fields(owner: object, **checks: Check) -> None:
+    """Check attributes of an object.
+
+    Parameters
+    ----------
+    owner : object
+        A dataclass, as its ``__post_init__`` has it.
+    **checks : callable
+        For each attribute that is to be checked.
+
+    Raises
+    ------
+    ControlError
+        As the checks.
+    """
+    for name, check in checks.items():
+        check(getattr(owner, name), name)
+
+
+def numbers(value: Any, name: str) -> None:
+    """Refuse what is no array of real numbers.
+
+    Parameters
+    ----------
+    value : array_like
+        Any shape; infinite and NaN pass.
+    name : str
+        What it is.
+    """
+    try:
+        real_numbers(value, name)
+    except ModelError as error:
+        raise ControlError(str(error)) from None
+
+
+def coefficients(value: Any, name: str) -> None:
+    """Refuse what is not one list of finite numbers.
+
+    Parameters
+    ----------
+    value : array_like, shape (n,)
+    name : str
+        What it is.
+    """
+    numbers(value, name)
+    if np.ndim(value) > 1 or np.size(value) == 0:
+        raise ControlError(f"{name} must be a list of coefficients; got {_kind(np.asarray(value))}")
+    if not np.isfinite(value).all():
+        raise ControlError(f"{name} must be finite")
+
+
+def number(value: Any, name: str) -> None:
+    """Refuse what is not one real number.
+
+    Parameters
+    ----------
+    value : float
+        Infinite and NaN pass: where a function has bounds, it says so itself.
+    name : str
+        What it is.
+    """
+    kinds = int | float | np.integer | np.floating | np.ndarray
+    if not isinstance(value, kinds) or np.ndim(value) or np.asarray(value).dtype.kind not in "iuf":
+        raise ControlError(f"{name} must be a number; got {_kind(value)}")
+
+
+def finite(value: Any, name: str) -> None:
+    """Refuse what is not one finite number.
+
+    Parameters
+    ----------
+    value : float
+    name : str
+        What it is.
+    """
+    number(value, name)
+    if not isfinite(value):
+        raise ControlError(f"{name} is {float(value):g}: it must be finite")
+
+
+def positive(value: Any, name: str) -> None:
+    """Refuse what is not one finite number above 0.
+
+    Parameters
+    ----------
+    value : float
+    name : str
+        What it is.
+    """
+    number(value, name)
+    if not (isfinite(value) and value > 0.0):
+        raise ControlError(f"{name} is {float(value):g}: it must be positive and finite")
+
+
+def not_negative(value: Any, name: str) -> None:
+    """Refuse what is not one finite number of 0 or more.
+
+    Parameters
+    ----------
+    value : float
+    name : str
+        What it is.
+    """
+    finite(value, name)
+    if value < 0.0:
+        raise ControlError(f"{name} is {float(value):g}: it must not be negative")
+
+
+def row(value: Any, name: str) -> None:
+    """Refuse what is not one row of finite numbers.
+
+    Parameters
+    ----------
+    value : array_like, shape (n,)
+        With one number at least.
+    name : str
+        What it is.
+    """
+    numbers(value, name)
+    if np.ndim(value) != 1 or np.size(value) == 0:
+        raise ControlError(f"{name} must be a row of one or more numbers; got {_kind(value)}")
+    if not np.isfinite(value).all():
+        raise ControlError(f"{name} must be finite")
+
+
+def pair(value: Any, name: str) -> None:
+    """Refuse what is not two finite numbers.
+
+    Parameters
+    ----------
+    value : (float, float)
+    name : str
+        What it is.
+    """
+    if isinstance(value, str | Mapping) or np.shape(_or_none(value)) != (2,):
+        raise ControlError(f"{name} must be two numbers, the least and the largest; got {_kind(value)}")
+    for end, one in zip(("first", "second"), value, strict=True):
+        finite(one, f"the {end} of {name}")
+
+
+def whole(least: int) -> Check:
+    """A check that refuses what is no integer, or below the least.
+
+    Parameters
+    ----------
+    least : int
+        The smallest that is allowed.
+    """
+
+    def check(value: Any, name: str) -> None:
+        if not isinstance(value, int | np.integer) or isinstance(value, bool) or value < least:
+            shown = value if isinstance(value, int | float | np.number) else _kind(value)
+            raise ControlError(f"{name} must be an integer of at least {least}; got {shown}")
+
+    return check
+
+
+def instance(*kinds: type, hint: str = "") -> Check:
+    """A check that refuses objects of other classes.
+
+    Parameters
+    ----------
+    *kinds : type
+        What is taken.
+    hint : str
+        Where it comes from, as the end of the error's sentence.
+    """
+    wanted = " or ".join(_with_article(kind.__name__) for kind in kinds)
+
+    def check(value: Any, name: str) -> None:
+        if not isinstance(value, kinds):
+            raise ControlError(f"{name} must be {wanted}{hint}; got {_kind(value)}")
+
+    return check
+
+
+def each(check: Check) -> Check:
+    """A check of every member of a sequence.
+
+    Parameters
+    ----------
+    check : callable
+        Of one.
+    """
+
+    def check_all(value: Any, name: str) -> None:
+        if not isinstance(value, list | tuple | np.ndarray):
+            raise ControlError(f"{name} must be a list or a tuple; got {_kind(value)}")
+        for place, member in enumerate(value):
+            check(member, f"{name}[{place}]")
+
+    return check_all
+
+
+def generator(value: Any, name: str) -> None:
+    """Refuse what is no source of random numbers.
+
+    Parameters
+    ----------
+    value : numpy.random.Generator
+    name : str
+        What it is.
+    """
+    instance(np.random.Generator, hint=", as numpy.random.default_rng(0)")(value, name)
+
+
+def function(value: Any, name: str) -> None:
+    """Refuse what cannot be called.
+
+    Parameters
+    ----------
+    value : callable
+    name : str
+        What it is.
+    """
+    if not callable(value):
+        raise ControlError(f"{name} must be a function; got {_kind(value)}")
+
+
+def _or_none(value: Any) -> Any:
+    """The value, or None where numpy makes no array of it."""
+    try:
+        np.shape(value)
+    except ValueError:
+        return None
+    return value
+
+
+def _kind(value: Any) -> str:
+    """What a value is, in a word or two: its own text may be of any length."""
+    if value is None:
+        return "None"
+    if isinstance(value, str):
+        return "a text"
+    if isinstance(value, np.ndarray) and value.ndim:
+        return f"an array of shape {value.shape}"
+    if isinstance(value, list | tuple):
+        return f"a {type(value).__name__} of {len(value)}"
+    return _with_article(type(value).__name__)
+
+
+def _with_article(name: str) -> str:
+    return f"an {name}" if name[0] in "aeioAEIO" else f"a {name}"

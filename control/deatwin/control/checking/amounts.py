@@ -1,0 +1,41 @@
+"""Numbers in sentences: beyond some size all say the same, and a reader need not count their digits."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+__all__ = ["LARGEST", "amount"]
+
+LARGEST: Mapping[str, float] = {" %": 1000.0, " times": 100.0, " steps": 100.0}
+"""By unit: the largest number that is written as it is."""
+
+
+def amount(value: float, form: str, unit: str) -> str:
+    """A number as a sentence has it.
+
+    Parameters
+    ----------
+    value : float
+        In the unit.
+    form : str
+        Format of the number, as ``.1f``.
+    unit : str
+        With the space before it.
+
+    Returns
+    -------
+    str
+        Where a number of this unit is too large to be of interest, that it is more than that.
+
+    Examples
+    --------
+    >>> amount(12.34, ".1f", " %"), amount(3e7, ".1f", " %"), amount(999.7, ".3g", " %")
+    ('12.3 %', 'more than 1000 %', '1000 %')
+    """
+    text = f"{value:{form}}"
+    if unit in LARGEST:
+        if value > LARGEST[unit]:
+            return f"more than {LARGEST[unit]:g}{unit}"
+        if "e+" in text:  # few digits of a number that is not large
+            text = f"{float(text):.0f}"
+    return f"{text}{unit}"

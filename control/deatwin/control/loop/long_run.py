@@ -1,0 +1,103 @@
+"""A plant that takes its commands in pieces and keeps none of its signals: for runs too long to be held in memory."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.plant.integrator.march import March
+from deatwin.plant.model import Plant
+from deatwin.plant.rest import rest_state
+from deatwin.plant.sample import solved
+
+__all__ = ["LongRun"]
+
+Array = NDArray[np.float64]
+
+CHUNK = 200
+"""Samples in one call of compiled code."""
+
+
+class LongRun:
+    """A plant from rest on, as `Simulator.run` simulates it, without a record of the run.
+
+    Parameters
+    ----------
+    plant : Plant
+        The actuator.
+    start : float
+        Clock time of the first command, s.
+    """
+
+    def __init__(self, plant: Plant, start: float) -> None:
+        values, command = plant.free_values, plant.rig.start.rest_command
+        self._equations = equations = plant.simulator.equations
+        # The sample that a stepper takes, repeated: nothing is compiled for this alone.
+        self._sample = plant.simulator.sample(values, plant.rig.sample_time)
+        self._march = March(self._sample.step.mapaccum("long_run", CHUNK, [0, 1], [0, 1]))
+        rest, held = rest_state(equations, command, values), equations.held_inputs(command)
+        self._lives, self._time, self._past = rest.found, start, np.full(equations.history, command)
+        x, z, d, _, _, h, p, c = self._march.arguments
+        x[:], z[:], d[:], h[:], p[:], c[:] = (
+            rest.x, rest.z, rest.d, self._sample.sample_time, values, equations.constants
+        )  # fmt: skip
+        self._reading = float(equations.output(rest.x, rest.z, rest.d, held, start, values, equations.constants))
+
+    @property
+    def reading(self) -> float:
+        """Before the next command, without noise, SI; after a failure the last one known."""
+        return self._reading
+
+    def readings(self, commands: Array) -> Array | None:
+        """Go on, with a reading before each command.
+
+        Parameters
+        ----------
+        commands : ndarray, shape (n,)
+            One or more, each held for one sample, in the input's unit.
+
+        Returns
+        -------
+        ndarray, shape (n,), or None
+            Without noise, SI; None where the plant did not live through all of the commands, and ever after.
+        """
+        after = self._ends(self._inputs(commands)) if self._lives else None
+        if after is None:
+            self._lives = False
+            return None
+        before = np.concatenate([[self._reading], after[:-1]])
+        self._reading, self._time = float(after[-1]), self._time + self._sample.sample_time * commands.size
+        return before
+
+    def _inputs(self, commands: Array) -> Array:
+        """Inputs of each sample, shape (n_u, n); the past commands among them may be those of the piece before."""
+        known = np.concatenate([self._past, commands])
+        number = np.arange(-self._past.size, commands.size, dtype=np.float64)
+        times = self._time + self._sample.sample_time * number
+        inputs = self._equations.inputs(known, 0.0, times)[:, self._past.size :]
+        self._past = known[commands.size :]
+        return inputs
+
+    def _ends(self, inputs: Array) -> Array | None:
+        """Readings at the end of each sample; a sample that is not solved in one step is taken in shorter ones."""
+        x, z, d, u, t = self._march.arguments[:5]
+        h, n, done = self._sample.sample_time, inputs.shape[1], 0
+        found = np.empty(n)
+        while done < n:
+            count = min(CHUNK, n - done)
+            # The last piece is filled up with its last sample.
+            u[:count], u[count:] = inputs[:, done : done + count].T, inputs[:, done + count - 1]
+            t[:, 0] = self._time + h * np.arange(done, done + CHUNK)
+            x_ends, z_ends, levels, _, errors = self._march.advance()
+            good = solved(errors, levels, count)
+            if good:
+                x[:], z[:] = x_ends[good - 1 : good], z_ends[good - 1 : good]
+                found[done : done + good] = levels[:good, 0]
+            done += good
+            if good < count:
+                after = self._sample(x[0], z[0], d[0], inputs[:, done], self._time + h * done)
+                if after is None:
+                    return None
+                x[:], z[:], found[done] = np.asarray(after[0]).T, np.asarray(after[1]).T, after[2]
+                done += 1
+        return found

@@ -1,0 +1,286 @@
+"""Arguments of a wrong kind are one clear error of deatwin, whatever they are."""
+
+import inspect
+from dataclasses import fields, replace
+from functools import partial
+
+import numpy as np
+import pytest
+
+import deatwin.control as control
+from deatwin.control import ControlError, StaticCurve
+from deatwin.control.arguments import each, finite, instance, not_negative, number, pair, positive, row, taking, whole
+from deatwin.ident.narx import NarxModel, OperatingRange, ThetaTrajectory
+from deatwin.plant import Diaphragm, Plant, Recording
+from deatwin.plant.errors import DeatwinError
+from deatwin.plant.rigs.base import ReadingTime
+
+TRAINED = OperatingRange(
+    input_min=[0.2], input_max=[1.0], input_centre=[0.6], output_min=[0.0], output_max=[1.0], output_centre=[0.5]
+)
+TERMS = {"y(k-1)": 1.5, "y(k-2)": -0.55, "u(k-1)": 0.04, "u(k-1)^2": 0.01}
+MODEL = replace(NarxModel.from_terms(TERMS, sample_time=0.1), operating=TRAINED)
+LINEAR = control.linearise(MODEL, 0.5)
+LIMITS = (0.0, 1.2)
+TUNED = control.lambda_tuning(LINEAR, command_limits=LIMITS)
+CURVE = control.static_curve(MODEL, (0.2, 1.0))
+INVERSE = control.with_inverse(LINEAR, CURVE, control.lambda_tuning, command_limits=(0.2, 1.0))
+COMMON = {
+    "sample_time": 0.1, "operating_input": 0.5, "operating_output": 0.5, "command_min": 0.0, "command_max": 1.0,
+    "closed_loop_time": 1.0,
+}  # fmt: skip
+TOP, BOTTOM = TUNED.law.feedback
+RNG = np.random.default_rng(0)
+PLANT = Plant(rig=Diaphragm(sample_time=0.1))
+RECORDING = Recording.from_arrays(0.2 + np.arange(80) % 7 / 10, np.linspace(0.0, 1.0, 80), 0.1)
+LEFT = control.Residual(rms=1e-3, correlation_time=0.5)
+TRAJECTORY = ThetaTrajectory(
+    model=MODEL, timepts=[0.0, 1.0], theta=np.tile(MODEL.theta[:, None], 2), theta_cov=np.zeros((2, 4, 4)),
+    drift_variance=np.zeros(4),
+)  # fmt: skip
+RUN = {"controller": TUNED, "reference": np.full(5, 0.5), "rng": RNG}
+WRONG = {
+    "nothing": None, "text": "0.5", "texts": ["a", "b"], "object": object(), "mapping": {"a": 1}, "complex": 1j,
+    "ragged": [[1.0], [1.0, 2.0]], "endless": (1.2, np.inf), "matrix": np.ones((2, 2)), "model": MODEL,
+    "nan": np.nan, "infinite": np.inf, "empty": [],
+}  # fmt: skip
+SETTINGS = {"linear": LINEAR, "command_limits": LIMITS}
+TIMED = {**SETTINGS, "closed_loop_time": 1.0, "band_Hz": 1.0}
+SHAPED = {**SETTINGS, "crossover_Hz": 0.2, "phase_margin_deg": 60.0, "max_sensitivity": 1.4}
+GIVEN = {
+    "lambda_tuning": TIMED,
+    "lambda_tuning_pid": TIMED,
+    "lqg": {**TIMED, "noise": 1.0, "drift": 0.1},
+    "loop_shaping": SHAPED,
+    "loop_shaping_pid": SHAPED,
+    "hinf": {**SETTINGS, "bandwidth_Hz": 0.2, "max_sensitivity": 1.5, "effort": 2.0},
+    "pid": {**SETTINGS, "gains": control.PidGains(proportional=0.5, integral=0.5), "closed_loop_time": 1.0},
+    "scheduled": {
+        "models": [control.linearise(MODEL, point) for point in (0.4, 0.6)], "design": control.lambda_tuning,
+        "command_limits": LIMITS, "operating_input": 0.4,
+    },
+    "with_inverse": {**SETTINGS, "curve": CURVE, "design": control.lambda_tuning},
+    "with_dynamics": {"controller": INVERSE, "filter": control.inverse_filter(LINEAR, 1.0)},
+    "inverse_filter": {"linear": LINEAR, "band_Hz": 1.0},
+    "static_curve": {"command_range": (0.2, 1.0), "count": 9},
+    "PidGains": {"proportional": 0.5, "integral": 0.5, "derivative": 0.1, "filter_time": 0.1},
+    "Law": {"a": TUNED.law.a, "b": TUNED.law.b, "c": TUNED.law.c, "d": TUNED.law.d},
+    "LinearController": {**COMMON, "law": TUNED.law, "windup": TUNED.windup},
+    "InverseController": {**COMMON, "feedback": INVERSE.feedback, "curve": CURVE},
+    "ScheduledController": {**COMMON, "points": [0.4, 0.6], "laws": (TUNED.law,) * 2, "windup": TUNED.windup},
+    "StaticCurve": {"inputs": CURVE.inputs, "outputs": CURVE.outputs},
+    "controller_to_dict": {"controller": TUNED},
+    "controller_from_dict": {"data": control.controller_to_dict(TUNED)},
+    "LinearModel": {
+        "numerator": LINEAR.numerator, "denominator": LINEAR.denominator, "covariance": LINEAR.covariance,
+        "sample_time": 0.1,
+    },
+    "draw": {"model": MODEL, "rng": RNG, "count": 3},
+    "linearise_many": {"model": MODEL, "operating_inputs": [0.5]},
+    "gain_schedule": {"operating_inputs": [0.4], "rng": RNG, "samples": 2},
+    "linear_frd": {"linear": LINEAR, "omega": [0.1]},
+    "past_state": {"model": MODEL, "inputs": [0.5] * 4, "outputs": [0.5] * 4},
+    "band_margins": {
+        "linear": LINEAR, "feedback_numerator": TOP, "feedback_denominator": BOTTOM, "level": 0.9,
+    },
+    "margins": {"numerators": 2.0 * LINEAR.numerator, "denominators": LINEAR.denominator, "sample_time": 0.1},
+    "Saturation": {"limit": 1.0, "slope": 1.0},
+    "Relay": {"level": 1.0, "hysteresis": 0.1},
+    "describing_function": {"map": np.tanh, "amplitude": 1.0},
+    "describing_function_of_run": {"run": lambda x, h: x, "amplitude": 1.0, "omega": 1.0, "samples": 16, "periods": 1},
+    "excitation": {"recording": Recording.from_arrays(np.arange(80) % 7, np.arange(80.0), 0.1)},
+    "Excitation": {"bands": ((0.0, 1.0),)},
+    "limit_cycles": {
+        "loop_numerator": TOP, "loop_denominator": BOTTOM, "sample_time": 0.1,
+        "describing_function": control.Saturation(limit=1.0), "amplitudes": [1.0, 2.0], "omegas": [1.0, 2.0],
+    },
+    "check": {
+        "model": MODEL, "plant": PLANT, "rng": RNG, "design": control.lambda_tuning, "operating_input": 0.5,
+        "operating_inputs": [0.5], "command_limits": LIMITS, "closed_loop_time": 1.0, "recording": RECORDING,
+        "specification": control.Specification(), "others": {"other": PLANT}, "trajectory": TRAJECTORY, "samples": 2,
+        "progress": lambda share: None,
+    },
+    "Limit": {"good": 2.0, "poor": 1.0},
+    "Specification": {field.name: field.default for field in fields(control.Specification)},
+    "closed_loop": {"plant": PLANT, **RUN, "settle": 0.1, "progress": lambda share: None},
+    "predict_loop": {
+        "model": MODEL, **RUN, "reading": ReadingTime.END_OF_HOLD, "residual": LEFT, "noise": 1e-3, "draws": 2,
+        "progress": lambda share: None,
+    },
+    "sine_response": {
+        "plant": PLANT, "operating_input": 0.5, "amplitudes": [0.1, 0.2], "omega": [10.0, 20.0],
+        "progress": lambda share: None,
+    },
+    "SineResponse": {"amplitudes": [0.1, 0.2], "omega": [10.0, 20.0, 30.0], "values": np.full((2, 3), 1j)},
+    "step_reference": {"centre": 0.5, "amplitude": 0.1, "plateau": 9, "rise": 2},
+    "sine_reference": {"centre": 0.5, "amplitude": 0.1, "frequency_Hz": 0.2, "sample_time": 0.1, "periods": 3},
+    "tone_reference": {
+        "centre": 0.5, "amplitude": 0.1, "frequencies_Hz": [0.2, 0.3], "sample_time": 0.1, "count": 90, "rng": RNG,
+    },
+    "free_run_residual": {"model": MODEL, "recording": RECORDING},
+    "Residual": {"rms": 1e-3, "correlation_time": 0.5},
+}  # fmt: skip
+NAMING = {
+    "check", "Specification", "closed_loop", "predict_loop", "sine_response", "SineResponse", "step_reference",
+    "sine_reference", "tone_reference", "free_run_residual", "Residual",
+}  # fmt: skip
+"""Those whose errors all hold the argument's name, so that it is known which one they are of."""
+FIRST = {"static_curve": (MODEL,), "gain_schedule": (MODEL,)}  # by which the function is chosen
+FURTHER = {
+    name: {"name": "own"} for name in ("LinearController", "InverseController", "ScheduledController")
+} | {"LinearModel": {"operating_input": 0.5, "operating_output": 0.5}}  # fmt: skip
+PASSES = {
+    ("margins", "numerators", "empty"): "an empty loop has no gain",
+    ("margins", "numerators", "matrix"): "two loops",
+    ("margins", "denominators", "matrix"): "two loops",
+    ("linearise_many", "operating_inputs", "matrix"): "four points",
+    ("gain_schedule", "operating_inputs", "matrix"): "four points",
+    ("describing_function", "amplitude", "matrix"): "four amplitudes",
+    ("describing_function", "amplitude", "empty"): "no amplitudes",
+    ("past_state", "model", "model"): "is right",
+    ("draw", "model", "model"): "is right",
+    ("linearise_many", "model", "model"): "is right",
+    ("check", "model", "model"): "is right",
+    ("check", "operating_inputs", "matrix"): "four points",
+    ("predict_loop", "model", "model"): "is right",
+    ("free_run_residual", "model", "model"): "is right",
+}
+
+
+def called(name, given):
+    return getattr(control, name)(*FIRST.get(name, ()), **given, **FURTHER.get(name, {}))
+
+
+@pytest.mark.parametrize("name", [name for name in GIVEN if name != "hinf"])  # that needs a further package
+def test_what_is_right_is_taken(name):
+    called(name, GIVEN[name])
+
+
+@pytest.mark.parametrize(("name", "argument"), [(name, argument) for name in GIVEN for argument in GIVEN[name]])
+def test_what_is_wrong_is_one_clear_error(name, argument):
+    default = inspect.signature(getattr(control, name)).parameters.get(argument)
+    for kind, value in WRONG.items():
+        if (name, argument, kind) in PASSES or (default is not None and value is default.default):
+            continue
+        with pytest.raises(DeatwinError) as caught:
+            called(name, {**GIVEN[name], argument: value})
+            pytest.fail(f"{name} takes {argument} = {kind}")
+        assert len(str(caught.value)) < 250 and "object at 0x" not in str(caught.value)
+        assert argument in str(caught.value) or name not in NAMING
+
+
+def test_the_error_names_the_argument_and_what_would_be_right():
+    for given, says in (
+        ({"linear": MODEL}, r"linear must be a LinearModel, as linearise\(.* makes it; got a NarxModel"),
+        ({"command_limits": (1.2, np.inf)}, "the second of command_limits is inf: it must be finite"),
+        ({"command_limits": 3.0}, "command_limits must be two numbers, the least and the largest; got a float"),
+        ({"closed_loop_time": "1"}, "closed_loop_time must be a number; got a text"),
+        ({"band_Hz": -1.0}, "band_Hz is -1: it must be positive and finite"),
+    ):
+        with pytest.raises(ControlError, match=says):
+            control.lambda_tuning(**{**TIMED, **given})
+
+
+def test_loops_of_shapes_that_do_not_fit_are_refused():
+    for act in (control.in_series, partial(control.margins, sample_time=0.1)):
+        with pytest.raises(ControlError, match=r"shapes \(2, 2\) and \(3, 2\) do not fit"):
+            act(np.ones((2, 2)), np.ones((3, 2)))
+
+
+def test_a_description_without_a_key_is_refused():
+    whole_one = control.controller_to_dict(TUNED)
+    with pytest.raises(ControlError, match="lacks sample_time"):
+        control.controller_from_dict({key: value for key, value in whole_one.items() if key != "sample_time"})
+
+
+def test_checks_take_what_is_right():
+    for value in (1, 1.5, np.float32(2.0), np.int64(3), np.array(4.0)):
+        for check in (number, finite, positive):
+            check(value, "x")
+    pair([0, np.float64(1.0)], "x")
+    pair(np.array([0.0, 1.0]), "x")
+    whole(3)(np.int64(3), "x")
+    each(instance(int, float))((1, 2.0), "x")
+    number(np.nan, "x")  # where a function bounds it itself
+    not_negative(0, "x")
+    for value in ([1], (0.5, -2.0), np.arange(3)):
+        row(value, "x")
+
+
+def test_specifications_and_plants_of_another_kind_are_named():
+    for given, says in (
+        ({"specification": [control.Limit(good=2.0, poor=1.5)]}, "specification must be a Specification; got a list"),
+        ({"specification": []}, "specification must be a Specification; got a list of 0"),
+        ({"others": {"spare": MODEL}}, r"others\['spare'\] must be a Plant or a CalibratedPlant; got a NarxModel"),
+        ({"others": [PLANT]}, "others must be a Mapping from names to plants; got a list of 1"),
+        ({"others": {1: PLANT}}, "a name in others must be a str; got an int"),
+        ({"others": {" ": PLANT}}, "another plant cannot be called ' '"),
+        ({"trajectory": MODEL}, "trajectory must be a ThetaTrajectory; got a NarxModel"),
+        ({"closed_loop_time": -1.0}, "closed_loop_time is -1: it must be positive and finite"),
+        ({"rng": 0}, "rng must be a Generator, as numpy"),
+    ):
+        with pytest.raises(ControlError, match=says):
+            control.check(**{**GIVEN["check"], **given})
+    with pytest.raises(ControlError, match="reserve must be a number; got a text"):
+        control.Specification(reserve="0.2")
+    with pytest.raises(ControlError, match="reserve is nan: it must be finite"):
+        control.Specification(reserve=np.nan)
+
+
+def test_a_residual_has_a_size_and_a_memory():
+    for given, says in (
+        ({"rms": -1e-3}, "rms is -0.001: it must not be negative"),
+        ({"correlation_time": 0.0}, "correlation_time is 0: it must be positive and finite"),
+    ):
+        with pytest.raises(ControlError, match=says):
+            control.Residual(**{**GIVEN["Residual"], **given})
+
+
+def test_a_response_has_a_value_at_each_point():
+    for values in (np.ones((3, 2)), np.ones(6)):
+        with pytest.raises(ControlError, match=r"values of a response have the shape \(.*\): it must be \(2, 3\)"):
+            control.SineResponse(**{**GIVEN["SineResponse"], "values": values})
+    mine = np.full((2, 3), 1j)
+    control.SineResponse(**{**GIVEN["SineResponse"], "values": mine})
+    mine[0, 0] = 2.0  # the caller's array stays writable
+
+
+def test_a_reference_may_be_a_list():
+    for name in ("closed_loop", "predict_loop"):
+        runs = [called(name, {**GIVEN[name], "reference": r, "rng": np.random.default_rng(1)})
+                for r in ([0.5, 0.6], np.array([0.5, 0.6]))]  # fmt: skip
+        np.testing.assert_array_equal(runs[0].reference, [0.5, 0.6])
+        both = [run.command if name == "closed_loop" else run.commands for run in runs]
+        np.testing.assert_array_equal(*both)
+
+
+@pytest.mark.parametrize("value", [True, np.bool_(True), 2.0, 1, "3", None])
+def test_what_is_no_count(value):
+    with pytest.raises(ControlError, match="x must be an integer of at least 3; got"):
+        whole(3)(value, "x")
+
+
+def test_the_decorated_function_stays_itself():
+    @taking(size=positive, other=number)
+    def area(size: float, other: float | None = None) -> float:
+        """Area."""
+        return size**2
+
+    assert area.__name__ == "area" and area.__doc__ == "Area."
+    assert list(inspect.signature(area).parameters) == ["size", "other"]
+    assert area(2.0) == area(size=2.0, other=None) == 4.0
+    with pytest.raises(TypeError, match="missing"):
+        area()
+    with pytest.raises(ControlError, match="other must be a number; got a list of 1"):
+        area(2.0, other=[1.0])
+
+
+def test_bands_rise_and_lie_apart():
+    for bands in ((), ((1.0, 0.5),), ((0.0, 1.0), (0.5, 2.0)), ((-1.0, 1.0),)):
+        with pytest.raises(ControlError, match="rising and apart"):
+            control.Excitation(bands=bands)
+
+
+def test_a_curve_of_texts():
+    with pytest.raises(ControlError, match="inputs must be real numbers; got text"):
+        StaticCurve(inputs=["a", "b"], outputs=[0.0, 1.0])
