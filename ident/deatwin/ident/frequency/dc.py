@@ -21,6 +21,7 @@ from deatwin.ident.frequency.linear import (
     poles_of,
     require_finite,
 )
+from deatwin.ident.narx.covariance import transformed
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.operating import OperatingRange
 from deatwin.ident.narx.terms import Term, Variable
@@ -245,7 +246,7 @@ def deviations(model: NarxModel, operating_input: ArrayLike | None = None) -> De
         terms=terms,
         equations=(),
         theta=matrix @ model.theta,
-        theta_cov=jacobian @ model.theta_cov @ jacobian.T,
+        theta_cov=transformed(jacobian, model.theta_cov),
         operating=_shifted_range(model, point),
         provenance={**model.provenance, "deviations_from": _written(model, point)},
     )

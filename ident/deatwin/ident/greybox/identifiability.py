@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammaincinv
 
 from deatwin.ident.greybox.fit import Calibration, Part, calibrate, simulated
+from deatwin.plant.datasets import dataset
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError, nearest
 from deatwin.plant.parameters import Parameter
@@ -60,6 +61,21 @@ class Profile:
     def identifiable(self) -> bool:
         """Whether the recordings bound the parameter from both sides."""
         return all(self.bounded)
+
+    def to_xarray(self) -> Any:
+        """Return the deviance over the values that were tried, with the interval, as an `xarray.Dataset`; SI."""
+        unit = self.parameter.unit
+        return dataset(
+            {
+                "deviance": ("value", self.deviances, "", "twice the loss of log likelihood"),
+                "calibrated": ((), self.parameter.value, unit, "calibrated value"),
+                "low": ((), self.low, unit, "lower end of the 95 % interval"),
+                "high": ((), self.high, unit, "upper end of the 95 % interval"),
+            },
+            {"value": ("value", self.values, unit, "value that was tried")},
+            {"parameter": self.parameter.name, "bounded_below": self.bounded[0], "bounded_above": self.bounded[1],
+             "level": LEVEL, "limit": LIMIT},
+        )  # fmt: skip
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the deviance over the parameter, with the limit of the interval.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,9 +14,11 @@ from deatwin.plant.datasets import Variables, clock, columns, dataset
 if TYPE_CHECKING:
     from deatwin.ident.mismatch.diagnosis import Diagnosis
 
-__all__ = ["dataset_of", "places", "samples"]
+__all__ = ["dataset_of", "places", "samples", "table"]
 
 _UNITS = {"from_s": "s", "to_s": "s", "from_Hz": "Hz", "to_Hz": "Hz", "excess_dB": "dB"}
+Told = Mapping[str, tuple[str, ...]]
+"""Of columns: the unit, and what it means where the name does not say it."""
 
 
 def dataset_of(diagnosis: Diagnosis) -> Any:
@@ -112,10 +114,38 @@ def places(located: Mapping[str, Any], amplitude: str) -> Variables:
         One dimension for each side from which it is looked at.
     """
     found: dict[str, Any] = {}
-    for name, rows in located.items():
+    rate = f"{amplitude}/s" if amplitude else ""
+    units = {**_UNITS, "mean_residual": amplitude, "rms": amplitude, "slope": rate}
+    lines = located.get("lines") or {"groups": ()}
+    for name, rows in {**located, "lines": lines["groups"]}.items():
         if isinstance(rows, (list, tuple)) and all(isinstance(row, Mapping) for row in rows):
-            found |= columns(f"locate_{name}", rows, {**_UNITS, "mean_residual": amplitude})
+            found |= columns(f"locate_{name}", rows, units)
+    if "period_s" in lines:
+        found["locate_lines_period"] = ((), lines["period_s"], "s", "period of the input")
+        found["locate_lines_periods"] = ((), lines["periods"], "", "periods that were compared")
     return found
+
+
+def table(dimension: str, rows: Iterable[Mapping[str, Any]], told: Told) -> Variables:
+    """A table as `columns` has it, each column with what it means beside its unit.
+
+    Parameters
+    ----------
+    dimension : str
+        Along which the rows stand.
+    rows : iterable of mapping
+        Flat.
+    told : mapping of str to tuple of str
+        Unit and meaning of a column, or its unit alone; columns that are not in it have neither.
+
+    Returns
+    -------
+    mapping of str to tuple
+        As `dataset` takes them.
+    """
+    units = {key: about[0] for key, about in told.items()}
+    meanings = {f"{dimension}_{key}": about[1:] for key, about in told.items()}
+    return {name: (*entry, *meanings.get(name, ())) for name, entry in columns(dimension, rows, units).items()}
 
 
 def _readings(evidence: Evidence, amplitude: str) -> Variables:

@@ -162,22 +162,23 @@ class Centred:
         """Samples less the parameter of the constant."""
         return self.target.size - (self.constant is not None)
 
-    def complete(self, theta: Array, cov: Array, variance: float) -> Estimate:
+    def complete(self, theta: Array, root: Array, variance: float) -> Estimate:
         """Return the estimate with the constant's parameter, mean(y) - mean(P) theta, put back in its place.
 
         Parameters
         ----------
         theta : ndarray, shape (n_others,)
             Parameters of the other regressors.
-        cov : ndarray, shape (n_others, n_others)
-            Their covariance.
+        root : ndarray, shape (n_others, n_others)
+            Root R of their covariance R R': of what is formed from it rounding makes no indefinite one.
         variance : float
             Of what is left of the output.
         """
         if self.constant is None:
-            return Estimate(theta=theta, theta_cov=cov, noise_variance=variance)
+            return Estimate(theta=theta, theta_cov=root @ root.T, noise_variance=variance)
         slopes = np.vstack([-self.means / self.level, np.eye(theta.size)])
-        full_cov = slopes @ cov @ slopes.T
+        full_root = slopes @ root
+        full_cov = full_root @ full_root.T
         full_cov[0, 0] += variance / (self.target.size * self.level**2)
         full = np.concatenate([[(self.mean - self.means @ theta) / self.level], theta])
         order = np.insert(np.arange(1, full.size), self.constant, 0)

@@ -81,5 +81,5 @@ class TotalLeastSquares:
         variance = float((1 + theta @ theta) * s[-1] ** 2 / (centred.freedom - n_terms))
         # P'P - s_min^2 from the decomposition of P: its singular values are not below s_min.
         _, t, wt = np.linalg.svd(centred.rows.T, full_matrices=False)
-        cov = variance * (wt.T / np.maximum(t**2 - s[-1] ** 2, np.finfo(float).tiny)) @ wt
-        return centred.complete(theta, cov, variance)
+        root = wt.T / np.sqrt(np.maximum(t**2 - s[-1] ** 2, np.finfo(float).tiny))
+        return centred.complete(theta, np.sqrt(variance) * root, variance)

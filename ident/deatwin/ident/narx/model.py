@@ -14,11 +14,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import block_diag
 
+from deatwin.ident.narx.covariance import covariance_of
 from deatwin.ident.narx.document import SCHEMA, fields_of, to_document
 from deatwin.ident.narx.free_run import free_run, innovations
 from deatwin.ident.narx.operating import Array, OperatingRange, read_only
 from deatwin.ident.narx.response import NarxResponse, ResponseStatus, divergence_limit
 from deatwin.ident.narx.terms import Term, TermTable
+from deatwin.ident.narx.values import require_values
 from deatwin.ident.narx.written import by_equation, name_signals, written
 from deatwin.plant.documents import read_document, write_document
 from deatwin.plant.errors import ModelError
@@ -39,7 +41,7 @@ class NarxModel:
     theta : ndarray, shape (n_terms,)
         Parameters in SI units (those of the signals).
     theta_cov : ndarray, shape (n_terms, n_terms)
-        Covariance of the parameters.
+        Covariance of the parameters; kept symmetric to the last bit.
     theta_dof : float
         Degrees of freedom of a Student-t posterior with that covariance: the squared scale of the t
         distribution is ``theta_cov * (theta_dof - 2) / theta_dof``. Infinite for a normal law. With several
@@ -60,7 +62,7 @@ class NarxModel:
     Raises
     ------
     ModelError
-        If shapes, terms or values do not fit together.
+        If shapes, terms or values do not fit together, or ``theta_cov`` is not symmetric positive semidefinite.
     """
 
     terms: tuple[Term, ...]
@@ -86,7 +88,8 @@ class NarxModel:
         if self.n_outputs > 1:
             object.__setattr__(self, "noise_variance", read_only(self.noise_variance))
         self._require_terms()
-        self._require_values()
+        require_values(self)
+        object.__setattr__(self, "theta_cov", covariance_of(self.theta_cov, self.terms))
 
     def __reduce__(self) -> tuple[Any, ...]:
         # for copies and worker processes: a mapping proxy does not pickle, and what is cached need not
@@ -114,28 +117,6 @@ class NarxModel:
                 raise ModelError(
                     f"the terms use {self.table.channels(kind)} {signals}, but {len(names)} are named"
                 )
-
-    def _require_values(self) -> None:
-        """Raise ModelError unless the numbers can be."""
-        n = len(self.terms)
-        if self.theta.shape != (n,) or self.theta_cov.shape != (n, n):
-            raise ModelError(
-                f"{n} terms need theta of shape ({n},) and theta_cov of shape ({n}, {n}); "
-                f"got {self.theta.shape} and {self.theta_cov.shape}"
-            )
-        if not (np.all(np.isfinite(self.theta)) and np.all(np.isfinite(self.theta_cov))):
-            raise ModelError("theta and theta_cov must be finite")
-        wanted = () if self.n_outputs == 1 else (self.n_outputs,)
-        if np.shape(self.noise_variance) != wanted:
-            raise ModelError(
-                f"noise_variance has the shape {np.shape(self.noise_variance)}; "
-                f"a model of {self.n_outputs} output(s) needs {wanted}"
-            )
-        if not self.sample_time > 0 or not np.all(np.asarray(self.noise_variance) >= 0) or not self.theta_dof > 2:
-            raise ModelError(
-                f"sample_time = {self.sample_time} must be positive, noise_variance = "
-                f"{self.noise_variance} not negative and theta_dof = {self.theta_dof} above 2"
-            )
 
     @classmethod
     def from_terms(

@@ -294,7 +294,8 @@ def _covariance(
         return estimate.theta_cov
     z = rows / norms
     inverse = np.linalg.pinv(z @ (slopes / norms).T)
-    return np.asarray(estimate.noise_variance * (inverse @ (z @ z.T) @ inverse.T) / (norms * norms.T))
+    root = inverse @ z / norms
+    return np.asarray(estimate.noise_variance * (root @ root.T))
 
 
 def _slopes(

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.narx.covariance import covariance_root
 from deatwin.ident.narx.model import NarxModel
 from deatwin.plant.errors import ModelError
 
@@ -192,21 +193,3 @@ def quantile(level: float, dof: float) -> float:
         raise ModelError(f"level = {level}; it must lie between 0 and 1")
     share = (1 + level) / 2
     return float(special.ndtri(share) if math.isinf(dof) else special.stdtrit(dof, share))
-
-
-def covariance_root(covariance: Array) -> Array:
-    """Return R with R R' = covariance, also of a singular one.
-
-    Parameters
-    ----------
-    covariance : ndarray, shape (n, n)
-        Positive semidefinite.
-
-    Returns
-    -------
-    ndarray, shape (n, n)
-    """
-    sizes = np.sqrt(np.diag(covariance))
-    divisors = np.where(sizes > 0, sizes, 1.0)
-    values, vectors = np.linalg.eigh(covariance / np.outer(divisors, divisors))
-    return np.asarray(divisors[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))

@@ -149,12 +149,12 @@ class Rls(VaryingParameters):
             target[count:] - phi[count:] @ theta,
         )  # fmt: skip
         states = np.concatenate([np.zeros((1, m)), filtered.states])
-        covariances = np.concatenate([np.eye(m)[None], filtered.covariances])
+        roots = root @ np.concatenate([np.eye(m)[None], filtered.roots])
         progress(1.0, f"{m} parameters along {len(phi)} samples")
         noise = (squares + filtered.variance_factor * filtered.n_measured) / (len(phi) - m)
         self.trajectory_ = trajectory_of(
             data, self, times=sample_times(data)[count - 1 :], theta=theta[:, None] + root @ states.T,
-            theta_cov=noise * (root @ covariances @ root.T), sizes=sizes, noise_variance=noise,
+            theta_cov=noise * (roots @ roots.swapaxes(1, 2)), sizes=sizes, noise_variance=noise,
         )  # fmt: skip
         return self.trajectory_.model
 

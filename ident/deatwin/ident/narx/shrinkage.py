@@ -101,11 +101,14 @@ class Ridge:
         if isinstance(penalty, str):
             penalty = _least({"gcv": spectrum.gcv, "evidence": spectrum.minus_evidence}[penalty])
         theta = vt.T @ (s / target.size / (spectrum.powers + penalty) * spectrum.along) / sizes
-        variance = spectrum.residual(penalty) / spectrum.freedom(penalty)
+        freedom = spectrum.freedom(penalty)
+        if not freedom > 0:
+            raise ModelError(f"{target.size} samples leave no freedom for noise at penalty = {penalty:g}; take more")
+        variance = spectrum.residual(penalty) / freedom
         # Directions that the samples do not show keep their prior variance.
-        inverse = np.eye(sizes.size) / penalty - vt.T * (1 / penalty - 1 / (spectrum.powers + penalty)) @ vt
-        cov = variance / target.size * inverse / np.outer(sizes, sizes)
-        return centred.complete(theta, cov, variance)
+        unseen = np.linalg.qr(vt.T, mode="complete")[0][:, s.size :]
+        root = np.hstack([vt.T / np.sqrt(spectrum.powers + penalty), unseen / np.sqrt(penalty)])
+        return centred.complete(theta, np.sqrt(variance / target.size) * root / sizes[:, None], variance)
 
 
 @dataclass(frozen=True)

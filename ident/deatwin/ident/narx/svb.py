@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.svb_plots import draw_bounds, draw_relevance
 from deatwin.ident.narx.terms import Lags, Rule, Term
+from deatwin.plant.datasets import dataset
 from deatwin.plant.errors import ModelError, nearest
 
 if TYPE_CHECKING:
@@ -57,6 +58,18 @@ class PruningStep:
     def lower_bound(self) -> float:
         """Converged lower bound in nats."""
         return self.bounds[-1]
+
+    def to_xarray(self) -> Any:
+        """Return the relevance of each term and the bound after each update as an `xarray.Dataset`."""
+        return dataset(
+            {
+                "relevance": ("term", self.relevance, "", "1 / E[alpha], for regressors of root mean square about 1"),
+                "index": ("term", self.indices, "", "position among the candidates"),
+                "bound": ("update", list(self.bounds), "nat", "lower bound of the log evidence"),
+            },
+            {"term": ("term", np.array([str(term) for term in self.terms], dtype=str))},
+            {"threshold": self.threshold},
+        )
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the relevance of each term, with the threshold and those that it prunes.

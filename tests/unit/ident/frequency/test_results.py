@@ -154,15 +154,6 @@ def test_rounding_is_no_bend():
     assert found.status is not UncertaintyStatus.LOST
 
 
-@pytest.mark.parametrize("wrong", [-np.eye(5), np.diag([1.0, 1, 1, 1, -1e-3]), np.ones((5, 5)) - 0.5 * np.eye(5)])
-def test_what_is_no_covariance_is_one_clear_error(wrong):
-    model = replace(MODEL, theta_cov=1e-6 * wrong)
-    for act in (propagate, partial(sample, rng=np.random.default_rng(0))):
-        with warnings.catch_warnings(), pytest.raises(ModelError, match="theta_cov is no covariance"):
-            warnings.simplefilter("error")
-            act(model, H_1)
-
-
 def test_what_needs_too_much_memory_is_refused_with_advice():
     many = partial(gfrf, order=1, omega=np.linspace(0.1, 100.0, 25_001))
     with pytest.raises(ModelError, match=r"7\.45 GiB, more than 2 GiB, .* take fewer, or fewer frequencies"):

@@ -14,6 +14,7 @@ from deatwin.ident.frequency.frozen import Frozen
 from deatwin.ident.frequency.output_responses.powers import InputSpectrum, input_spectrum
 from deatwin.ident.frequency.output_responses.ranges import checked_band, checked_sample_time
 from deatwin.ident.narx.operating import OperatingRange, read_only
+from deatwin.plant.datasets import dataset
 from deatwin.plant.drawing import axes_or_new, written_unit
 from deatwin.plant.errors import ModelError
 
@@ -103,6 +104,14 @@ class TestSignal(Frozen):
             The power, at least 1.
         """
         return input_spectrum(self.values, order, self.sample_time, unit=self.unit)
+
+    def to_xarray(self) -> Any:
+        """Return one period over time as an `xarray.Dataset`, with the pulse at the first sample."""
+        return dataset(
+            {"value": ("time", self.values, self.unit, "deviation from the operating input")},
+            {"time": ("time", self.sample_time * np.arange(self.values.size), "s")},
+            {"sample_time": self.sample_time, "band_Hz": list(self.band_Hz), "crest_factor": self.crest_factor},
+        )
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw one period, with the pulse in the middle.

@@ -32,7 +32,6 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-_INDEFINITE = 1e-8  # of the largest eigenvalue: negative ones down to this are rounding
 _MOST_BYTES = 1 << 31
 JOINT = "the covariance of all parts; take fewer frequencies (at_points)"
 """What `require_memory` says of it."""
@@ -108,12 +107,11 @@ def response_of(model: Model, quantity: Quantity, level: float) -> FrequencyResp
     Raises
     ------
     ModelError
-        If it does not, the quantity is something else, or the covariance of the parameters is none.
+        If it does not, or the quantity is something else.
     """
     probability(level)
     if not callable(quantity):
         raise ModelError(f"quantity = {quantity!r}; it must be a function of a model, as partial(frf, omega=omega)")
-    _require_covariance(model.theta_cov)
     response = quantity(model)
     if not isinstance(response, FrequencyResponse):
         raise ModelError(
@@ -121,18 +119,6 @@ def response_of(model: Model, quantity: Quantity, level: float) -> FrequencyResp
             "partial(gfrf, order=2, omega=omega) does, or partial(frf, omega=omega) of a linear model"
         )
     return response
-
-
-def _require_covariance(theta_cov: Array) -> None:
-    sizes = np.sqrt(np.abs(np.diag(theta_cov)))
-    divisors = np.where(sizes > 0, sizes, 1.0)
-    eigenvalues = np.linalg.eigvalsh(theta_cov / np.outer(divisors, divisors))
-    least, largest = eigenvalues.min(initial=0.0), np.abs(eigenvalues).max(initial=0.0)
-    if least < -_INDEFINITE * largest:
-        raise ModelError(
-            f"theta_cov is no covariance: beside the largest, {largest:.3g}, its scaled form has the eigenvalue "
-            f"{least:.3g}; all must be at least 0"
-        )
 
 
 def require_memory(count: int, what: str) -> None:

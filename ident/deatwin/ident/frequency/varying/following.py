@@ -13,6 +13,7 @@ from deatwin.ident.frequency.checks import real_number
 from deatwin.ident.frequency.dc import Equilibrium, equilibrium
 from deatwin.ident.frequency.gfrf import require_one_input
 from deatwin.ident.frequency.linear import levels, motion, operating_input_of
+from deatwin.ident.narx.covariance import transformed
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.operating import OperatingRange
 from deatwin.ident.narx.terms import Term
@@ -96,7 +97,7 @@ def hold_equilibrium(
         trajectory,
         model=_centred(_with_constant(trajectory.model, theta[:, -1], change), float(inputs[0]), output),
         theta=theta,
-        theta_cov=change @ trajectory.theta_cov @ change.T,
+        theta_cov=transformed(change, trajectory.theta_cov),
         drift_variance=np.zeros(len(change)),
         log_likelihood=None,
     )
@@ -108,7 +109,7 @@ def _with_constant(model: NarxModel, theta: Array, change: Array) -> NarxModel:
         terms=model.terms if len(theta) == len(model.terms) else (*model.terms, Term(())),
         equations=(),
         theta=theta,
-        theta_cov=change @ model.theta_cov @ change.T,
+        theta_cov=transformed(change, model.theta_cov),
     )
 
 

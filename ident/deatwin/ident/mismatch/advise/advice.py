@@ -11,6 +11,7 @@ import numpy as np
 
 from deatwin.ident.mismatch.advise.distance import TOLD_APART
 from deatwin.plant.amplitudes import written_amplitude
+from deatwin.plant.datasets import Variables, dataset
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.files import write_csv
 from deatwin.plant.recording import Experiment, Recording
@@ -101,6 +102,38 @@ class Advice:
             "added_mass_g": None if self.added_mass is None else 1e3 * self.added_mass,
             "measure": self.measure,
         }
+
+    def to_xarray(self) -> Any:
+        """Return d² of each waveform, and where an input is advised that and its readings, as an `xarray.Dataset`; SI.
+
+        Readings stand over ``rival``, in the order of `rivals`, and over the input's ``time``.
+        """
+        return dataset(
+            {
+                "d2": ("waveform", list(self.tried.values()), "", "squared distance of the explanations, first order"),
+                "noise": ((), self.noise, self.output[1], "standard deviation of the sensor's noise"),
+                **({} if self.recording is None else self._input(self.recording)),
+            },
+            {
+                "waveform": ("waveform", np.array(list(self.tried), dtype=str)),
+                "rival": ("rival", np.array(self.rivals, dtype=str)),
+                **({} if self.recording is None else {"time": ("time", self.recording.timepts, "s")}),
+            },
+            {
+                "sentence": self.sentence, "advised": self.waveform or None, "measure": self.measure,
+                "confusion_before": self.confusion_before, "confusion_after": self.confusion_after,
+                "seconds": self.seconds, "added_mass_kg": self.added_mass, "output_name": self.output[0],
+            },
+        )  # fmt: skip
+
+    def _input(self, recording: Recording) -> Variables:
+        found: dict[str, tuple[Any, ...]] = {
+            "command": ("time", recording.inputs[0], recording.input_units[0], recording.input_names[0])
+        }
+        if self.predicted:
+            readings = np.stack(self.predicted)
+            found["predicted"] = (("rival", "time"), readings, self.output[1], f"{self.output[0]}, predicted")
+        return found
 
     def save_input(self, path: Path | str) -> None:
         """Write the input as a CSV file, ``time_s,command_V``, that `deatwin simulate` and a drive can take.

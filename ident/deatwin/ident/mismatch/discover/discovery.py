@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 
 from deatwin.ident.greybox.filter import Latent
 from deatwin.ident.greybox.fit import Calibration
+from deatwin.ident.mismatch.datasets import table
 from deatwin.ident.mismatch.discover.dictionary import RATE
 from deatwin.plant.amplitudes import amplitude_unit
+from deatwin.plant.datasets import Variables, dataset
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.effects.free_form import FreeForm
 from deatwin.plant.effects.primitives import Primitive
@@ -139,6 +141,36 @@ class Discovery:
             "gain_low": self.gain_low / size,
         }
 
+    def to_xarray(self) -> Any:
+        """Return terms, what enters along the fitted part, and what is left of the unseen one as an `xarray.Dataset`.
+
+        All is in SI. Where the recordings say themselves what enters, their smoothed mean stands beside it.
+        """
+        variable, unit = self.terms[0].term.variable, self.model.rig.output_unit
+        rows = [_row(term) for term in self.terms]
+        return dataset(
+            {
+                **table("term", rows, {"inclusion": ("", "share of the resampled records that chose it")}),
+                "before": ((), self.before, unit, "rms error on the unseen part without it"),
+                "after": ((), self.after, unit, "rms error on the unseen part with it"),
+                "gain_low": ((), self.gain_low, unit, "lower 95 % bound of the fall"),
+                "unseen": ("unseen_sample", self.unseen, unit, "residual on the unseen part"),
+                "state": ("sample", self.state, unit_of(variable, self.model), self.terms[0].variable),
+                "entering": ("sample", self.entering, self.free_form.unit, f"added to the {self.free_form.node}"),
+                **({} if self.latent is None else self._smoothed(self.latent)),
+            },
+            {} if self.latent is None else {"time": ("sample", self.latent.timepts, "s")},
+            {"place": self.free_form.enters.value, "signal": self.free_form.node},
+        )
+
+    def _smoothed(self, latent: Latent) -> Variables:
+        return {
+            "smoothed": ("sample", latent.mean, self.free_form.unit, "what entered, given all readings"),
+            "deviation": ("sample", latent.deviation, self.free_form.unit, "standard deviation of what entered"),
+            "counted": ("sample", latent.counted, "", "whether a reading counts"),
+            "part": ("sample", latent.origin, "", "number of the part"),
+        }
+
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw what enters against the state that it depends on most.
 
@@ -169,6 +201,14 @@ class Discovery:
         ax.set_ylabel(f"added to the {self.free_form.node} ({up})")
         ax.legend(loc="best", markerscale=2)
         return ax
+
+
+def _row(term: FoundTerm) -> dict[str, Any]:
+    """A term in a table: flat."""
+    told = term.to_dict()
+    shape = told.pop("shape") or {}
+    return {"text": told.pop("term"), "variable": term.term.variable, **told,
+            **{f"shape_{key}": value for key, value in shape.items()}}  # fmt: skip
 
 
 def unit_of(variable: str, plant: Plant) -> str:

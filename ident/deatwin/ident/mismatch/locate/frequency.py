@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.special import chdtrc
 
+from deatwin.ident.mismatch.datasets import table
 from deatwin.ident.mismatch.locate.discoveries import discoveries
 from deatwin.ident.mismatch.locate.track import Track
+from deatwin.plant.datasets import dataset
 from deatwin.plant.drawing import axes_or_new
 
 if TYPE_CHECKING:
@@ -67,6 +69,18 @@ class Bands:
     def to_dict(self) -> list[dict[str, Any]]:
         """The bands as a diagnosis file has them."""
         return [asdict(band) for band in self.bands]
+
+    def to_xarray(self) -> Any:
+        """Return the bands, and the residual's spectrum over that of the noise, as an `xarray.Dataset`."""
+        told = {"from_Hz": ("Hz",), "to_Hz": ("Hz",), "excess_dB": ("dB", "mean power over that of the sensor's noise")}
+        return dataset(
+            {
+                **table("band", self.to_dict(), told),
+                "ratio": ("frequency", self.ratio, "", "power over that of the sensor's noise"),
+            },
+            {"frequency": ("frequency", self.frequency, "Hz")},
+            {},
+        )
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the residual's spectrum over the noise's, the bands shaded.

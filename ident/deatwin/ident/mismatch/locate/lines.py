@@ -20,7 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc, fdtrc
 
+from deatwin.ident.mismatch.datasets import table
 from deatwin.ident.mismatch.locate.track import SI, Track, Unit
+from deatwin.plant.datasets import dataset
 from deatwin.plant.drawing import axes_or_new
 
 if TYPE_CHECKING:
@@ -83,6 +85,19 @@ class Lines:
     def to_dict(self) -> dict[str, Any]:
         """The groups as a diagnosis file has them; rms in SI."""
         return asdict(self)
+
+    def to_xarray(self) -> Any:
+        """Return the groups of lines as a table in an `xarray.Dataset`; SI."""
+        told = {"rms": ("", "what the residual holds there, SI"), "lines": ("", "how many")}
+        return dataset(
+            {
+                **table("group", map(asdict, self.groups), told),
+                "period": ((), self.period_s, "s", "period of the input"),
+                "periods": ((), self.periods, "", "periods that were compared"),
+            },
+            {},
+            {},
+        )
 
     def plot(self, ax: Axes | None = None, *, unit: Unit = SI) -> Axes:
         """Draw the rms of each group.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,7 +13,9 @@ from deatwin.ident.frequency.comparison.equality import holm
 from deatwin.ident.greybox.filter import Floor, linearise, open_place, places
 from deatwin.ident.greybox.filter_linear import Linear, without_repeats
 from deatwin.ident.greybox.filter_openings import STATE, Opening
+from deatwin.ident.mismatch.datasets import table
 from deatwin.ident.mismatch.locate.closure import Closure, closure, closure_p_value, regressions
+from deatwin.plant.datasets import dataset
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.effects.base import Place
 from deatwin.plant.model import Plant
@@ -101,6 +103,21 @@ class Places:
         for one in self.opened:
             best.setdefault(one.place, one.to_dict())
         return list(best.values())
+
+    def to_xarray(self) -> Any:
+        """Return all that was opened as a table in an `xarray.Dataset`, the best first."""
+        told = {
+            "gain": ("nat", "log likelihood with a wandering quantity there, against none"),
+            "explained": ("", "share of the residual's mean square that the signals there predict"),
+            "score": ("", "the same as a share of what is not sensor noise"),
+            "among_best": ("", "whether the recordings do not tell it from the best one"),
+        }
+        return dataset(
+            dict(table("opened", map(asdict, self.opened), told)),
+            {},
+            {"closure_p_value": self.closure_p_value, "repeatable": self.repeatable,
+             "among_best": list(self.among_best)},
+        )  # fmt: skip
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the score of each signal, those that cannot be told from the best one filled.

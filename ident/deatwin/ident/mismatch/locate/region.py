@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.special import ndtr
 
+from deatwin.ident.mismatch.datasets import table
 from deatwin.ident.mismatch.locate.discoveries import discoveries
 from deatwin.ident.mismatch.locate.track import Track
+from deatwin.plant.datasets import dataset
 from deatwin.plant.drawing import axes_or_new
 
 if TYPE_CHECKING:
@@ -108,6 +110,19 @@ class Regions:
     def to_dict(self) -> list[dict[str, Any]]:
         """The regions as a diagnosis file has them."""
         return [region.to_dict() for region in self.regions]
+
+    def to_xarray(self) -> Any:
+        """Return the regions, and all bins that were tested, as tables in an `xarray.Dataset`, in the report's unit."""
+        bins = {"mean": (self.unit, "mean residual"), "deviation": (self.unit, "standard error of the mean"),
+                "count": ("samples",)}  # fmt: skip
+        return dataset(
+            {
+                **table("region", map(asdict, self.regions), {"mean_residual": (self.unit,)}),
+                **table("bin", map(asdict, self.bins), bins),
+            },
+            {},
+            {},
+        )
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the mean residual over each signal, from its lowest to its highest value, with two standard errors.

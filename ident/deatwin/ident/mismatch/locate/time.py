@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.special import ndtr
 
+from deatwin.ident.mismatch.datasets import table
 from deatwin.ident.mismatch.locate.discoveries import FALSE_DISCOVERIES
 from deatwin.ident.mismatch.locate.track import SI, Track, Unit
+from deatwin.plant.datasets import dataset
 from deatwin.plant.drawing import axes_or_new
 
 if TYPE_CHECKING:
@@ -75,6 +77,27 @@ class Times:
     def to_dict(self) -> list[dict[str, Any]]:
         """The windows as a diagnosis file has them; slopes in SI."""
         return [asdict(window) for window in self.windows]
+
+    def to_xarray(self) -> Any:
+        """Return the windows, and the residuals of all tracks one after another, as an `xarray.Dataset`; SI."""
+        counts = [track.residual.size for track in self.tracks]
+        none = np.zeros(0)
+        told = {"from_s": ("s",), "to_s": ("s",), "score": ("", "share of the mismatch's energy"),
+                "slope": ("", "growth of the residual, SI per s")}  # fmt: skip
+        return dataset(
+            {
+                **table("window", self.to_dict(), told),
+                "residual": (
+                    "sample", np.concatenate([none, *(track.residual for track in self.tracks)]), "",
+                    "measured minus simulated, SI",
+                ),
+            },
+            {
+                "time": ("sample", np.concatenate([none, *(track.timepts for track in self.tracks)]), "s"),
+                "track": ("sample", np.repeat(np.arange(len(counts)), counts)),
+            },
+            {"period_s": self.period_s},
+        )  # fmt: skip
 
     def plot(self, ax: Axes | None = None, *, unit: Unit = SI) -> Axes:
         """Draw the residuals over the clock, the windows shaded by their scores.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -110,6 +110,12 @@ class Naming:
     def base(self) -> Candidate:
         """The calibrated plant without further effects."""
         return self.candidates[0]
+
+    def to_xarray(self) -> Any:
+        """Return all candidates as an `xarray.Dataset`; see `deatwin.ident.mismatch.naming.datasets.naming_dataset`."""
+        from deatwin.ident.mismatch.naming.datasets import naming_dataset
+
+        return naming_dataset(self)
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw what each candidate leaves of the fitted and of the unseen part, the base plant first.

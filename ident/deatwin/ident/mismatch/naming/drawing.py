@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from textwrap import fill
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from deatwin.ident.mismatch.refit.base import differences
+from deatwin.ident.mismatch.naming.rows import Row, form_rows, in_words, row_of
 from deatwin.plant.amplitudes import written_amplitude
 
 if TYPE_CHECKING:
@@ -40,20 +40,6 @@ COLOURS = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Row:
-    """One candidate: its name and its role among the others."""
-
-    name: str
-    candidate: Candidate
-    role: str
-
-    @property
-    def sizes(self) -> tuple[float, float]:
-        """Rms residuals on the fitted and on the unseen part, SI."""
-        return self.candidate.fitted_test.rms, self.candidate.unseen_test.rms
-
-
-@dataclass(frozen=True, kw_only=True)
 class _Level:
     """A line across all bars, SI."""
 
@@ -76,12 +62,7 @@ def draw_base(base: Base, ax: Axes | None = None) -> Axes:
     -------
     matplotlib Axes
     """
-    chosen, forms = base.chosen, (base.chosen, *base.rivals)
-    told = differences([c.calibration.plant.rig for c in forms])
-    rows = [
-        _Row(name=_in_words(values) or "base plant", candidate=c, role="chosen" if c is chosen else "other form")
-        for values, c in zip(told, forms, strict=True)
-    ]
+    chosen = base.chosen
     rig = chosen.calibration.plant.rig
     floor = _Level(name="noise and model error", size=float(np.hypot(base.noise, rig.model_error)), style="--")
     left = max(chosen.fitted_test.size, chosen.unseen_test.size)
@@ -89,7 +70,7 @@ def draw_base(base: Base, ax: Axes | None = None) -> Axes:
         f"left beyond the noise: {_amplitude(left, rig.output_unit)}; "
         f"the plant's own model error: {_amplitude(rig.model_error, rig.output_unit)}"
     )
-    return _draw(rows, [_noise(base.noise), floor], title, ax)
+    return _draw(form_rows(base), [_noise(base.noise), floor], title, ax)
 
 
 def draw_naming(naming: Naming, ax: Axes | None = None) -> Axes:
@@ -106,7 +87,7 @@ def draw_naming(naming: Naming, ax: Axes | None = None) -> Axes:
     -------
     matplotlib Axes
     """
-    rows = [_row(candidate, naming) for candidate in _shown(naming)]
+    rows = [row_of(candidate, naming) for candidate in _shown(naming)]
     return _draw(rows, [_noise(naming.noise)], _conclusion(naming, len(rows) - 1), ax)
 
 
@@ -122,28 +103,11 @@ def _unseen(candidate: Candidate) -> float:
     return candidate.unseen_test.rms
 
 
-def _row(candidate: Candidate, naming: Naming) -> _Row:
-    name = _named(candidate) or "base plant"
-    # Candidates of another search stand on another form of the rig.
-    stated, own = differences([c.calibration.plant.rig for c in (naming.base, candidate)])
-    if own != stated:
-        name = f"{name} ({_in_words(own)})"
-    return _Row(name=name, candidate=candidate, role=_role(candidate, naming))
-
-
-def _role(candidate: Candidate, naming: Naming) -> str:
-    if candidate is naming.base:
-        return "base plant"
-    if candidate is naming.best:
-        return "best explanation"
-    return "not ruled out" if candidate in naming.rivals else "other"
-
-
 def _conclusion(naming: Naming, shown: int) -> str:
     """What was found, and in a second line what is not seen in the bars."""
     tried = len(dict.fromkeys((*naming.candidates[1:], *naming.rivals)))
     if naming.best is not None:
-        found = f"best explanation: {_named(naming.best)}"
+        found = f"best explanation: {in_words(naming.best)}"
     else:
         found = "no effect explains the recordings" if tried else "no effect was tried"
     hidden = [f"{shown} of {tried} that were tried"] if shown < tried else []
@@ -151,7 +115,7 @@ def _conclusion(naming: Naming, shown: int) -> str:
     return "\n".join([found, *(["; ".join(hidden)] if hidden else [])])
 
 
-def _draw(rows: Sequence[_Row], levels: Sequence[_Level], title: str, ax: Axes | None) -> Axes:
+def _draw(rows: Sequence[Row], levels: Sequence[_Level], title: str, ax: Axes | None) -> Axes:
     """Two bars for each row, fitted above unseen."""
     names = [_wrapped(row.name, LABEL) for row in rows]
     axes = _new_axes(names) if ax is None else ax
@@ -189,7 +153,7 @@ def _scale(axes: Axes, sizes: np.ndarray, levels: Sequence[float]) -> None:
         axes.set_xlim(left=0.0)
 
 
-def _explain(axes: Axes, rows: Sequence[_Row], title: str) -> None:
+def _explain(axes: Axes, rows: Sequence[Row], title: str) -> None:
     """The legend above the bars, which it would hide, and the title above the legend, however high that is."""
     from matplotlib.patches import Patch
 
@@ -211,22 +175,9 @@ def _noise(size: float) -> _Level:
     return _Level(name="sensor noise", size=size, style=":")
 
 
-def _named(candidate: Candidate) -> str:
-    return " + ".join(name.replace("_", " ") for name in candidate.effects)
-
-
 def _amplitude(value: float, output_unit: str) -> str:
     unit, size = written_amplitude(output_unit)
     return f"{value / size:.3g} {unit}".rstrip()
-
-
-def _in_words(values: Mapping[str, Any]) -> str:
-    """What a rig states of some of its fields, as ``"reading: start of hold, ball: sliding"``."""
-    return ", ".join(f"{name.replace('_', ' ')}: {_value(value)}" for name, value in values.items())
-
-
-def _value(value: Any) -> str:
-    return f"{value:.4g}" if isinstance(value, float) else str(value).replace("_", " ")
 
 
 def _wrapped(text: str, width: int) -> str:

@@ -62,6 +62,12 @@ class Base:
         others = tuple(form for form in forms if not _same_form(form, chosen))
         return Base(chosen=chosen, rivals=others, noise=chosen.noise)
 
+    def to_xarray(self) -> Any:
+        """Return all forms as an `xarray.Dataset`; see `deatwin.ident.mismatch.naming.datasets.base_dataset`."""
+        from deatwin.ident.mismatch.naming.datasets import base_dataset
+
+        return base_dataset(self)
+
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw what each form leaves of the fitted and of the unseen part, the chosen one first.
 

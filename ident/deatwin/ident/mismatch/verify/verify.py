@@ -7,18 +7,20 @@ taken out again; and shams of each effect, which must not do as well.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from deatwin.ident.mismatch.bench import Bench
+from deatwin.ident.mismatch.datasets import table
 from deatwin.ident.mismatch.losses import block_losses, bootstrap_gain
 from deatwin.ident.mismatch.naming.candidate import Candidate, judge
 from deatwin.ident.mismatch.refit.search import settle
 from deatwin.ident.mismatch.verify.shams import Sham, sham_effects
 from deatwin.ident.mismatch.verify.transfer import Transfer, transfers
 from deatwin.plant.amplitudes import amplitude_unit, written_amplitude
+from deatwin.plant.datasets import dataset
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.model import Plant
@@ -139,6 +141,38 @@ class Verification:
                 for t in self.transfers
             ],
         }  # fmt: skip
+
+    def to_xarray(self) -> Any:
+        """Return rms residuals before and after, and tables of ablations, shams and transfers, as an `xarray.Dataset`.
+
+        All is in SI.
+        """
+        unit, stages = self.output_unit, ("stage", ["before", "after"])
+        shams = [{**asdict(s), "kind": s.kind.value, "rejected": s.rejected} for s in self.shams]
+        return dataset(
+            {
+                "fitted": (stages[0], [self.fitted_before, self.fitted_after], unit, "rms residual on the fitted part"),
+                "unseen": (stages[0], [self.unseen_before, self.unseen_after], unit, "rms residual on the unseen part"),
+                "gain_low": ((), self.gain_low, unit, "lower 95 % bound of the fall on the unseen part"),
+                "noise": ((), self.noise, unit, "rms of the sensor's noise"),
+                **table("ablation", map(asdict, self.ablations), {
+                    "fitted": (unit, "rms residual without the effect"),
+                    "unseen": (unit, "rms residual without the effect"),
+                    "gain_low": (unit, "lower 95 % bound of what the effect takes away"),
+                    "share": ("", "share of the mismatch's energy that returns"),
+                }),
+                **table("sham", shams, {"share": ("", "gain relative to that of the effect itself"),
+                                        "expected": ("", "the same if the effect is the truth")}),
+                **table("transfer", [{**asdict(t), "worse": t.worse} for t in self.transfers], {
+                    "before": (unit, "rms residual"), "after": (unit, "rms residual"),
+                    "gain_low": (unit, "lower 95 % bound of the fall"),
+                    "gain_high": (unit, "upper 95 % bound of the fall"),
+                    "floor": (unit, "rms of noise and model error"),
+                }),
+            },
+            {"stage": stages},
+            {"holds": self.holds, "failures": list(self.failures)},
+        )  # fmt: skip
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the error on unseen data: before and after on each part, without each effect, and with its shams.

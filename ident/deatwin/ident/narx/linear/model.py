@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from deatwin.ident.narx.covariance import covariance_of
 from deatwin.ident.narx.linear.document import SCHEMA, fields_of, to_document
 from deatwin.ident.narx.linear.frequency import LinearFrequencyResponse, frequency_response
 from deatwin.ident.narx.linear.polynomials import Orders, Polynomials
@@ -107,10 +108,11 @@ class LinearModel:
         object.__setattr__(self, "theta_cov", read_only(cov if cov.size else np.zeros((n, n))))
         if self.theta_cov.shape != (n, n) or not np.all(np.isfinite(self.theta_cov)):
             raise ModelError(f"theta_cov must be finite and of shape ({n}, {n}); got {self.theta_cov.shape}")
-        if not self.sample_time > 0 or not self.noise_variance >= 0:
+        object.__setattr__(self, "theta_cov", covariance_of(self.theta_cov, [f"theta[{i}]" for i in range(n)]))
+        if not 0 < self.sample_time < math.inf or not 0 <= self.noise_variance < math.inf:
             raise ModelError(
-                f"sample_time = {self.sample_time} must be positive, "
-                f"noise_variance = {self.noise_variance} not negative"
+                f"sample_time = {self.sample_time} must be positive and finite, "
+                f"noise_variance = {self.noise_variance} finite and not negative"
             )
 
     def _require_polynomials(self) -> None:

@@ -1,0 +1,96 @@
+"""Explanations and forms of the plant as xarray datasets: what each leaves of both parts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from deatwin.ident.mismatch.datasets import table
+from deatwin.ident.mismatch.naming.rows import Row, form_rows, row_of
+from deatwin.plant.datasets import Variables, dataset
+
+if TYPE_CHECKING:
+    from deatwin.ident.mismatch.naming.decide import Naming
+    from deatwin.ident.mismatch.refit.base import Base
+
+__all__ = ["base_dataset", "naming_dataset"]
+
+NOISE = "standard deviation of the sensor's noise"
+
+
+def base_dataset(base: Base) -> Any:
+    """The forms of the base plant, the chosen one first.
+
+    Parameters
+    ----------
+    base : Base
+        With or without rivals.
+
+    Returns
+    -------
+    xarray.Dataset
+        Tables and residuals over ``form``; SI.
+    """
+    unit = base.chosen.calibration.plant.rig.output_unit
+    return dataset({**_rows("form", form_rows(base), unit), "noise": ((), base.noise, unit, NOISE)}, {}, {})
+
+
+def naming_dataset(naming: Naming) -> Any:
+    """All explanations that were tried, the base plant first.
+
+    Parameters
+    ----------
+    naming : Naming
+        With or without a best explanation.
+
+    Returns
+    -------
+    xarray.Dataset
+        Tables and residuals over ``candidate``, with its probability where it competed with the best one; the distances
+        d² of explanations from the best one; SI.
+    """
+    told = [*naming.candidates, *([] if naming.best is None else [naming.best]), *naming.rivals]
+    candidates = list(dict.fromkeys(told))
+    probability = [naming.probabilities.get(c.effects, np.nan) for c in candidates]
+    distances = [{"from": one.effects[0], "to": one.effects[1], "d2": one.d2} for one in naming.distances]
+    unit = naming.base.calibration.plant.rig.output_unit
+    return dataset(
+        {
+            **_rows("candidate", [row_of(c, naming) for c in candidates], unit),
+            "candidate_probability": ("candidate", probability, "", "among those of the size of the best one"),
+            **table("distance", distances, {"d2": ("", "squared distance after a refit of the one to the other")}),
+            "noise": ((), naming.noise, unit, NOISE),
+        },
+        {},
+        {"failed": list(naming.failed)},
+    )
+
+
+def _rows(dimension: str, rows: Sequence[Row], unit: str) -> Variables:
+    """Candidates as a table, and their residuals beside it; all are judged on the same samples."""
+    told = {
+        "fitted": (unit, "rms residual on the fitted part"), "unseen": (unit, "rms residual on the unseen part"),
+        "model_error": (unit, "rms of the plant's own error by which it is judged"), "evidence": ("nat",),
+        "fitted_p_value": ("", "of no more than noise and model error on the fitted part"),
+        "unseen_p_value": ("", "of no more than noise and model error on the unseen part"),
+        "adequate": ("", "whether it explains the recordings"),
+    }  # fmt: skip
+    fitted = np.stack([row.candidate.calibration.residuals for row in rows])
+    unseen = np.stack([row.candidate.unseen for row in rows])
+    return {
+        **table(dimension, map(_told, rows), told),
+        "residual": ((dimension, "sample"), fitted, unit, "residual on the fitted part"),
+        "unseen_residual": ((dimension, "unseen_sample"), unseen, unit, "residual on the unseen part"),
+    }
+
+
+def _told(row: Row) -> dict[str, Any]:
+    one = row.candidate
+    fitted, unseen = row.sizes
+    return {
+        "name": row.name, "role": row.role, "effects": "+".join(one.effects), "fitted": fitted, "unseen": unseen,
+        "model_error": one.fitted_test.model_error, "fitted_p_value": one.fitted_test.p_value,
+        "unseen_p_value": one.unseen_test.p_value, "evidence": one.evidence, "adequate": one.adequate,
+    }  # fmt: skip

@@ -1,0 +1,115 @@
+"""Explanations and forms of the plant by name and role: the rows of their drawings and tables."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from deatwin.ident.mismatch.refit.base import differences
+
+if TYPE_CHECKING:
+    from deatwin.ident.mismatch.naming.candidate import Candidate
+    from deatwin.ident.mismatch.naming.decide import Naming
+    from deatwin.ident.mismatch.refit.base import Base
+
+__all__ = ["Row", "form_rows", "in_words", "row_of"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """One candidate: its name and its role among the others.
+
+    Parameters
+    ----------
+    name : str
+        As a person says it.
+    candidate : Candidate
+        With its residuals.
+    role : str
+        As ``"best explanation"``.
+    """
+
+    name: str
+    candidate: Candidate
+    role: str
+
+    @property
+    def sizes(self) -> tuple[float, float]:
+        """Rms residuals on the fitted and on the unseen part, SI."""
+        return self.candidate.fitted_test.rms, self.candidate.unseen_test.rms
+
+
+def form_rows(base: Base) -> list[Row]:
+    """The forms of the base plant, the chosen one first, each by what it states differently.
+
+    Parameters
+    ----------
+    base : Base
+        With its rivals.
+
+    Returns
+    -------
+    list of Row
+    """
+    forms = (base.chosen, *base.rivals)
+    told = differences([c.calibration.plant.rig for c in forms])
+    return [
+        Row(name=_stated(values) or "base plant", candidate=c, role="chosen" if c is base.chosen else "other form")
+        for values, c in zip(told, forms, strict=True)
+    ]
+
+
+def row_of(candidate: Candidate, naming: Naming) -> Row:
+    """A candidate by its effects, and by the form of the rig where that is another one.
+
+    Parameters
+    ----------
+    candidate : Candidate
+        One of the naming.
+    naming : Naming
+        Among whose candidates it has its role.
+
+    Returns
+    -------
+    Row
+    """
+    name = in_words(candidate) or "base plant"
+    # Candidates of another search stand on another form of the rig.
+    stated, own = differences([c.calibration.plant.rig for c in (naming.base, candidate)])
+    if own != stated:
+        name = f"{name} ({_stated(own)})"
+    return Row(name=name, candidate=candidate, role=_role(candidate, naming))
+
+
+def in_words(candidate: Candidate) -> str:
+    """The effects of a candidate as a person says them.
+
+    Parameters
+    ----------
+    candidate : Candidate
+        With or without effects.
+
+    Returns
+    -------
+    str
+        As ``"creep + sensor lag"``; empty without effects.
+    """
+    return " + ".join(name.replace("_", " ") for name in candidate.effects)
+
+
+def _role(candidate: Candidate, naming: Naming) -> str:
+    if candidate is naming.base:
+        return "base plant"
+    if candidate is naming.best:
+        return "best explanation"
+    return "not ruled out" if candidate in naming.rivals else "other"
+
+
+def _stated(values: Mapping[str, Any]) -> str:
+    """What a rig states of some of its fields, as ``"reading: start of hold, ball: sliding"``."""
+    return ", ".join(f"{name.replace('_', ' ')}: {_value(value)}" for name, value in values.items())
+
+
+def _value(value: Any) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value).replace("_", " ")

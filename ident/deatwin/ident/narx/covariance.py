@@ -1,0 +1,132 @@
+"""What makes a matrix the covariance of parameters, its root, and what a linear map makes of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import lapack
+
+from deatwin.ident.narx.operating import read_only
+from deatwin.plant.errors import ModelError
+
+__all__ = ["covariance_of", "covariance_root", "transformed"]
+
+Array = NDArray[np.float64]
+
+_UNEQUAL = 1e-3
+"""How far C_ij and C_ji may differ, as a share of both deviations. The inverse of a matrix of condition kappa comes
+out unequal by about eps kappa: up to kappa = 1e12 it is taken, and made symmetric."""
+_INDEFINITE = 2**-26
+"""Negative eigenvalues down to this share of the largest are rounding: the square root of eps. A product J C J' loses
+eps kappa; what lost more than half of its digits to cancellation is better formed from roots (`transformed`)."""
+
+
+def covariance_of(values: ArrayLike, names: Sequence[object]) -> Array:
+    """Return a covariance of parameters, symmetric to the last bit and read-only.
+
+    Correlations are judged, so that the units of the parameters do not matter.
+
+    Parameters
+    ----------
+    values : array_like, shape (n, n)
+        Finite.
+    names : sequence of n objects
+        What the parameters are called; each prints.
+
+    Raises
+    ------
+    ModelError
+        If it is not symmetric positive semidefinite, but for rounding.
+    """
+    given = np.asarray(values, dtype=np.float64)
+    if not given.any():
+        return read_only(given)
+    sizes = _deviations(given, names)
+    scaled = given / sizes[:, None] / sizes
+    row, column = _worst(np.abs(scaled - scaled.T))
+    if not abs(scaled[row, column] - scaled[column, row]) <= _UNEQUAL:
+        raise ModelError(
+            f"theta_cov is no covariance: it holds {given[row, column]:.6g} for {names[row]} and {names[column]}, and "
+            f"{given[column, row]:.6g} for {names[column]} and {names[row]}; it must be symmetric"
+        )
+    _require_semidefinite(0.5 * (scaled + scaled.T))
+    return read_only(0.5 * given + 0.5 * given.T)
+
+
+def _deviations(given: Array, names: Sequence[object]) -> Array:
+    """Standard deviations, and 1 for what is certain."""
+    variances = np.diag(given)
+    least = int(np.argmin(variances))
+    if variances[least] < 0:
+        raise ModelError(
+            f"theta_cov is no covariance: the variance of {names[least]} is {variances[least]:.3g}; "
+            "it must not be negative"
+        )
+    certain = variances == 0
+    beside = np.where(certain[:, None] | certain, np.abs(given), 0.0)
+    if beside.any():
+        row, column = _worst(beside)
+        raise ModelError(
+            f"theta_cov is no covariance: it holds {given[row, column]:.3g} for {names[row]} and {names[column]}, "
+            "one of which has the variance 0; that must be 0 too"
+        )
+    return np.where(certain, 1.0, np.sqrt(variances))
+
+
+def _worst(sizes: Array) -> tuple[int, int]:
+    row, column = np.unravel_index(int(np.argmax(sizes)), sizes.shape)
+    return int(row), int(column)
+
+
+def _require_semidefinite(scaled: Array) -> None:
+    lifted = scaled + _INDEFINITE * np.eye(len(scaled))
+    if lapack.dpotrf(lifted)[1] == 0:  # exists if no eigenvalue is below; a tenth of the time of the eigenvalues
+        return
+    eigenvalues = np.linalg.eigvalsh(scaled)
+    if not eigenvalues[0] >= -_INDEFINITE * eigenvalues[-1]:
+        raise ModelError(
+            f"theta_cov is no covariance: beside the largest, {eigenvalues[-1]:.3g}, its correlations have the "
+            f"eigenvalue {eigenvalues[0]:.3g}; all must be at least 0"
+        )
+
+
+def covariance_root(covariance: Array) -> Array:
+    """Return R with R R' = covariance, also of a singular one.
+
+    Parameters
+    ----------
+    covariance : ndarray, shape (..., n, n)
+        Positive semidefinite.
+
+    Returns
+    -------
+    ndarray, shape (..., n, n)
+    """
+    sizes = np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))
+    divisors = np.where(sizes > 0, sizes, 1.0)
+    values, vectors = np.linalg.eigh(covariance / divisors[..., :, None] / divisors[..., None, :])
+    return np.asarray(divisors[..., :, None] * vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :])
+
+
+def transformed(jacobian: Array, covariance: Array) -> Array:
+    """Return J C J' for a jacobian J and a covariance C, as a covariance again whatever J cancels.
+
+    The product itself would be indefinite by rounding where C is nearly singular.
+
+    Parameters
+    ----------
+    jacobian : ndarray, shape (n_new, n)
+        Derivatives of new parameters by old ones.
+    covariance : ndarray, shape (..., n, n)
+        Of the old ones.
+
+    Returns
+    -------
+    ndarray, shape (..., n_new, n_new)
+        Symmetric to the last bit.
+    """
+    root = jacobian @ covariance_root(covariance)
+    product = root @ root.swapaxes(-1, -2)
+    return np.asarray(0.5 * (product + product.swapaxes(-1, -2)))

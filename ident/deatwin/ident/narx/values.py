@@ -1,0 +1,50 @@
+"""Whether the numbers of a NARX model can be."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from deatwin.plant.errors import ModelError
+
+if TYPE_CHECKING:
+    from deatwin.ident.narx.model import NarxModel
+
+__all__ = ["require_values"]
+
+
+def require_values(model: NarxModel) -> None:
+    """Raise ModelError unless shapes and numbers of a model can be; its covariance is not judged.
+
+    Parameters
+    ----------
+    model : NarxModel
+        The model.
+
+    Raises
+    ------
+    ModelError
+        With what is wrong.
+    """
+    n = len(model.terms)
+    if model.theta.shape != (n,) or model.theta_cov.shape != (n, n):
+        raise ModelError(
+            f"{n} terms need theta of shape ({n},) and theta_cov of shape ({n}, {n}); "
+            f"got {model.theta.shape} and {model.theta_cov.shape}"
+        )
+    if not (np.all(np.isfinite(model.theta)) and np.all(np.isfinite(model.theta_cov))):
+        raise ModelError("theta and theta_cov must be finite")
+    wanted = () if model.n_outputs == 1 else (model.n_outputs,)
+    if np.shape(model.noise_variance) != wanted:
+        raise ModelError(
+            f"noise_variance has the shape {np.shape(model.noise_variance)}; "
+            f"a model of {model.n_outputs} output(s) needs {wanted}"
+        )
+    noise = np.asarray(model.noise_variance)
+    if not 0 < model.sample_time < math.inf or not np.all((noise >= 0) & (noise < math.inf)) or not model.theta_dof > 2:
+        raise ModelError(
+            f"sample_time = {model.sample_time} must be positive and finite, noise_variance = {model.noise_variance} "
+            f"finite and not negative and theta_dof = {model.theta_dof} above 2"
+        )

@@ -1,0 +1,152 @@
+"""What is taken for a covariance of parameters, and what is not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from deatwin.ident.narx import NarxModel
+from deatwin.ident.narx.covariance import covariance_root, transformed
+from deatwin.ident.narx.linear import LinearModel
+from deatwin.ident.narx.shrinkage import Ridge
+from deatwin.plant.errors import ModelError
+
+EPS = np.finfo(float).eps
+SEEDS = st.integers(0, 2**32 - 1)
+TWO = NarxModel.from_terms({"y(k-1)": 0.6, "u(k-1)": 0.3}, sample_time=0.1)
+
+
+def model_of(theta_cov, **details):
+    n = len(theta_cov)
+    return NarxModel.from_terms({f"u(k-{i})": 0.1 for i in range(n)}, sample_time=0.1, theta_cov=theta_cov, **details)
+
+
+def normal_matrix(rng, n, condition):
+    """P'P of that condition; its columns are of units 12 decades apart."""
+    u = np.linalg.qr(rng.standard_normal((100, n)))[0] * np.geomspace(1.0, condition**-0.5, n)
+    p = u @ np.linalg.qr(rng.standard_normal((n, n)))[0] * 10.0 ** rng.uniform(-6, 6, n)
+    return p.T @ p
+
+
+@given(SEEDS, st.integers(1, 12), st.floats(0, 12))
+def test_the_inverse_of_an_ill_conditioned_normal_matrix_is_one(seed, n, decades):
+    rng = np.random.default_rng(seed)
+    cov = np.linalg.inv(normal_matrix(rng, n, 10.0**decades))
+    kept = model_of(cov).theta_cov
+    np.testing.assert_array_equal(kept, kept.T)
+    sizes = np.sqrt(np.diag(cov))
+    np.testing.assert_allclose(kept / np.outer(sizes, sizes), cov / np.outer(sizes, sizes), rtol=0, atol=1e-3)
+
+
+@given(SEEDS, st.integers(1, 12), st.integers(1, 12))
+def test_what_is_symmetric_stays_to_the_last_bit_and_through_the_file(tmp_path_factory, seed, n, rank):
+    rng = np.random.default_rng(seed)
+    root = 10.0 ** rng.uniform(-9, 9, (n, 1)) * rng.standard_normal((n, rank))
+    model = model_of(root @ root.T)  # singular, if the rank is below n
+    np.testing.assert_array_equal(model.theta_cov, root @ root.T)
+    path = tmp_path_factory.getbasetemp() / "covariance.json"
+    model.save(path)
+    np.testing.assert_array_equal(NarxModel.load(path).theta_cov, model.theta_cov)
+
+
+@given(SEEDS, st.integers(2, 12), st.floats(-6, 0))
+def test_an_eigenvalue_below_zero_is_refused_in_any_units(seed, n, decades):
+    rng = np.random.default_rng(seed)
+    q = np.linalg.qr(rng.standard_normal((n, n)))[0]
+    wrong = q * np.r_[-(10.0**decades), np.ones(n - 1)] @ q.T
+    units = 10.0 ** rng.uniform(-6, 6, n)  # by the law of inertia they leave the sign of the eigenvalue
+    with pytest.raises(ModelError, match=r"theta_cov is no covariance: .* must (be at least 0|not be negative)"):
+        model_of((wrong + wrong.T) * np.outer(units, units))
+
+
+@given(SEEDS, st.integers(2, 12), st.floats(-2, 9))
+def test_a_pair_that_disagrees_is_named(seed, n, decades):
+    rng = np.random.default_rng(seed)
+    sizes = 10.0 ** rng.uniform(-6, 6, n)
+    wrong = np.diag(sizes**2)
+    i, j = rng.permutation(n)[:2]
+    wrong[i, j] = 10.0**decades * sizes[i] * sizes[j]
+    with pytest.raises(ModelError, match="it must be symmetric") as caught:
+        model_of(wrong)
+    assert f"u(k-{i})".replace("-0", "") in str(caught.value)
+    assert f"u(k-{j})".replace("-0", "") in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "says"),
+    [
+        ([[1.0, 0.2], [0.1, 1.0]], "holds 0.2 for y(k-1) and u(k-1), and 0.1 for u(k-1) and y(k-1)"),
+        ([[1.0, 0.0], [0.0, -1e-30]], "the variance of u(k-1) is -1e-30"),
+        ([[0.0, 1e-9], [1e-9, 1.0]], "holds 1e-09 for y(k-1) and u(k-1), one of which has the variance 0"),
+        ([[1.0, 1.5], [1.5, 1.0]], "beside the largest, 2.5, its correlations have the eigenvalue -0.5"),
+        ([[1e-12, 2e-6], [2e-6, 1.0]], "beside the largest, 3, its correlations have the eigenvalue -1"),
+    ],
+)
+def test_the_offender_is_named(wrong, says):
+    with pytest.raises(ModelError) as caught:
+        replace(TWO, theta_cov=np.array(wrong))
+    assert says in str(caught.value)
+    padded = np.zeros((3, 3))
+    padded[:2, :2] = wrong
+    with pytest.raises(ModelError, match="theta_cov is no covariance"):
+        LinearModel(a=[1.0, -0.6], b=[[0.0, 0.3]], sample_time=0.1, theta_cov=padded)
+
+
+@pytest.mark.parametrize("name", ["noise_variance", "sample_time", "theta_dof"])
+@pytest.mark.parametrize("value", [np.nan, -1.0, -np.inf])
+def test_other_numbers_that_cannot_be(name, value):
+    with pytest.raises(ModelError, match=name):
+        replace(TWO, **{name: value})
+
+
+@pytest.mark.parametrize("name", ["noise_variance", "sample_time"])
+def test_what_must_be_finite(name):
+    with pytest.raises(ModelError, match=name):
+        replace(TWO, **{name: np.inf})
+    with pytest.raises(ModelError, match=name):
+        LinearModel(a=[1.0, -0.6], b=[[0.0, 0.3]], **({"sample_time": 0.1} | {name: np.inf}))
+
+
+@given(SEEDS, st.floats(0, 15))
+def test_a_map_that_cancels_leaves_a_covariance(seed, decades):
+    """As that to deviations from an operating point: the product J C J' itself is indefinite there."""
+    rng = np.random.default_rng(seed)
+    cov = np.linalg.inv(normal_matrix(rng, 4, 1e6))
+    cov = 0.5 * (cov + cov.T)
+    q = np.linalg.qr(rng.standard_normal((4, 4)))[0]
+    jacobian = q * np.geomspace(1.0, 10.0**-decades, 4) @ np.linalg.inv(covariance_root(cov))
+    found = transformed(jacobian, cov)
+    model_of(found)
+    exact = q * np.geomspace(1.0, 10.0**-decades, 4)
+    np.testing.assert_allclose(found, exact @ exact.T, atol=1e4 * 4**2 * EPS)  # the root is known to eps sqrt(kappa)
+
+
+def test_roots_of_a_stack_are_those_of_its_members():
+    rng = np.random.default_rng(0)
+    roots = rng.standard_normal((5, 3, 2))
+    stack = roots @ roots.swapaxes(1, 2)
+    found = covariance_root(stack)
+    np.testing.assert_allclose(found @ found.swapaxes(1, 2), stack, rtol=0, atol=50 * EPS * np.abs(stack).max())
+    jacobian = rng.standard_normal((2, 3))
+    for one, new in zip(stack, transformed(jacobian, stack), strict=True):
+        np.testing.assert_allclose(new, jacobian @ one @ jacobian.T, rtol=0, atol=100 * EPS * np.abs(stack).max())
+
+
+@pytest.mark.parametrize(("n_samples", "penalty"), [(40, 1e-18), (40, 0.1), (3, 0.1)])
+def test_ridge_tells_the_covariance_of_its_prior(n_samples, penalty):
+    """Of fewer samples than terms some directions are not seen; beside a wide prior nothing is lost of those seen."""
+    rng = np.random.default_rng(2)
+    rows, target = rng.standard_normal((5, n_samples)), rng.standard_normal(n_samples)
+    found = Ridge(penalty=penalty)(rows, target)
+    precision = rows @ rows.T / n_samples + penalty * np.diag(np.mean(rows**2, axis=1))
+    expected = found.noise_variance / n_samples * np.linalg.inv(precision)
+    np.testing.assert_allclose(found.theta_cov, expected, rtol=0, atol=1e3 * EPS * np.trace(expected))
+    model_of(found.theta_cov)
+
+
+def test_ridge_that_leaves_nothing_for_the_noise_is_refused():
+    rng = np.random.default_rng(2)
+    with pytest.raises(ModelError, match="3 samples leave no freedom for noise at penalty = 1e-18"):
+        Ridge(penalty=1e-18)(rng.standard_normal((5, 3)), rng.standard_normal(3))
