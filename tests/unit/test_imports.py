@@ -27,6 +27,8 @@ PARTS = {
 }  # fmt: skip
 # Not even a diagnosis needs a law's whole class to look up its quantile, nor filters before there is a signal.
 PARTS |= {part: PARTS["deatwin.ident.greybox"] for part in ("deatwin.ident.mismatch", "deatwin.control")}
+BROUGHT_ALONG = {"cython_runtime", "swig_runtime_data5", "charset_normalizer"}
+"""What compiled packages make themselves, and what numpy.f2py takes where it happens to be installed."""
 COUNT = """
 import importlib, json, sys
 loaded = {}
@@ -65,7 +67,7 @@ def package(module: str) -> str:
     if first == "scipy":
         return f"scipy.{second}" if second and not second.startswith("_") and second != "version" else ""
     own = first in sys.stdlib_module_names or first == "deatwin" or first.startswith("_")
-    return "" if own or first in ("cython_runtime", "swig_runtime_data5") else first
+    return "" if own or first in BROUGHT_ALONG else first
 
 
 @pytest.mark.parametrize("part", PARTS)

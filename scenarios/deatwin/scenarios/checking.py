@@ -50,7 +50,7 @@ class CheckTask:
     closed_loop_time : float or None
         s; by default as lambda tuning chooses it.
     operating_input : float or None
-        In the input's unit; by default the middle of the operating range, or the centre of the training data.
+        In the input's unit; inside the operating range, and by default its middle, or the centre of the training data.
     operating_range : (float, float) or None
         Over which margins are judged, in the input's unit.
     recording : Recording or None
@@ -79,6 +79,11 @@ class CheckTask:
             low, high = self.operating_range
             if not low < high:
                 raise ControlError(f"the operating range {low:g} to {high:g} is empty: its ends must rise")
+            if self.operating_input is not None and not low <= self.operating_input <= high:
+                raise ControlError(
+                    f"the operating input {self.operating_input:g} lies outside of the operating range, {low:g} to "
+                    f"{high:g}: give one inside, or a range that holds it"
+                )
         rig = self.plant.plant.rig
         for name, rival in self.rivals.items():
             theirs = rival.plant.rig

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import json
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from deatwin.ident.mismatch import Step
 from deatwin.plant.amplitudes import amplitude_unit
-from deatwin.plant.model import Plant
 from deatwin.scenarios.folder import ResultFolder
-from deatwin.scenarios.provenance import RunRecord
 from deatwin.scenarios.voice import Progress
 
-__all__ = ["BASE_MODEL", "FOLDER", "SCHEMA", "STEPS", "FinishedSteps", "remove_partial"]
+if TYPE_CHECKING:  # the live view looks for what was kept, and makes none
+    from deatwin.ident.mismatch import Step
+    from deatwin.plant.model import Plant
+    from deatwin.scenarios.provenance import RunRecord
+
+__all__ = ["BASE_MODEL", "FOLDER", "SCHEMA", "STEPS", "FinishedSteps", "holds_only_partial", "remove_partial"]
 
 SCHEMA = "deatwin/partial/1"
 FOLDER = "partial"
@@ -119,6 +122,25 @@ class FinishedSteps:
         fits = sum(step.name == "fit" for step in self._steps.values())
         counted = {"fit": f"{fits} fits with effects" if fits > 1 else "1 fit with effects"}
         return ", ".join(dict.fromkeys(counted.get(step.name, step.name) for step in self._steps.values()))
+
+
+def holds_only_partial(folder: Path) -> bool:
+    """Whether a folder holds what was kept of an interrupted run, and nothing else.
+
+    Parameters
+    ----------
+    folder : path
+        Of the results; may be absent.
+
+    Returns
+    -------
+    bool
+        True where a further run, which puts its own in that place, can take nothing away that was finished.
+    """
+    if folder.is_symlink() or (folder / FOLDER).is_symlink():
+        return False
+    held = {path.relative_to(folder).as_posix() for path in folder.rglob("*")}
+    return {FOLDER} <= held <= {FOLDER, f"{FOLDER}/{STEPS}", f"{FOLDER}/{BASE_MODEL}"}
 
 
 def remove_partial(folder: ResultFolder) -> None:

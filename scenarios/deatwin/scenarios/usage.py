@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 from typer.core import TyperCommand, TyperGroup
@@ -10,11 +11,16 @@ __all__ = ["unwrapped"]  # the classes are made by typer, with typer's own argum
 
 
 class Command(TyperCommand):
-    """A command whose flags stand in its help without a type: they take no value."""
+    """A command in whose help no type stands beside a flag, which takes no value, or beside an argument's own word."""
 
     def get_params(self, *arguments: Any, **named: Any) -> list[Any]:
         """Return the parameters, those of typer's own among them."""
-        return _flags_untyped(super().get_params(*arguments, **named))
+        return _untyped(super().get_params(*arguments, **named))
+
+    def collect_usage_pieces(self, *arguments: Any, **named: Any) -> list[str]:
+        """Return the words of the usage line; where several of a kind may stand, the dots stand once."""
+        words = super().collect_usage_pieces(*arguments, **named)
+        return [re.sub(r"\.\.\.([]}])\.\.\.$", r"\1...", word) for word in words]
 
 
 class Group(TyperGroup):
@@ -22,7 +28,7 @@ class Group(TyperGroup):
 
     def get_params(self, *arguments: Any, **named: Any) -> list[Any]:
         """Return the parameters, those of typer's own among them."""
-        return _flags_untyped(super().get_params(*arguments, **named))
+        return _untyped(super().get_params(*arguments, **named))
 
 
 def unwrapped(text: str | None) -> str:
@@ -45,8 +51,14 @@ def unwrapped(text: str | None) -> str:
     return "\n\n".join(" ".join(paragraph.split()) for paragraph in (text or "").split("\n\n")).strip()
 
 
-def _flags_untyped(parameters: list[Any]) -> list[Any]:
+def _untyped(parameters: list[Any]) -> list[Any]:
     for parameter in parameters:
+        if parameter.param_type_name == "argument" and parameter.metavar is not None:
+            parameter.display_type_rich = _nothing  # typer would add <list[Path]> to REC...
         if getattr(parameter, "is_flag", False) and parameter.metavar is None:
             parameter.metavar = ""
     return parameters
+
+
+def _nothing(*_: Any, **__: Any) -> str:
+    return ""

@@ -27,25 +27,7 @@ from deatwin.plant import Coupon, Plant
 def strip():
     return Plant(rig=Coupon(sample_time=0.1, noise=2e-3))
 """
-RIG = """
-[film]
-material = "VHB 4905"
-thickness_mm = 0.5
-prestretch = 3.5
-frame_diameter_mm = 80.0
-electrode_diameter_mm = 35.0
-[load]
-mass_g = 3.0
-contact_diameter_mm = 6.0
-[drive]
-gain = 800.0
-start_ramp_s = 2.0
-start_hold_s = 3.0
-[sensor]
-sample_rate_Hz = 50.0
-noise_um = 2.0
-zero = "displacement at zero volts"
-"""
+RIG = Path(__file__).with_name("rig.toml").read_text(encoding="utf-8")
 
 
 @pytest.fixture(scope="session")

@@ -73,6 +73,8 @@ def test_the_help_shows_all_of_them(name: str, capsys: pytest.CaptureFixture[str
         word = parameter.opts[0] if parameter.param_type_name == "option" else parameter.metavar.split(".")[0]
         assert word in shown, word
     assert f"deatwin {name} " in shown
+    usage, _, rest = shown.partition("\n\n")
+    assert not re.search(r"\.\.\..\.\.\.", usage + rest.partition("\n\n")[0]) and "<list[" not in shown
 
 
 def test_the_list_of_commands_says_where_to_begin(capsys: pytest.CaptureFixture[str]) -> None:

@@ -18,6 +18,7 @@ from deatwin.plant.effects import catalogue
 from deatwin.plant.errors import DataError, RigError, SimulationError
 from deatwin.plant.excitation import band_limited_noise
 from deatwin.plant.integrator.reference import reference_outputs
+from deatwin.plant.rigs.base import ReadingTime
 from deatwin.scenarios.concealed_physics import mechanisms
 from deatwin.scenarios.concealed_physics.apparatus import Apparatus
 from deatwin.scenarios.concealed_physics.cases import LADDER, CaseSpec, case_specs, make, pairable
@@ -27,7 +28,7 @@ from deatwin.scenarios.concealed_physics.mechanisms.electrical import HardClip, 
 from deatwin.scenarios.concealed_physics.mechanisms.film import PowerLawCreep
 from deatwin.scenarios.concealed_physics.mechanisms.mechanical import BristleFriction, StopOperators
 from deatwin.scenarios.concealed_physics.noise import SensorNoise
-from deatwin.scenarios.concealed_physics.rigs import FILM_ERROR, drawn_rig
+from deatwin.scenarios.concealed_physics.rigs import FILM_ERROR, Rigging, drawn_rig
 from deatwin.scenarios.concealed_physics.rosenbrock import integrate
 
 STEP = 0.02
@@ -209,6 +210,25 @@ def test_the_film_is_wrong_by_at_most_a_fifth_and_the_rig_as_described():
             assert actual.parameters[name].value == nominal.parameters[name].value
         assert nominal.rig.resolution == "reduced" and actual.rig.resolution == "fine"
         assert actual.rig.ball == nominal.rig.ball or not nominal.rig.ball_is_known
+
+
+def test_rigs_of_the_tiny_study_share_their_equations_and_else_are_what_was_drawn():
+    for seed in range(5):
+        drawn = drawn_rig(np.random.default_rng(seed))
+        usual = drawn.in_usual_form()
+        for before, after in zip(_plants(drawn), _plants(usual), strict=True):
+            assert dict(after.values) == dict(before.values) and after.rig.resolution == before.rig.resolution
+            assert after.rig.mass == before.rig.mass and after.rig.thickness == before.rig.thickness
+            assert after.rig.ball == "sliding" and after.rig.ball_is_known
+            assert after.rig.reading is ReadingTime.END_OF_HOLD
+    assert {spec.form for spec in case_specs("tiny", 1)} == {"usual"}
+    assert {spec.form for spec in case_specs("standard", 1)} == {"drawn"}
+    with pytest.raises(DataError, match="unknown form of case 'usal'; did you mean \"usual\""):
+        replace(KNOCK, form="usal")
+
+
+def _plants(rigging: Rigging) -> tuple[Plant, ...]:
+    return rigging.nominal, rigging.actual, rigging.reduced
 
 
 KNOCK = CaseSpec(

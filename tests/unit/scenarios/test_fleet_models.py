@@ -12,7 +12,7 @@ from deatwin.ident.narx import Fixed, NarxModel
 from deatwin.ident.narx.preprocess import choose_sampling, choose_sections, inspect_recordings
 from deatwin.plant.fleet import fleet
 from deatwin.plant.recording import Recording
-from deatwin.scenarios.fleet_models import semp_fleet, svb_fleet
+from deatwin.scenarios.fleet_models import semp_fleet, svb_fleet, telling
 from deatwin.scenarios.fleet_models.choice import Choice
 from deatwin.scenarios.fleet_models.estimators import estimate_all
 from deatwin.scenarios.fleet_models.preparation import (
@@ -238,7 +238,7 @@ def test_the_page_shows_what_fails(
 ) -> None:
     module, tables, figures = PAGES[name]
     study = whole(drifting, sound, module.PROGRAMME.methods)
-    monkeypatch.setattr(module, "carry_out", lambda *_, **__: study)
+    monkeypatch.setattr(telling, "carry_out", lambda *_, **__: study)
     setting = Setting(
         folder=ResultFolder(tmp_path), data=None, command=["test"], jobs=1, seed=0, progress=lambda share, text: None
     )

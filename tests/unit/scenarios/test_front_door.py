@@ -28,25 +28,7 @@ from deatwin.scenarios.voice import complain
 
 ROOT = Path(__file__).parents[3]
 HEADER = "time_s,command_V,displacement_mm"
-RIG = """\
-[film]
-material = "VHB 4905"
-thickness_mm = 0.5
-prestretch = 3.5
-frame_diameter_mm = 80.0
-electrode_diameter_mm = 35.0
-[load]
-mass_g = 3.0
-contact_diameter_mm = 6.0
-[drive]
-gain = 800.0
-start_ramp_s = 2.0
-start_hold_s = 3.0
-[sensor]
-sample_rate_Hz = 50.0
-noise_um = 2.0
-zero = "displacement at zero volts"
-"""
+RIG = Path(__file__).with_name("rig.toml").read_text(encoding="utf-8")
 PLANTS = """\
 import sys
 from deatwin.plant import Coupon, Plant
@@ -292,6 +274,8 @@ def write_models(desk: Path) -> None:
     for name, source, key, value in (
         ("terms.json", "narx.json", "terms", 3),
         ("ragged.json", "narx.json", "theta_cov", [[1.0], [1.0, 2.0]]),
+        ("indefinite.json", "narx.json", "theta_cov", [[1.0, 1.5, 0.0], [1.5, 1.0, 0.0], [0.0, 0.0, 1.0]]),
+        ("lopsided.json", "narx.json", "theta_cov", [[1.0, 0.2, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]),
         ("effect.json", "model.json", "effects", ["crep"]),
     ):
         document = json.loads((desk / source).read_text(encoding="utf-8"))

@@ -57,6 +57,13 @@ print("not a fact")
 print(json.dumps({"share": 0.5, "step": "fitting"}))
 print(json.dumps({"share": 1.0, "verdict": "named", "sentence": "it creeps"}))
 """
+KEEPS = """
+import pathlib
+kept = pathlib.Path("found/partial")
+kept.mkdir()
+(kept / "steps.json").write_text("{}")
+""" + SLOW
+"""What it finished stands there when it is cancelled."""
 WRONG = 'import sys; print("a warning", file=sys.stderr); sys.exit("error: noise.csv: no column")'
 
 
@@ -277,6 +284,49 @@ def test_what_a_cancelled_job_has_written_stays(root: Path) -> None:
     job.cancel()
     job.wait(30)
     assert (root / "found" / "half.csv").read_text(encoding="utf-8") == "x"
+
+
+def test_the_name_of_a_cancelled_job_that_kept_steps_may_be_used_again(root: Path) -> None:
+    jobs = board(root, KEEPS)
+    first = jobs.start(order())
+    until(lambda: first.share == 0.25)
+    with pytest.raises(DataError, match="found: a diagnosis that runs writes into it"):
+        jobs.start(order())
+    first.cancel()
+    first.wait(30)
+    kept = root / "found" / "partial" / "steps.json"
+    assert first.state is State.CANCELLED and kept.read_text(encoding="utf-8") == "{}"
+    failed = board(root, WRONG).start(order())
+    failed.wait(30)
+    assert failed.state is State.FAILED and kept.is_file()  # nothing is lost before there is something new
+    again = board(root, QUICK).start(order())
+    again.wait(30)
+    assert again.state is State.DONE and (root / "found" / "diagnosis.json").is_file()
+
+
+@pytest.mark.parametrize("beside", ["diagnosis.json", "half.csv", "partial/notes.md", "figures/residual.csv"])
+def test_what_holds_more_than_the_steps_of_a_cancelled_job_is_not_replaced(beside: str, root: Path) -> None:
+    for name in ("partial/steps.json", "partial/base_model.json", beside):
+        (root / "found" / name).parent.mkdir(parents=True, exist_ok=True)
+        (root / "found" / name).write_text("{}", encoding="utf-8")
+    with pytest.raises(DataError, match="found: is there already; results are not replaced"):
+        board(root, QUICK).start(order())
+    (root / "found" / beside).unlink()
+    if beside.startswith("figures"):
+        (root / "found" / "figures").rmdir()
+    jobs = board(root, QUICK)
+    jobs.start(order()).wait(30)
+    assert jobs.jobs[0].state is State.DONE
+
+
+def test_a_link_to_the_steps_of_a_cancelled_job_is_not_written_through(root: Path) -> None:
+    (root.parent / "elsewhere" / "partial").mkdir(parents=True)
+    (root / "found").symlink_to(root.parent / "elsewhere")
+    (root / "second").mkdir()
+    (root / "second" / "partial").symlink_to(root.parent / "elsewhere" / "partial")
+    for out in ("found", "second"):
+        with pytest.raises(DataError, match=f"{out}: is there already"):
+            board(root, QUICK).start(order(out=out))
 
 
 def test_closing_the_board_ends_a_job_and_what_it_started(root: Path) -> None:

@@ -26,28 +26,7 @@ SNAPSHOTS = Path(__file__).with_name("snapshots")
 MADE_WITH = "made_with.txt"
 RENEW = "DEATWIN_RENEW_SNAPSHOTS"
 WIDTH = 100
-RIG = """\
-[film]
-material = "VHB 4905"
-thickness_mm = 0.5
-prestretch = 3.5
-frame_diameter_mm = 80.0
-electrode_diameter_mm = 35.0
-
-[load]
-mass_g = 3.0
-contact_diameter_mm = 6.0
-
-[drive]
-gain = 800.0
-start_ramp_s = 2.0
-start_hold_s = 3.0
-
-[sensor]
-sample_rate_Hz = 50.0
-noise_um = 2.0
-zero = "displacement at zero volts"
-"""
+RIG = Path(__file__).with_name("rig.toml").read_text(encoding="utf-8")
 CASES = {
     "help": "--help",
     **{f"help_{name}": f"{name} --help" for name in get_command(app).commands},  # type: ignore[attr-defined]

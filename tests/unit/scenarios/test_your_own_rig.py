@@ -15,7 +15,7 @@ from deatwin.scenarios.folder import ResultFolder
 from deatwin.scenarios.stories import Setting, story
 from deatwin.scenarios.your_own_rig.elsewhere import CAR, Car, drive
 from deatwin.scenarios.your_own_rig.quarter_car import plant
-from deatwin.scenarios.your_own_rig.roads import Drives, bumps, concealed, record_elsewhere, rough_road, unread
+from deatwin.scenarios.your_own_rig.roads import Drives, bumps, concealed, record, rough_road, unread
 
 STEP = plant().rig.sample_time
 
@@ -69,7 +69,7 @@ def test_the_user_s_file_is_a_plant_on_the_command_line_and_short(
 def driven(tmp_path_factory: pytest.TempPathFactory) -> Drives:
     rng = np.random.default_rng(0)
     folder = ResultFolder(tmp_path_factory.mktemp("drives"))
-    return record_elsewhere(folder, (rough_road(rng, STEP, 8.0), bumps(STEP)), rng)
+    return record("elsewhere", folder, (rough_road(rng, STEP, 8.0), bumps(STEP)), rng)
 
 
 @pytest.fixture(scope="module")

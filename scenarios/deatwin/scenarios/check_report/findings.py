@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from math import isfinite
 
+from deatwin.control.checking.amounts import amount
 from deatwin.control.checking.specification import Limit, Verdict
 from deatwin.control.checking.verdict import Finding
 from deatwin.scenarios.check_report.view import View
@@ -60,15 +62,29 @@ class _Kind:
     ----------
     group : str
         Where they stand, with ``{}`` for whose they are.
-    shown : callable
-        A value as text.
+    form, unit : str
+        Format of a number, and its unit with the space before it.
+    scale : float
+        By which a value is multiplied to be in the unit: 100 for a share in per cent.
     limit : str
         Field of the specification; empty where none belongs to it.
     """
 
     group: str
-    shown: Callable[[float], str] = lambda value: f"{value:.3g}"
+    form: str = ".3g"
+    unit: str = ""
+    scale: float = 1.0
     limit: str = ""
+
+    def value(self, value: float | None) -> str:
+        """What was found, as text."""
+        if value is None:
+            return "–"
+        return amount(self.scale * value, self.form, self.unit) if isfinite(value) else "∞"
+
+    def asked(self, value: float) -> str:
+        """What was asked, as text: whatever its size."""
+        return f"{self.scale * value:{self.form}}{self.unit}"
 
 
 def groups(view: View) -> list[Group]:
@@ -107,15 +123,9 @@ def _whose(source: str, view: View) -> str:
 def _row(finding: Finding, subject: str, kind: _Kind, view: View) -> Row:
     good, poor = _limits(finding, subject, kind, view)
     return Row(
-        subject=subject, value=_number(finding.value, kind.shown), good=good, poor=poor,
+        subject=subject, value=kind.value(finding.value), good=good, poor=poor,
         verdict=finding.verdict.value, tone=TONES[finding.verdict], text=finding.text,
     )  # fmt: skip
-
-
-def _number(value: float | None, shown: Callable[[float], str]) -> str:
-    if value is None:
-        return "–"
-    return shown(value) if isfinite(value) else "∞"
 
 
 def _limits(finding: Finding, subject: str, kind: _Kind, view: View) -> tuple[str, str]:
@@ -123,44 +133,41 @@ def _limits(finding: Finding, subject: str, kind: _Kind, view: View) -> tuple[st
     if kind.limit:
         limit: Limit = getattr(view.specification.on_a_stand_in, kind.limit)
         sign = "≥" if limit.good > limit.poor else "≤"
-        return f"{sign} {kind.shown(limit.good)}", f"{sign} {kind.shown(limit.poor)}"
+        return f"{sign} {kind.asked(limit.good)}", f"{sign} {kind.asked(limit.poor)}"
     if subject == "excitation" and view.check.excited_band_Hz is not None:
         band = view.check.excited_band_Hz
         if finding.verdict is Verdict.MARGINAL and finding.value is not None and finding.value <= band:
             return "in no hole", "in a hole"
-        return f"≤ {kind.shown(band)}", "beyond"
+        return f"≤ {kind.asked(band)}", "beyond"
     return ("none", "at the limits only") if subject == "film" else ("–", "–")
 
 
-def _percent(value: float) -> str:
-    return f"{100 * value:.3g} %"
-
-
+_percent = partial(_Kind, unit=" %", scale=100.0)
 _OF_RUNS = "Runs on {}"
 _MARGINS: Mapping[str, _Kind] = {
-    name: _Kind(group="Margins of {}", shown=shown, limit=limit)
-    for name, shown, limit in (
-        ("stability", _percent, "stable_share"),
-        ("gain margin", lambda value: f"{value:.2f}", "gain"),
-        ("phase margin", lambda value: f"{value:.0f}°", "phase_deg"),
-        ("delay margin", lambda value: f"{value:.1f} samples", "delay_samples"),
-        ("disk margin", lambda value: f"{value:.2f}", "disk"),
+    name: _Kind(group="Margins of {}", form=form, unit=unit, scale=scale, limit=limit)
+    for name, form, unit, scale, limit in (
+        ("stability", ".3g", " %", 100.0, "stable_share"),
+        ("gain margin", ".2f", "", 1.0, "gain"),
+        ("phase margin", ".0f", "°", 1.0, "phase_deg"),
+        ("delay margin", ".1f", " samples", 1.0, "delay_samples"),
+        ("disk margin", ".2f", "", 1.0, "disk"),
     )
 }
 _KINDS: Mapping[str, _Kind] = {
     **_MARGINS,
     "plant": _Kind(group=_OF_RUNS),
-    "overshoot": _Kind(group=_OF_RUNS, shown=_percent, limit="overshoot"),
-    "steady error": _Kind(group=_OF_RUNS, shown=_percent, limit="steady_error"),
-    "ripple": _Kind(group=_OF_RUNS, shown=_percent, limit="ripple"),
-    "saturation": _Kind(group=_OF_RUNS, shown=_percent, limit="saturated"),
-    "tracking": _Kind(group=_OF_RUNS, shown=lambda value: f"{value:.2f} times", limit="tracking"),
-    "gain margin on the plant": _Kind(group=_OF_RUNS, shown=lambda value: f"{value:.2g} times", limit="gain"),
-    "model in closed loop": _Kind(group="Prediction", shown=_percent, limit="diverged"),
-    "prediction": _Kind(group="Prediction", shown=_percent, limit="inside"),
-    "film": _Kind(group="Film", shown=lambda value: f"{value:.0f} plants"),
-    "limit cycle": _Kind(group="Limit cycles", shown=_percent, limit="limit_cycle"),
-    "excitation": _Kind(group="Excitation", shown=lambda value: f"{value:.2f} Hz"),
+    "overshoot": _percent(group=_OF_RUNS, limit="overshoot"),
+    "steady error": _percent(group=_OF_RUNS, limit="steady_error"),
+    "ripple": _percent(group=_OF_RUNS, limit="ripple"),
+    "saturation": _percent(group=_OF_RUNS, limit="saturated"),
+    "tracking": _Kind(group=_OF_RUNS, form=".2f", unit=" times", limit="tracking"),
+    "gain margin on the plant": _Kind(group=_OF_RUNS, form=".2g", unit=" times", limit="gain"),
+    "model in closed loop": _percent(group="Prediction", limit="diverged"),
+    "prediction": _percent(group="Prediction", limit="inside"),
+    "film": _Kind(group="Film", form=".0f", unit=" plants"),
+    "limit cycle": _percent(group="Limit cycles", limit="limit_cycle"),
+    "excitation": _Kind(group="Excitation", form=".2f", unit=" Hz"),
     "model": _Kind(group="Design"),
     "design": _Kind(group="Design"),
 }

@@ -64,7 +64,10 @@ OperatingInput = Annotated[
 ]
 OperatingRange = Annotated[
     tuple[float, float] | None,
-    typer.Option(metavar="LOW HIGH", help="Constant inputs over which margins are judged, at nine points."),
+    typer.Option(
+        metavar="LOW HIGH",
+        help="Constant inputs over which margins are judged, at nine points and at the controller's own input.",
+    ),
 ]
 RecordingFile = Annotated[
     Path | None,

@@ -42,6 +42,22 @@ class Rigging:
     reduced: Plant
     before: tuple[tuple[float, float], ...]
 
+    def in_usual_form(self) -> Rigging:
+        """The same rig and film, the ball as most rigs hold it, which the rig file tells, readings at the end of holds.
+
+        Rigs of one form share their compiled equations.
+        """
+        return replace(
+            self, nominal=_in_usual_form(self.nominal), actual=_in_usual_form(self.actual),
+            reduced=_in_usual_form(self.reduced),
+        )  # fmt: skip
+
+
+def _in_usual_form(plant: Plant) -> Plant:
+    return plant.with_rig(
+        replace(_diaphragm(plant), ball=Diaphragm.ball, ball_is_known=True, reading=Diaphragm.reading)
+    )
+
 
 def drawn_rig(rng: np.random.Generator) -> Rigging:
     """A rig at random.
@@ -94,6 +110,11 @@ def with_added_mass(plant: Plant, added: float) -> Plant:
     -------
     Plant
     """
+    rig = _diaphragm(plant)
+    return plant.with_rig(replace(rig, mass=rig.mass + added))
+
+
+def _diaphragm(plant: Plant) -> Diaphragm:
     if not isinstance(plant.rig, Diaphragm):
-        raise TypeError(f"a {type(plant.rig).__name__} has no ball to which a mass could be added")
-    return plant.with_rig(replace(plant.rig, mass=plant.rig.mass + added))
+        raise TypeError(f"a {type(plant.rig).__name__} has no ball; the study's rigs are diaphragms")
+    return plant.rig

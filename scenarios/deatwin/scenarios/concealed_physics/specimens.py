@@ -153,7 +153,8 @@ def make(spec: CaseSpec, *, seconds: float = SECONDS, check_seconds: float = CHE
         If no range of commands was found that the film bears with its mechanisms.
     """
     rng = np.random.default_rng(spec.seed)
-    rigging = drawn_rig(rng)
+    drawn = drawn_rig(rng)
+    rigging = drawn.in_usual_form() if spec.form == "usual" else drawn
     waves = int(rng.integers(2**32))
     shapes = int(rng.integers(2**32))
     highest, last = HIGHEST, ""

@@ -11,6 +11,7 @@ from deatwin.plant.errors import DataError, nearest
 __all__ = ["KINDS", "CaseSpec"]
 
 KINDS = ("clean", "effect", "outside", "pair", "tie")
+FORMS = ("drawn", "usual")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,11 +42,13 @@ class CaseSpec:
         Rms of the sensor's noise over the standard deviation of the motion.
     rich : bool
         Whether the input is one that tells mechanisms apart.
+    form : {"drawn", "usual"}
+        How the film sits on the ball and when readings are taken: at random, or as in most rigs.
 
     Raises
     ------
     DataError
-        If the kind is none of these.
+        If the kind or the form is none of these.
     """
 
     name: str
@@ -59,11 +62,14 @@ class CaseSpec:
     records: int = 1
     noise_share: float = 0.02
     rich: bool = True
+    form: str = "drawn"
 
     def __post_init__(self) -> None:
-        if self.kind not in KINDS:
-            known = ", ".join(KINDS)
-            raise DataError(f"unknown kind of case {self.kind!r}{nearest(self.kind, KINDS)} (known: {known})")
+        for what, value, known in (("kind", self.kind, KINDS), ("form", self.form, FORMS)):
+            if value not in known:
+                raise DataError(
+                    f"unknown {what} of case {value!r}{nearest(value, known)} (known: {', '.join(known)})"
+                )
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data, ready for JSON."""

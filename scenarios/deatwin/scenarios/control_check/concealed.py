@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from deatwin.control.checking.check import check
 from deatwin.control.checking.result import Check
@@ -28,7 +29,7 @@ from deatwin.plant.recording import Experiment, Recording
 from deatwin.scenarios.control_check.rigs import identified, recorded
 from deatwin.scenarios.control_check.tracking import nominal_plant
 
-__all__ = ["EFFECTS", "Concealed", "Designed", "conceal"]
+__all__ = ["EFFECTS", "Concealed", "Designed", "conceal", "excitation"]
 
 EFFECTS: Mapping[str, Callable[[], Effect]] = {
     "electrode_rc": lambda: ElectrodeRC(time=0.4),
@@ -42,7 +43,15 @@ CLOSED_LOOP_TIME = 0.4
 OTHER_TIMES = (0.2, 0.6)
 """Closed-loop times at which the designs are made as well, s: what they show is reported, nothing is demanded."""
 SECONDS, BAND = 120.0, 5.0
-"""Length of the recording in s, and the upper end of its noise in Hz."""
+"""Length of each recording in s, and upper end of the noise of that which is diagnosed, in Hz."""
+MEAN, VARIANCE, LOWER, UPPER = 2.4, 0.36, 1.1, 3.75
+"""Of the commands of that which is identified: those of the thesis' noise, in V, V² before the limits, V and V."""
+FAST = 20.0
+"""Upper end of the noise that has half of the variance, Hz: beyond the 16 Hz at which the nominal plant's loop has its
+gain margin."""
+SLOW = 1.0 / (2 * np.pi * CLOSED_LOOP_TIME)
+"""Upper end of the other half's noise, Hz: the bandwidth of the loop. Behind an electrode fast noise alone never moves
+the film as far as the steps of a check, and beyond its training data no posterior tells how wrong a polynomial is."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -95,6 +104,9 @@ class Concealed:
 def conceal(effect: str, rng: np.random.Generator, *, jobs: int, seed: int) -> Concealed:
     """Record a rig with an effect that its model does not have, diagnose, design twice, check, and try.
 
+    What is diagnosed, and fits the plants that are designed on, is noise of one band. What is checked on is a recording
+    made for the check: of the levels and the frequencies of the loop.
+
     Parameters
     ----------
     effect : str
@@ -115,9 +127,10 @@ def conceal(effect: str, rng: np.random.Generator, *, jobs: int, seed: int) -> C
     """
     nominal = nominal_plant()
     true = nominal.with_effects(EFFECTS[effect]())
-    commands = band_limited_noise(rng, SECONDS, nominal.rig.sample_time, band=BAND)
-    recording = recorded(true, commands, rng)
-    diagnosis = diagnose(nominal, [Experiment(recordings=(recording,))], jobs=jobs, seed=seed)
+    h = nominal.rig.sample_time
+    seen = recorded(true, band_limited_noise(rng, SECONDS, h, band=BAND), rng)
+    diagnosis = diagnose(nominal, [Experiment(recordings=(seen,))], jobs=jobs, seed=seed)
+    recording = recorded(true, excitation(rng, h), rng)
     evidence, amended = diagnosis.evidence, diagnosis.model
     if evidence is None or amended is None:
         raise RuntimeError("a diagnosis that has just been made has evidence and a model")
@@ -132,6 +145,30 @@ def conceal(effect: str, rng: np.random.Generator, *, jobs: int, seed: int) -> C
     return Concealed(
         effect=effect, diagnosis=diagnosis, designs=first, at_other_times=tuple(one for pair in more for one in pair)
     )
+
+
+def excitation(rng: np.random.Generator, sample_time: float) -> NDArray[np.float64]:
+    """Noise that reaches the levels of the loop's steps and the frequencies of its margins.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Source of the noise.
+    sample_time : float
+        s.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Commands in V: slow noise and fast noise, half of the variance each, limited like the thesis' noise.
+    """
+    halves = [
+        band_limited_noise(
+            rng, SECONDS, sample_time, mean=0.0, variance=0.5 * VARIANCE, band=band, lower=-np.inf, upper=np.inf
+        )
+        for band in (SLOW, FAST)
+    ]
+    return np.clip(MEAN + halves[0] + halves[1], LOWER, UPPER)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -14,9 +14,9 @@ from typing import Any
 from deatwin.scenarios.fleet_models.estimators import estimate_all
 from deatwin.scenarios.fleet_models.figures import semp_drawings
 from deatwin.scenarios.fleet_models.notes import semp_notes
-from deatwin.scenarios.fleet_models.study import FRO, SEMP, Programme, carry_out
+from deatwin.scenarios.fleet_models.study import FRO, SEMP, Programme, Study
 from deatwin.scenarios.fleet_models.tables import SHOWN, semp_tables
-from deatwin.scenarios.fleet_models.telling import tell
+from deatwin.scenarios.fleet_models.telling import Account, tell
 from deatwin.scenarios.fleet_models.verdicts import judge_semp
 from deatwin.scenarios.report.story import StoryPage
 from deatwin.scenarios.stories import Setting
@@ -44,9 +44,10 @@ def run(setting: Setting) -> Mapping[str, Any]:
     SimulationError
         If a film pulls in.
     """
-    record = setting.record()
-    study = carry_out(setting.seed, PROGRAMME, jobs=setting.jobs, progress=setting.progress)
-    setting.progress(0.9, "judging and drawing")
+    return tell(setting, PROGRAMME, SEMP, _account)
+
+
+def _account(_: Setting, study: Study) -> Account:
     rows = judge_semp(study)
     fits = [bench.models[SEMP].fit for bench in study.recorded]
     shown = study.recorded[SHOWN - 1]
@@ -61,4 +62,4 @@ def run(setting: Setting) -> Mapping[str, Any]:
         ),
         rows=rows, notes=semp_notes(study), figures=figures, tables=semp_tables(study, estimated),
     )  # fmt: skip
-    return tell(setting, page, study, method=SEMP, files=files, record=record)
+    return page, files

@@ -14,10 +14,10 @@ from deatwin.ident.narx import Frols
 from deatwin.scenarios.fleet_models.choice import Choice, compare
 from deatwin.scenarios.fleet_models.notes import svb_notes
 from deatwin.scenarios.fleet_models.preparation import RULE
-from deatwin.scenarios.fleet_models.study import FREE, SEMP, SVB, Programme, Study, carry_out
+from deatwin.scenarios.fleet_models.study import FREE, SEMP, SVB, Programme, Study
 from deatwin.scenarios.fleet_models.svb_figures import svb_drawings
 from deatwin.scenarios.fleet_models.tables import SHOWN, svb_tables
-from deatwin.scenarios.fleet_models.telling import tell
+from deatwin.scenarios.fleet_models.telling import Account, tell
 from deatwin.scenarios.fleet_models.verdicts import judge_svb
 from deatwin.scenarios.report.story import StoryPage
 from deatwin.scenarios.stories import Setting
@@ -47,9 +47,10 @@ def run(setting: Setting) -> Mapping[str, Any]:
     SimulationError
         If a film pulls in.
     """
-    record = setting.record()
-    study = carry_out(setting.seed, PROGRAMME, jobs=setting.jobs, progress=setting.progress)
-    setting.progress(0.9, "judging and drawing")
+    return tell(setting, PROGRAMME, SVB, _account)
+
+
+def _account(setting: Setting, study: Study) -> Account:
     rows = judge_svb(study)
     own, other = ([bench.models[method].fit for bench in study.recorded] for method in (SVB, SEMP))
     figures, files = svb_drawings(study, _choice(study), setting.seed)
@@ -62,7 +63,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
         ),
         rows=rows, notes=svb_notes(study), figures=figures, tables=svb_tables(study),
     )  # fmt: skip
-    return tell(setting, page, study, method=SVB, files=files, record=record)
+    return page, files
 
 
 def _choice(study: Study) -> Choice:

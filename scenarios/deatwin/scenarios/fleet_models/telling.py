@@ -1,47 +1,61 @@
-"""What both stories write."""
+"""How both stories run, and what they write."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from typing import Any
 
 from deatwin.scenarios.fleet_models.figures import Columns
-from deatwin.scenarios.fleet_models.study import Study
+from deatwin.scenarios.fleet_models.study import Programme, Study, carry_out
+from deatwin.scenarios.folder import ResultFolder
 from deatwin.scenarios.provenance import RunRecord
 from deatwin.scenarios.report.story import StoryPage, write_story
 from deatwin.scenarios.stories import Setting
 
-__all__ = ["tell"]
+__all__ = ["Account", "tell"]
+
+Account = tuple[StoryPage, Mapping[str, Columns]]
+"""A page, whose title is the name of the story, and the columns of each CSV file."""
 
 
 def tell(
-    setting: Setting, page: StoryPage, study: Study, *, method: str, files: Mapping[str, Columns], record: RunRecord
+    setting: Setting, programme: Programme, method: str, account: Callable[[Setting, Study], Account]
 ) -> Mapping[str, Any]:
-    """Write the page, the models of a method, the data of the figures and what is plain data.
+    """Identify the fleet, and write the page, the models of a method, the data of the figures and what is plain data.
 
     Parameters
     ----------
     setting : Setting
-        With the folder.
-    page : StoryPage
-        Its title is the name of the story.
-    study : Study
-        All of it.
+        Folder, seed and the like.
+    programme : Programme
+        By which methods.
     method : str
         Whose six models are the story's own.
-    files : mapping of str to mapping of str to ndarray
-        Columns of each CSV file.
-    record : RunRecord
-        Begun with the run.
+    account : callable
+        Judges the study and draws it.
 
     Returns
     -------
     mapping
         The measures with what they demand and reach, the validation of each model, and the sentence.
+
+    Raises
+    ------
+    SimulationError
+        If a film pulls in.
     """
-    folder = setting.folder
+    record = setting.record()
+    study = carry_out(setting.seed, programme, jobs=setting.jobs, progress=setting.progress)
+    setting.progress(0.9, "judging and drawing")
+    page, files = account(setting, study)
+    return _written(setting.folder, page, study, method, files, record)
+
+
+def _written(
+    folder: ResultFolder, page: StoryPage, study: Study, method: str, files: Mapping[str, Columns], record: RunRecord
+) -> Mapping[str, Any]:
     for name, columns in files.items():
         folder.csv(name, columns)
     for bench in study.recorded:

@@ -19,6 +19,7 @@ from typing import IO, Any
 
 from deatwin.plant.errors import DataError
 from deatwin.scenarios.live.desk import inside, safe_name
+from deatwin.scenarios.partial import holds_only_partial
 
 __all__ = ["MOST_RUNNING", "WORKER", "Board", "Job", "Order", "State"]
 
@@ -51,7 +52,7 @@ class Order:
     recordings : sequence of str
         Files in the folder: one experiment.
     out : str
-        Name of a new folder for the results.
+        Name of a new folder for the results, or of one that holds only what an interrupted diagnosis left.
     input_column, output_column : str
         Headers of the columns; empty for the usual ones.
     allow_gaps : bool
@@ -232,7 +233,7 @@ class Board:
         ------
         DataError
             If it cannot be: nothing chosen, a file that is not there or outside of the folder, a folder for the
-            results that is there already, or too many that run.
+            results that is there already (but for what an interrupted diagnosis left), or too many that run.
         """
         if not order.recordings or not order.rig:
             raise DataError("choose a rig file and at least one recording")
@@ -243,15 +244,23 @@ class Board:
             raise DataError(f'{order.out}: no name for a folder here; take for example "{safe_name(order.out)}"')
         if len(self.running) >= MOST_RUNNING:
             raise DataError(f"{MOST_RUNNING} diagnoses are running; wait for one, or cancel it")
-        try:
-            (self.root / order.out).mkdir()
-        except FileExistsError:
-            raise DataError(f"{order.out}: is there already; results are not replaced, take another name") from None
-        except OSError as error:
-            raise DataError(f"{order.out}: the folder cannot be made: {error.strerror}") from None
+        self._make(order.out)
         job = Job(self.root, order, self.program)
         self.jobs.insert(0, job)
         return job
+
+    def _make(self, out: str) -> None:
+        """Make the folder for the results, or take one in which a run that was cancelled left its steps."""
+        folder = self.root / out
+        try:
+            folder.mkdir()
+        except FileExistsError:
+            if any(_same(folder, self.root / job.order.out) for job in self.running):
+                raise DataError(f"{out}: a diagnosis that runs writes into it; take another name") from None
+            if not holds_only_partial(folder):
+                raise DataError(f"{out}: is there already; results are not replaced, take another name") from None
+        except OSError as error:
+            raise DataError(f"{out}: the folder cannot be made: {error.strerror}") from None
 
     def close(self) -> None:
         """End all that runs."""
@@ -264,6 +273,14 @@ def _lines(pipe: IO[str] | None) -> Iterator[str]:
     if pipe is not None:
         with pipe:
             yield from iter(lambda: pipe.readline(LONGEST_LINE), "")
+
+
+def _same(one: Path, other: Path) -> bool:
+    """Whether two names lead to one folder: some systems take no notice of capitals."""
+    try:
+        return one.samefile(other)
+    except OSError:
+        return False
 
 
 def _remove_if_empty(folder: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any, Self
@@ -79,7 +80,57 @@ class Answer:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Tried:
+class Case(ABC):
+    """What is asked of the draws of a system.
+
+    Parameters
+    ----------
+    system : str
+        By name.
+    """
+
+    system: str
+
+    @property
+    def name(self) -> str:
+        """Of its file."""
+        return f"{self.system}-{self._about}"
+
+    @property
+    @abstractmethod
+    def _about(self) -> str:
+        """What of the system it is, in the name."""
+
+    @property
+    @abstractmethod
+    def effort(self) -> float:
+        """How many seconds it takes, about."""
+
+    @abstractmethod
+    def answer(self, seed: int) -> Answer:
+        """Run it.
+
+        Parameters
+        ----------
+        seed : int
+            Of the study.
+
+        Returns
+        -------
+        Answer
+        """
+
+    def _fits(self, methods: tuple[str, ...]) -> float:
+        """Seconds that fits by the methods take."""
+        return sum(METHODS[method].efforts[self._large] for method in methods)
+
+    @property
+    def _large(self) -> bool:
+        return SYSTEMS[self.system].degree > 3
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tried(Case):
     """All methods, and the oracles, on a draw.
 
     Parameters
@@ -92,38 +143,24 @@ class Tried:
         By name.
     """
 
-    system: str
     number: int
     methods: tuple[str, ...]
 
     @property
-    def name(self) -> str:
-        """Of its file."""
-        return f"{self.system}-{self.number:03d}"
+    def _about(self) -> str:
+        return f"{self.number:03d}"
 
     @property
     def effort(self) -> float:
-        """How many seconds it takes, about."""
-        return _fits(self.system, self.methods) + (0.4 if _large(self.system) else 0.03)
+        return self._fits(self.methods) + (0.4 if self._large else 0.03)
 
     def answer(self, seed: int) -> Answer:
-        """Run it.
-
-        Parameters
-        ----------
-        seed : int
-            Of the study.
-
-        Returns
-        -------
-        Answer
-        """
         trials = tuple(try_out(self.system, method, seed, self.number) for method in self.methods)
         return Answer(trials=trials, contrast=contrast(self.system, seed, self.number))
 
 
 @dataclass(frozen=True, kw_only=True)
-class Covering:
+class Covering(Case):
     """The intervals of several estimators on all draws of a system; a draw takes milliseconds.
 
     Parameters
@@ -136,32 +173,18 @@ class Covering:
         By name.
     """
 
-    system: str
     draws: int
     estimators: tuple[str, ...]
 
     @property
-    def name(self) -> str:
-        """Of its file."""
-        return f"{self.system}-coverage"
+    def _about(self) -> str:
+        return "coverage"
 
     @property
     def effort(self) -> float:
-        """How many seconds it takes, about."""
         return 0.003 * self.draws * len(self.estimators)
 
     def answer(self, seed: int) -> Answer:
-        """Run it.
-
-        Parameters
-        ----------
-        seed : int
-            Of the study.
-
-        Returns
-        -------
-        Answer
-        """
         return Answer(
             covered={
                 estimator: np.array([covered(self.system, estimator, seed, number) for number in range(self.draws)])
@@ -171,7 +194,7 @@ class Covering:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Noisy:
+class Noisy(Case):
     """Some methods, and the intervals of variational Bayes, on a draw with other noise.
 
     Parameters
@@ -186,33 +209,19 @@ class Noisy:
         By name.
     """
 
-    system: str
     variance: float
     number: int
     methods: tuple[str, ...]
 
     @property
-    def name(self) -> str:
-        """Of its file."""
-        return f"{self.system}-{self.variance:g}-{self.number:03d}"
+    def _about(self) -> str:
+        return f"{self.variance:g}-{self.number:03d}"
 
     @property
     def effort(self) -> float:
-        """How many seconds it takes, about."""
-        return _fits(self.system, self.methods) + 0.003
+        return self._fits(self.methods) + 0.003
 
     def answer(self, seed: int) -> Answer:
-        """Run it.
-
-        Parameters
-        ----------
-        seed : int
-            Of the study.
-
-        Returns
-        -------
-        Answer
-        """
         flags = covered(self.system, VARIATIONAL, seed, self.number, self.variance)
         return Answer(
             trials=tuple(try_out(self.system, m, seed, self.number, self.variance) for m in self.methods),
@@ -221,7 +230,7 @@ class Noisy:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sampled:
+class Sampled(Case):
     """A method beside the sampler of structures, on a draw.
 
     Parameters
@@ -234,41 +243,16 @@ class Sampled:
         By name.
     """
 
-    system: str
     number: int
     method: str
 
     @property
-    def name(self) -> str:
-        """Of its file."""
-        return f"{self.system}-sampler-{self.number:03d}"
+    def _about(self) -> str:
+        return f"sampler-{self.number:03d}"
 
     @property
     def effort(self) -> float:
-        """How many seconds it takes, about."""
         return 2.0
 
     def answer(self, seed: int) -> Answer:
-        """Run it.
-
-        Parameters
-        ----------
-        seed : int
-            Of the study.
-
-        Returns
-        -------
-        Answer
-        """
         return Answer(comparison=compare(self.system, self.method, seed, self.number))
-
-
-Case = Tried | Covering | Noisy | Sampled
-
-
-def _fits(system: str, methods: tuple[str, ...]) -> float:
-    return sum(METHODS[method].efforts[_large(system)] for method in methods)
-
-
-def _large(system: str) -> bool:
-    return SYSTEMS[system].degree > 3

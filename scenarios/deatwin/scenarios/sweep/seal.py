@@ -147,7 +147,7 @@ class Sealed(ABC):
 
 @dataclass(frozen=True, kw_only=True)
 class SweepSeal(Sealed):
-    """What must not change between the first case and the last.
+    """A seal of named parts; what changed is told part by part, as it was and as it is.
 
     Parameters
     ----------
@@ -162,51 +162,20 @@ class SweepSeal(Sealed):
 
     @property
     def content(self) -> dict[str, Any]:
-        """Schema and parts."""
         return {"schema": self.schema, "parts": dict(self.parts)}
 
     @property
     def case_schema(self) -> str:
-        """The schema that it was given."""
         return self.schema
 
     def described(self) -> dict[str, Any]:
-        """The content of ``seal.json`` without the hash."""
         return {"schema": SCHEMA, "cases": self.schema, "parts": dict(self.parts)}
 
     @classmethod
     def read(cls, data: Mapping[str, Any]) -> Self:
-        """The seal that `described` described.
-
-        Parameters
-        ----------
-        data : mapping
-            Content of ``seal.json``; of its hash nothing is asked.
-
-        Returns
-        -------
-        SweepSeal
-
-        Raises
-        ------
-        KeyError, TypeError, ValueError
-            If it is none.
-        """
         return cls(schema=data["cases"], parts=dict(data["parts"]))
 
     def changes(self, other: Self) -> str:
-        """Each part that differs, as it was and as it is.
-
-        Parameters
-        ----------
-        other : SweepSeal
-            Found in a folder.
-
-        Returns
-        -------
-        str
-            Empty if nothing differs.
-        """
         mine, theirs = {"schema": self.schema, **self.parts}, {"schema": other.schema, **other.parts}
         changed = [name for name in {**theirs, **mine} if digest(mine.get(name)) != digest(theirs.get(name))]
         return "; ".join(f"{name}: {_short(theirs.get(name))} there, {_short(mine.get(name))} now" for name in changed)

@@ -29,15 +29,7 @@ from deatwin.scenarios.stories import Setting
 from deatwin.scenarios.your_own_rig.elsewhere import CAR, drive
 from deatwin.scenarios.your_own_rig.figures import agreement
 from deatwin.scenarios.your_own_rig.quarter_car import plant
-from deatwin.scenarios.your_own_rig.roads import (
-    Drives,
-    bumps,
-    concealed,
-    record_elsewhere,
-    record_here,
-    rough_road,
-    unread,
-)
+from deatwin.scenarios.your_own_rig.roads import DRIVERS, Drives, bumps, concealed, record, rough_road, unread
 
 __all__ = ["case", "run"]
 
@@ -47,7 +39,6 @@ FINE = 0.01
 """Of the sensor's noise, by which both integrators may differ."""
 NEAR = 1.1
 """Times the sensor's noise, what the amended plant may leave."""
-DRIVERS = {"here": record_here, "elsewhere": record_elsewhere}
 Told = tuple[Case, Diagnosis, Trial]
 
 
@@ -68,9 +59,9 @@ def run(setting: Setting) -> Mapping[str, Any]:
     setting.progress(0.0, "driving")
     setting.folder.text(FILE, _source())
     roads = rough_road(rng, plant().rig.sample_time), bumps(plant().rig.sample_time)
-    drives = {name: recorded(setting.folder, roads, rng) for name, recorded in DRIVERS.items()}
+    drives = {name: record(name, setting.folder, roads, rng) for name in DRIVERS}
     read = [setting.folder.path / FILE, *(file for one in drives.values() for file in one.files)]
-    record = RunRecord(command=setting.command, inputs=hashes(read), seed=setting.seed, jobs=setting.jobs)
+    begun = RunRecord(command=setting.command, inputs=hashes(read), seed=setting.seed, jobs=setting.jobs)
     told = {}
     for number, (name, driven) in enumerate(drives.items()):
         first = 0.1 + 0.4 * number
@@ -81,7 +72,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
         )  # fmt: skip
         told[name] = own, diagnosis, judged(own, diagnosis)[0]
     setting.progress(0.9, "drawing")
-    return _written(setting, told, record)
+    return _written(setting, told, begun)
 
 
 def case(name: str, driven: Drives) -> Case:

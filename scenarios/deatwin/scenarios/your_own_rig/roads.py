@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from deatwin.scenarios.folder import ResultFolder
 from deatwin.scenarios.your_own_rig.elsewhere import CAR, drive
 from deatwin.scenarios.your_own_rig.quarter_car import plant
 
-__all__ = ["Drives", "bumps", "concealed", "record_elsewhere", "record_here", "rough_road", "unread"]
+__all__ = ["DRIVERS", "Drives", "bumps", "concealed", "record", "rough_road", "unread"]
 
 Array = NDArray[np.float64]
 ROUGHNESS, BAND = 8e-3, 6.0
@@ -101,11 +102,13 @@ def concealed() -> Plant:
     return nominal.with_effects(drag).with_values({**own, "quadratic_damping.coefficient": CAR.orifice})
 
 
-def record_here(folder: ResultFolder, roads: tuple[Array, Array], rng: np.random.Generator) -> Drives:
-    """Let deatwin drive: its own equations, its own integrator.
+def record(driver: str, folder: ResultFolder, roads: tuple[Array, Array], rng: np.random.Generator) -> Drives:
+    """Let one of the `DRIVERS` drive, write both recordings, and read them back as a user's own would be.
 
     Parameters
     ----------
+    driver : str
+        By name.
     folder : ResultFolder
         For the recordings.
     roads : tuple of ndarray
@@ -117,32 +120,13 @@ def record_here(folder: ResultFolder, roads: tuple[Array, Array], rng: np.random
     -------
     Drives
     """
-    made = [concealed().record(Experiment(recordings=(unread(road),)), rng).recordings[0] for road in roads]
-    return _kept(folder, "here", made[0], made[1])
-
-
-def record_elsewhere(folder: ResultFolder, roads: tuple[Array, Array], rng: np.random.Generator) -> Drives:
-    """Let scipy drive: other equations, another integrator.
-
-    Parameters
-    ----------
-    folder : ResultFolder
-        For the recordings.
-    roads : tuple of ndarray
-        The rough one and the bumps.
-    rng : numpy.random.Generator
-        Of the sensor's noise.
-
-    Returns
-    -------
-    Drives
-    """
-    rig = plant().rig
-    made = []
-    for road in roads:
-        travel, _, _ = drive(CAR, road, rig.sample_time)
-        made.append(_named(road, travel + rig.noise * rng.standard_normal(road.size)))
-    return _kept(folder, "elsewhere", made[0], made[1])
+    made = [DRIVERS[driver](road, rng) for road in roads]
+    names = (f"recordings/{driver}_rough_road.csv", f"recordings/{driver}_bumps.csv")
+    for file, recording in zip(names, made, strict=True):
+        folder.save(file, lambda path, recording=recording: write_recording(path, recording))  # type: ignore[misc]
+    files = folder.path / names[0], folder.path / names[1]
+    first, second = (read_recording(file, input_column="road_m", output_column="travel_m") for file in files)
+    return Drives(rough=first, over_bumps=second, files=files)
 
 
 def unread(road: Array) -> Recording:
@@ -168,11 +152,15 @@ def _named(road: Array, travel: Array) -> Recording:
     )  # fmt: skip
 
 
-def _kept(folder: ResultFolder, name: str, rough: Recording, over_bumps: Recording) -> Drives:
-    """Write both, and read them back as a user's own would be."""
-    names = (f"recordings/{name}_rough_road.csv", f"recordings/{name}_bumps.csv")
-    for file, recording in zip(names, (rough, over_bumps), strict=True):
-        folder.save(file, lambda path, recording=recording: write_recording(path, recording))  # type: ignore[misc]
-    files = folder.path / names[0], folder.path / names[1]
-    first, second = (read_recording(file, input_column="road_m", output_column="travel_m") for file in files)
-    return Drives(rough=first, over_bumps=second, files=files)
+def _here(road: Array, rng: np.random.Generator) -> Recording:
+    return concealed().record(Experiment(recordings=(unread(road),)), rng).recordings[0]
+
+
+def _elsewhere(road: Array, rng: np.random.Generator) -> Recording:
+    rig = plant().rig
+    travel, _, _ = drive(CAR, road, rig.sample_time)
+    return _named(road, travel + rig.noise * rng.standard_normal(road.size))
+
+
+DRIVERS: Mapping[str, Callable[[Array, np.random.Generator], Recording]] = {"here": _here, "elsewhere": _elsewhere}
+"""Who lets the car move: deatwin with its own equations and integrator, or scipy with others."""
