@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
@@ -16,13 +16,11 @@ from deatwin.plant.errors import SimulationError
 from deatwin.plant.integrator.collocation import step_functions
 from deatwin.plant.integrator.compiled import compile_functions
 from deatwin.plant.integrator.march import March
+from deatwin.plant.marching import CHUNK, marched, repeated
 from deatwin.plant.rest import RestState, has_equilibrium, rest_state
-from deatwin.plant.sample import SHORTER_STEPS, Sample, solved
+from deatwin.plant.sample import Sample
 
 __all__ = ["Run", "RunStatus", "Simulator", "Stepper"]
-
-CHUNK = 200
-"""Samples in one call of compiled code."""
 
 Progress = Callable[[float], None]
 
@@ -82,8 +80,8 @@ class Simulator:
         step = step_functions(equations)
         self._single = step
         marches = {
-            "plain_march": step.plain.mapaccum("plain_march", CHUNK, [0, 1], [0, 1]),
-            "sensitive_march": step.sensitive.mapaccum("sensitive_march", CHUNK, [0, 1, 2], [0, 1, 2]),
+            "plain_march": repeated(step.plain, "plain_march", 2),
+            "sensitive_march": repeated(step.sensitive, "sensitive_march", 3),
         }
         self._march = compile_functions(marches, in_lanes=step.in_lanes)
 
@@ -131,10 +129,10 @@ class Simulator:
         inputs = self.equations.inputs(commands, rest_command, times, channels)
         outputs, watched = [np.array([first])], []
         march = March(self._march["plain_march"])
-        x, z, d = march.arguments[:3]
-        x[:], z[:], d[:] = rest.x, rest.z, rest.d
+        x, z, d, *_, p, c = march.arguments
+        x[:], z[:], d[:], p[:], c[:] = rest.x, rest.z, rest.d, values, self.equations.constants
         done = 0
-        for y, w in self._marched(march, 2, inputs, start, sample_time, values):
+        for y, w in marched(march, 2, inputs, start, sample_time):
             outputs.append(y[:, 0])
             watched.append(w.T)
             done += len(y)
@@ -179,11 +177,11 @@ class Simulator:
         first = float(self.equations.output(*point))
         outputs, slopes = [np.array([first])], [self._rest_slope(point, rest.x_p, rest.z_p, rest.d_p)]
         march = March(self._march["sensitive_march"])
-        x, z, dx, dd, d = march.arguments[:5]
-        x[:], z[:], dx[:], d[:] = rest.x, rest.z, rest.x_p.T, rest.d
+        x, z, dx, dd, d, *_, p, c = march.arguments
+        x[:], z[:], dx[:], d[:], p[:], c[:] = rest.x, rest.z, rest.x_p.T, rest.d, values, self.equations.constants
         dd[:] = np.tile(rest.d_p.T, (CHUNK, 1))
         done = 0
-        for y, dy in self._marched(march, 3, inputs, start, sample_time, values):
+        for y, dy in marched(march, 3, inputs, start, sample_time):
             outputs.append(y[:, 0])
             slopes.append(dy.reshape(len(y), n_p))
             done += len(y)
@@ -241,39 +239,6 @@ class Simulator:
     def _step(self) -> ca.Function:
         """One sample, compiled only for those who step: the marches hold their own copy."""
         return compile_functions({"plain_step": self._single.plain}, in_lanes=self._single.in_lanes)["plain_step"]
-
-    def _marched(
-        self, march: March, n_states: int, inputs: np.ndarray, start: float, sample_time: float, values: np.ndarray
-    ) -> Iterator[list[np.ndarray]]:
-        """Results of a march besides its states, for some samples at a time; ends early where one is not solved.
-
-        The first `n_states` arguments and results of the march are its states. A sample that is not solved in one
-        step is taken in shorter ones.
-        """
-        u, t, h, p, c = march.arguments[-5:]
-        p[:], c[:] = values, self.equations.constants
-        begin, n = 0, inputs.shape[1]
-        while begin < n:
-            count = min(CHUNK, n - begin)
-            # The last piece is filled up with its last sample.
-            u[:count], u[count:] = inputs[:, begin : begin + count].T, inputs[:, begin + count - 1]
-            h[:], t[:, 0] = sample_time, start + sample_time * np.arange(begin, begin + CHUNK)
-            results = march.advance()
-            good = solved(results[-1], results[n_states], count)
-            if good:
-                yield _kept(march, results, n_states, 0, good)
-            begin += good
-            if good < count:
-                u[:], time = inputs[:, begin], start + sample_time * begin
-                for shorter in SHORTER_STEPS:
-                    h[:], t[:, 0] = sample_time / shorter, time + sample_time / shorter * np.arange(CHUNK)
-                    results = march.advance()
-                    if solved(results[-1], results[n_states], shorter) == shorter:
-                        yield _kept(march, results, n_states, shorter - 1, shorter)
-                        break
-                else:
-                    return
-                begin += 1
 
     def _reading(self, rest: RestState, command: float, time: float, values: np.ndarray) -> ca.DM:
         inputs = self.equations.held_inputs(command)
@@ -387,12 +352,3 @@ class Stepper:
             else:
                 self._status = self._why(command)
         return self._status
-
-
-def _kept(march: March, results: list[np.ndarray], n_states: int, first: int, last: int) -> list[np.ndarray]:
-    """Results of some samples, without states and error; the states after the last of them are the march's next."""
-    for argument, result in zip(march.arguments[:n_states], results[:n_states], strict=True):
-        width = argument.shape[0]
-        argument[:] = result[(last - 1) * width : last * width]
-    widths = [result.shape[0] // CHUNK for result in results[n_states:-1]]
-    return [r[first * k : last * k].copy() for r, k in zip(results[n_states:-1], widths, strict=True)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -77,8 +78,10 @@ class CheckTask:
     def __post_init__(self) -> None:
         if self.operating_range is not None:
             low, high = self.operating_range
-            if not low < high:
-                raise ControlError(f"the operating range {low:g} to {high:g} is empty: its ends must rise")
+            if not -math.inf < low < high < math.inf:
+                raise ControlError(
+                    f"the operating range {low:g} to {high:g} holds no input: its ends must be finite and rise"
+                )
             if self.operating_input is not None and not low <= self.operating_input <= high:
                 raise ControlError(
                     f"the operating input {self.operating_input:g} lies outside of the operating range, {low:g} to "

@@ -6,16 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.plant.integrator.march import March
+from deatwin.plant.marching import marched, repeated
 from deatwin.plant.model import Plant
 from deatwin.plant.rest import rest_state
-from deatwin.plant.sample import solved
 
 __all__ = ["LongRun"]
 
 Array = NDArray[np.float64]
-
-CHUNK = 200
-"""Samples in one call of compiled code."""
 
 
 class LongRun:
@@ -34,13 +31,11 @@ class LongRun:
         self._equations = equations = plant.simulator.equations
         # The sample that a stepper takes, repeated: nothing is compiled for this alone.
         self._sample = plant.simulator.sample(values, plant.rig.sample_time)
-        self._march = March(self._sample.step.mapaccum("long_run", CHUNK, [0, 1], [0, 1]))
+        self._march = March(repeated(self._sample.step, "long_run", 2))
         rest, held = rest_state(equations, command, values), equations.held_inputs(command)
         self._lives, self._time, self._past = rest.found, start, np.full(equations.history, command)
-        x, z, d, _, _, h, p, c = self._march.arguments
-        x[:], z[:], d[:], h[:], p[:], c[:] = (
-            rest.x, rest.z, rest.d, self._sample.sample_time, values, equations.constants
-        )  # fmt: skip
+        x, z, d, *_, p, c = self._march.arguments
+        x[:], z[:], d[:], p[:], c[:] = rest.x, rest.z, rest.d, values, equations.constants
         self._reading = float(equations.output(rest.x, rest.z, rest.d, held, start, values, equations.constants))
 
     @property
@@ -79,25 +74,7 @@ class LongRun:
         return inputs
 
     def _ends(self, inputs: Array) -> Array | None:
-        """Readings at the end of each sample; a sample that is not solved in one step is taken in shorter ones."""
-        x, z, d, u, t = self._march.arguments[:5]
-        h, n, done = self._sample.sample_time, inputs.shape[1], 0
-        found = np.empty(n)
-        while done < n:
-            count = min(CHUNK, n - done)
-            # The last piece is filled up with its last sample.
-            u[:count], u[count:] = inputs[:, done : done + count].T, inputs[:, done + count - 1]
-            t[:, 0] = self._time + h * np.arange(done, done + CHUNK)
-            x_ends, z_ends, levels, _, errors = self._march.advance()
-            good = solved(errors, levels, count)
-            if good:
-                x[:], z[:] = x_ends[good - 1 : good], z_ends[good - 1 : good]
-                found[done : done + good] = levels[:good, 0]
-            done += good
-            if good < count:
-                after = self._sample(x[0], z[0], d[0], inputs[:, done], self._time + h * done)
-                if after is None:
-                    return None
-                x[:], z[:], found[done] = np.asarray(after[0]).T, np.asarray(after[1]).T, after[2]
-                done += 1
-        return found
+        """Readings at the end of each sample; None where one is not solved."""
+        pieces = marched(self._march, 2, inputs, self._time, self._sample.sample_time)
+        found = np.concatenate([np.empty(0), *(levels[:, 0] for levels, _ in pieces)])
+        return found if found.size == inputs.shape[1] else None

@@ -89,8 +89,8 @@ def equilibrium(model: NarxModel, operating_input: ArrayLike | None = None) -> E
     target = operating_input_of(model, operating_input)
     roots = _real_equilibria(model, target)
     if roots.size == 0:
-        where = f"{target.tolist()} {'/'.join(model.input_units)}".strip()
-        raise ModelError(f"the model has no real equilibrium at the input {where}; its free run cannot settle there")
+        inputs = ", ".join(f"{value:.6g} {unit}".strip() for value, unit in zip(target, model.input_units, strict=True))
+        raise ModelError(f"the model has no real equilibrium at the input {inputs}; its free run cannot settle there")
     poles = [poles_of(*feedback(model, levels(model, target, float(output)))) for output in roots]
     stable = np.array([bool(np.all(np.abs(p) < 1.0)) for p in poles])
     return Equilibrium(

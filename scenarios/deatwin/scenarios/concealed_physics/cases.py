@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Sequence
 from itertools import combinations
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from deatwin.plant.effects import effect_named
-from deatwin.plant.errors import DataError, nearest
+from deatwin.plant.errors import DataError
 from deatwin.scenarios.concealed_physics.excitations import RICH
 from deatwin.scenarios.concealed_physics.key import KEY, OUTSIDE, TIES
 from deatwin.scenarios.concealed_physics.mechanisms import log_uniform
 from deatwin.scenarios.concealed_physics.reach import reach
+from deatwin.scenarios.concealed_physics.sizes import size_named
 from deatwin.scenarios.concealed_physics.specimens import Specimen, make
 from deatwin.scenarios.concealed_physics.specs import CaseSpec
 
-__all__ = ["LADDER", "SIZES", "CaseSpec", "Specimen", "case_specs", "make", "pairable"]
+__all__ = ["LADDER", "CaseSpec", "Specimen", "case_specs", "make", "pairable"]
 
 LADDER = (0.3, 0.5, 0.9, 1.6, 2.8, 5.0)
 """Strengths of the cases of an effect, structural residual over noise."""
@@ -28,10 +28,6 @@ OUTSIDE_RATIOS, TIE_RATIOS = (0.4, 4.0), (0.7, 3.0)
 NOISE_SHARES = (0.01, 0.05)
 PAIRABLE = 5.0
 """Least reach, against the noise, of an effect that takes part in a pair."""
-SIZES: Mapping[str, tuple[int, int, int, int, int]] = MappingProxyType({
-    "tiny": (3, 4, 2, 2, 1), "standard": (150, 6, 40, 40, 24), "full": (300, 12, 80, 80, 48),
-})  # fmt: skip
-"""Clean cases, cases an effect (in all, for the tiny one), outside cases, pairs and ties."""
 
 
 def case_specs(size: str, seed: int) -> tuple[CaseSpec, ...]:
@@ -53,32 +49,42 @@ def case_specs(size: str, seed: int) -> tuple[CaseSpec, ...]:
     DataError
         If the size or the seed is none of these.
     """
-    if size not in SIZES:
-        raise DataError(f"unknown size {size!r}{nearest(size, SIZES)} (known: {', '.join(SIZES)})")
+    of = size_named(size)
     if seed < 0:
         raise DataError(f"seed {seed}: it must not be negative")
     rng = np.random.default_rng([seed, len(size)])
-    clean, effects, outside, pairs, ties = SIZES[size]
+    effects = _few_effects(of.effects, of.library, rng) if of.library else _effects(of.effects, rng)
     several = [
-        *_clean(clean), *(_few_effects if size == "tiny" else _effects)(effects, rng), *_outside(outside, rng),
-        *_pairs(pairs, rng), *_ties(ties, rng),
+        *_clean(of.clean), *effects, *_outside(of.outside, rng), *_pairs(of.pairs, of.library, rng),
+        *_ties(of.ties, of.library, rng),
     ]  # fmt: skip
     # A block of seeds for each study.
     first = (seed + 1) * 1_000_000
-    form = "usual" if size == "tiny" else "drawn"  # of one form, so that equations are compiled once
-    return tuple(CaseSpec(seed=first + k, form=form, **_recorded(given, rng)) for k, given in enumerate(several))
+    return tuple(
+        CaseSpec(seed=first + k, form=of.form, library=of.library, **_recorded(given, rng))
+        for k, given in enumerate(several)
+    )
 
 
-def pairable() -> tuple[tuple[str, str], ...]:
+def pairable(library: Sequence[str] = ()) -> tuple[tuple[str, str], ...]:
     """Pairs of concealed mechanisms that belong to different families and can both be seen.
+
+    Parameters
+    ----------
+    library : sequence of str
+        Effects that the diagnosis knows; empty for the whole catalogue.
 
     Returns
     -------
     tuple of pairs of str
     """
-    seen = [name for name in KEY if reach(name) >= PAIRABLE]
+    seen = _seen_well(library)
     family = {name: effect_named(KEY[name][0]).family for name in seen}
     return tuple((a, b) for a, b in combinations(seen, 2) if family[a] is not family[b])
+
+
+def _seen_well(library: Sequence[str]) -> list[str]:
+    return [name for name, names in KEY.items() if reach(name) >= PAIRABLE and (not library or names[0] in library)]
 
 
 Given = dict[str, Any]
@@ -97,10 +103,9 @@ def _effects(each: int, rng: np.random.Generator) -> Iterator[Given]:
             yield {**_effect(name, names[0], f"{k + 1:02d}", ratio), "noise_share": round(noise, 4)}
 
 
-def _few_effects(count: int, rng: np.random.Generator) -> Iterator[Given]:
+def _few_effects(count: int, library: Sequence[str], rng: np.random.Generator) -> Iterator[Given]:
     """Some effects that can be seen well."""
-    seen = [name for name in KEY if reach(name) >= PAIRABLE]
-    for name in rng.choice(seen, count, replace=False):
+    for name in rng.choice(_seen_well(library), count, replace=False):
         yield _effect(str(name), KEY[str(name)][0], "01", 2.8)
 
 
@@ -120,8 +125,8 @@ def _outside(count: int, rng: np.random.Generator) -> Iterator[Given]:
         }  # fmt: skip
 
 
-def _pairs(count: int, rng: np.random.Generator) -> Iterator[Given]:
-    possible = pairable()
+def _pairs(count: int, library: Sequence[str], rng: np.random.Generator) -> Iterator[Given]:
+    possible = pairable(library)
     for k, number in enumerate(rng.permutation(len(possible))[:count]):
         pair = possible[number]
         yield {
@@ -131,9 +136,10 @@ def _pairs(count: int, rng: np.random.Generator) -> Iterator[Given]:
         }  # fmt: skip
 
 
-def _ties(count: int, rng: np.random.Generator) -> Iterator[Given]:
+def _ties(count: int, library: Sequence[str], rng: np.random.Generator) -> Iterator[Given]:
     for k in range(count):
-        waveform, rivals, mechanism, _ = TIES[k % len(TIES)]
+        waveform, alike, mechanism, _ = TIES[k % len(TIES)]
+        rivals = tuple(name for name in alike if not library or name in library)
         yield {
             "name": f"tie-{k + 1:02d}", "kind": "tie", "effects": (mechanism,), "truth": (KEY[mechanism][0],),
             "rivals": rivals, "target_ratio": log_uniform(rng, *TIE_RATIOS), "excitation": waveform, "rich": False,

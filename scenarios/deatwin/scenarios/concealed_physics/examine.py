@@ -15,6 +15,7 @@ import numpy as np
 
 from deatwin.ident.greybox.fit import Calibration, Part, calibrate, simulated
 from deatwin.ident.mismatch import Diagnosis, diagnose
+from deatwin.plant.effects.base import Effect
 from deatwin.plant.errors import DeatwinError, SimulationError
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment
@@ -44,7 +45,8 @@ def examine(spec: CaseSpec, seconds: float, check_seconds: float) -> dict[str, A
     with clock("make"):
         specimen = make(spec, seconds=seconds, check_seconds=check_seconds)
     with clock("diagnose"):
-        diagnosis = diagnose(specimen.plant, specimen.experiments, jobs=1, seed=spec.seed)
+        known = _known(spec, specimen.plant)
+        diagnosis = diagnose(specimen.plant, specimen.experiments, effects=known, jobs=1, seed=spec.seed)
     parts = [Part.whole(experiment) for experiment in specimen.experiments]
     with clock("base"):
         base = _base(diagnosis, parts)
@@ -68,6 +70,11 @@ def examine(spec: CaseSpec, seconds: float, check_seconds: float) -> dict[str, A
     with clock("advised"):
         result["advised"] = _advised(spec, specimen, diagnosis)
     return {**result, "seconds": clock.seconds}
+
+
+def _known(spec: CaseSpec, plant: Plant) -> list[Effect] | None:
+    """The library of a case; None is the whole catalogue."""
+    return [effect for effect in plant.rig.effects() if effect.name in spec.library] if spec.library else None
 
 
 class _Clock:
@@ -190,7 +197,8 @@ def _advised(spec: CaseSpec, specimen: Specimen, diagnosis: Diagnosis) -> dict[s
     except SimulationError as error:
         return {"failure": str(error)}
     if advice.added_mass is None:
-        again = diagnose(stands.plant, (*specimen.experiments, record), jobs=1, seed=spec.seed)
+        known = _known(spec, stands.plant)
+        again = diagnose(stands.plant, (*specimen.experiments, record), effects=known, jobs=1, seed=spec.seed)
     else:
         effects = [effect for effect in stands.plant.rig.effects() if effect.name in diagnosis.names]
         again = diagnose(stands.plant, record, effects=effects, jobs=1, seed=spec.seed)

@@ -5,9 +5,7 @@ The fit starts from the true values: what is tried out is the interval, not the 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -22,13 +20,12 @@ from deatwin.plant.parameters import Parameter, Scale
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.rigs.diaphragm import Diaphragm
 from deatwin.scenarios.concealed_physics.key import invisible
+from deatwin.scenarios.concealed_physics.sizes import size_named
 
-__all__ = ["DRAWS", "IntervalSpec", "cover", "interval_specs"]
+__all__ = ["IntervalSpec", "cover", "interval_specs"]
 
-DRAWS: Mapping[str, int] = MappingProxyType({"tiny": 1, "standard": 12, "full": 24})
-"""Of each effect, by the size of the study."""
-TINY = ("creep", "quadratic_damping", "sensor_lag")
-"""The effects of the tiny study."""
+FEW = 3
+"""Of a library, so many effects are looked at."""
 RIG_SPREAD, EFFECT_SPREAD = 0.1, 0.4
 """Half widths within which the logarithms of true values are drawn around the typical ones."""
 SECONDS = 60.0
@@ -84,8 +81,9 @@ def interval_specs(size: str, seed: int) -> tuple[IntervalSpec, ...]:
         Every effect of the catalogue that displacement shows, in turn with white and coloured noise.
     """
     hidden = invisible()
-    effects = TINY if size == "tiny" else tuple(e.name for e in catalogue() if e.name not in hidden)
-    pairs = [(effect, draw) for effect in effects for draw in range(DRAWS[size])]
+    of = size_named(size)
+    effects = of.library[:FEW] or tuple(e.name for e in catalogue() if e.name not in hidden)
+    pairs = [(effect, draw) for effect in effects for draw in range(of.draws)]
     seeds = np.random.SeedSequence((seed, len(pairs))).generate_state(len(pairs))
     return tuple(
         IntervalSpec(

@@ -44,6 +44,8 @@ class CaseSpec:
         Whether the input is one that tells mechanisms apart.
     form : {"drawn", "usual"}
         How the film sits on the ball and when readings are taken: at random, or as in most rigs.
+    library : tuple of str
+        Effects that the diagnosis knows; empty for the whole catalogue.
 
     Raises
     ------
@@ -63,6 +65,7 @@ class CaseSpec:
     noise_share: float = 0.02
     rich: bool = True
     form: str = "drawn"
+    library: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         for what, value, known in (("kind", self.kind, KINDS), ("form", self.form, FORMS)):

@@ -15,14 +15,12 @@ from deatwin.scenarios.concealed_physics.cases import CaseSpec, case_specs
 from deatwin.scenarios.concealed_physics.examine import examine
 from deatwin.scenarios.concealed_physics.intervals import IntervalSpec, cover, interval_specs
 from deatwin.scenarios.concealed_physics.seal import Seal
+from deatwin.scenarios.concealed_physics.sizes import SIZES, size_named
 from deatwin.scenarios.concealed_physics.store import Store
 from deatwin.scenarios.sweep.run import run_sweep
 
 __all__ = ["SIZES", "carry_out", "key_of", "labels", "run_case"]
 
-SIZES = ("tiny", "standard", "full")
-SECONDS = {"tiny": (36.0, 16.0), "standard": (120.0, 48.0), "full": (120.0, 48.0)}
-"""Length of a case's recordings together, and of its check, s."""
 EFFORT = {"clean": 0.5, "interval": 0.15, "tie": 2.0}
 """Of a case of that kind, where others take 1."""
 
@@ -115,8 +113,9 @@ def run_case(size: str, spec: Spec) -> dict[str, Any]:
         Plain data.
     """
     begun = time.process_time()
+    of = size_named(size)
     try:
-        result = cover(spec) if isinstance(spec, IntervalSpec) else examine(spec, *SECONDS[size])
+        result = cover(spec) if isinstance(spec, IntervalSpec) else examine(spec, of.seconds, of.check_seconds)
     except Exception as error:  # whatever it is, the case is counted: it failed
         result = {"status": "error", "message": f"{type(error).__name__}: {' '.join(str(error).split())}"}
     return {**result, "seconds_in_all": round(time.process_time() - begun, 2)}

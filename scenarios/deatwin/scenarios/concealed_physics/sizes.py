@@ -1,0 +1,76 @@
+"""How large a study is: plain numbers, by name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from deatwin.plant.errors import DataError, nearest
+
+__all__ = ["SIZES", "Size", "size_named"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Size:
+    """Numbers of cases, and how long each is recorded.
+
+    Parameters
+    ----------
+    clean, outside, pairs, ties : int
+        Cases without an effect, with one from outside the catalogue, with two effects, and with poor input.
+    effects : int
+        Cases with one effect: of each effect of the catalogue; in all, where the diagnosis knows a library only.
+    draws : int
+        Fits of each effect whose intervals are looked at.
+    seconds, check_seconds : float
+        Length of a case's recordings together, and of its check, s.
+    form : str
+        How films sit on their balls, a form of `specs.CaseSpec`.
+    library : tuple of str
+        Effects that the diagnosis knows, and of which the concealed ones are forms; empty for the whole catalogue.
+    """
+
+    clean: int
+    effects: int
+    outside: int
+    pairs: int
+    ties: int
+    draws: int
+    seconds: float = 120.0
+    check_seconds: float = 48.0
+    form: str = "drawn"
+    library: tuple[str, ...] = ()
+
+
+SIZES: Mapping[str, Size] = MappingProxyType({
+    # One form of rig and few effects, since each plant that is tried has equations of its own to compile.
+    "tiny": Size(
+        clean=3, effects=4, outside=2, pairs=2, ties=1, draws=1, seconds=36.0, check_seconds=16.0, form="usual",
+        library=("creep", "permittivity_drift", "electrode_rc", "hysteresis", "quadratic_damping", "sensor_drift"),
+    ),
+    "standard": Size(clean=150, effects=6, outside=40, pairs=40, ties=24, draws=12),
+    "full": Size(clean=300, effects=12, outside=80, pairs=80, ties=48, draws=24),
+})  # fmt: skip
+
+
+def size_named(name: str) -> Size:
+    """A size by its name.
+
+    Parameters
+    ----------
+    name : str
+        One of `SIZES`.
+
+    Returns
+    -------
+    Size
+
+    Raises
+    ------
+    DataError
+        If there is none.
+    """
+    if name not in SIZES:
+        raise DataError(f"unknown size {name!r}{nearest(name, SIZES)} (known: {', '.join(SIZES)})")
+    return SIZES[name]
