@@ -13,8 +13,10 @@ import numpy as np
 from deatwin.control import Check, ControlError, Specification, excited_band
 from deatwin.control import check as check_design
 from deatwin.control.stability.excited import BAND_KEY
+from deatwin.ident.mismatch.diagnosis import SCHEMA
 from deatwin.ident.narx import NarxModel
 from deatwin.plant.calibrated import CalibratedPlant
+from deatwin.plant.documents import read_document
 from deatwin.plant.errors import DataError, ModelError
 from deatwin.plant.recording import Recording
 from deatwin.plant.sources import load_plant
@@ -28,6 +30,8 @@ from deatwin.scenarios.voice import Progress
 
 __all__ = ["CheckTask", "load_rivals", "rival_files"]
 
+CALIBRATED = "the calibrated plant"
+"""Name of the plant of a diagnosis that named no cause."""
 POINTS = 9
 """Operating points of a range at which margins are judged."""
 
@@ -153,13 +157,15 @@ class CheckTask:
         return None if self.operating_range is None else np.linspace(*self.operating_range, POINTS)
 
 
-def rival_files(diagnosis: Path | None, sources: Sequence[str]) -> dict[str, str]:
-    """Where the rivals are kept, by the names under which they are judged.
+def rival_files(plant: str, diagnosis: Path | None, sources: Sequence[str]) -> dict[str, str]:
+    """Where the other plants are kept that the actuator may be, by the names under which they are judged.
 
     Parameters
     ----------
+    plant : str
+        Source of the plant to control, which is no other plant.
     diagnosis : path or None
-        Folder that `deatwin diagnose` wrote: its rivals have the names of their effects.
+        Folder that `deatwin diagnose` wrote: its plant and what it could not rule out have the names of their effects.
     sources : sequence of str
         Rig files, ``model.json`` or ``module:function``: their names are what was given.
 
@@ -169,15 +175,22 @@ def rival_files(diagnosis: Path | None, sources: Sequence[str]) -> dict[str, str
 
     Raises
     ------
-    DataError
-        If the folder holds no diagnosis.
+    DataError, ModelError
+        If the folder holds no diagnosis, or none that can be read.
     """
-    found: dict[str, str] = {}
-    if diagnosis is not None:
-        if not (diagnosis / "diagnosis.json").is_file():
-            raise DataError(f"{diagnosis}: there is no diagnosis.json; give the folder that deatwin diagnose wrote")
-        found = {path.stem: str(path) for path in sorted((diagnosis / RIVALS).glob("*.json"))}
-    return {**found, **{source: source for source in sources}}
+    found = {} if diagnosis is None else _diagnosed(diagnosis)
+    given = {**found, **{source: source for source in sources}}
+    return {name: source for name, source in given.items() if Path(source).resolve() != Path(plant).resolve()}
+
+
+def _diagnosed(folder: Path) -> dict[str, str]:
+    """The plant that a diagnosis arrived at, and its rivals."""
+    if not (folder / "diagnosis.json").is_file():
+        raise DataError(f"{folder}: there is no diagnosis.json; give the folder that deatwin diagnose wrote")
+    effects = read_document(folder / "diagnosis.json", SCHEMA, lambda content: [c["effect"] for c in content["causes"]])
+    model = folder / "model.json"  # a recording that could not be diagnosed leaves none
+    best = {"+".join(effects) or CALIBRATED: str(model)} if model.is_file() else {}
+    return {**best, **{path.stem: str(path) for path in sorted((folder / RIVALS).glob("*.json"))}}
 
 
 def load_rivals(files: Mapping[str, str]) -> dict[str, CalibratedPlant]:

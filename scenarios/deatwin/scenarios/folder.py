@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Self
@@ -126,24 +126,29 @@ class ResultFolder:
         _require_writable(path)
 
 
-def require_place(file: Path | str) -> None:
+def require_place(file: Path | str, inputs: Iterable[Path | str]) -> None:
     """Raise DataError unless a file can be written: before work begins, not after it.
 
     Parameters
     ----------
     file : path
         That is to be written; its folder must exist.
+    inputs : iterable of path
+        What the command reads; what is no file among them is passed over.
 
     Raises
     ------
     DataError
-        If there is no such folder, nothing can be written into it, or a folder has the file's name.
+        If there is no such folder, nothing can be written into it, a folder has the file's name, or the command reads
+        the file.
     """
     path = Path(file)
     if path.is_dir():
         raise DataError(f"{path}: is a folder; give the name of a file")
     if not path.parent.is_dir():
         raise DataError(f"{path}: there is no folder {path.parent}; make it, or take another")
+    if path.exists() and any(Path(name).is_file() and path.samefile(name) for name in inputs):
+        raise DataError(f"{path}: this command reads the file, and would write over it; give another name")
     _require_writable(path.parent)
 
 

@@ -13,6 +13,7 @@ import pytest
 from deatwin.plant import Coupon, Creep, Plant
 from deatwin.plant.files import write_csv
 from deatwin.plant.recording import Experiment, Recording
+from deatwin.scenarios.sweep import CaseStore
 
 ROOT = Path(__file__).parents[3]
 SCHEMAS = {
@@ -87,6 +88,23 @@ def on_bench(bench: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """The same, as the working folder."""
     monkeypatch.chdir(bench)
     yield bench
+
+
+@pytest.fixture
+def root(tmp_path: Path) -> Path:
+    """A folder with a rig and a recording, and a secret beside it."""
+    root = tmp_path / "lab"
+    root.mkdir()
+    (root / "rig.toml").write_text("", encoding="utf-8")
+    for path in (root / "noise.csv", tmp_path / "secret.csv"):
+        path.write_text("time_s,command_V,displacement_mm\n0.00,2.0,0.3\n", encoding="utf-8")
+    return root
+
+
+@pytest.fixture(scope="session")
+def files() -> Callable[[CaseStore[Any]], dict[str, bytes]]:
+    """``files(store)``: the bytes of each case that a store holds, by the name of its file."""
+    return lambda store: {path.name: path.read_bytes() for path in store.cases.rglob("*.nc")}
 
 
 @pytest.fixture(autouse=True)

@@ -78,7 +78,7 @@ LONG_BLOCKS = {
     ("docs/how-to/which-experiment.md", 1),
 }  # fmt: skip
 BLOCKS_ELSEWHERE = {
-    ("docs/how-to/run-a-study.md", 0): "tests/unit/scenarios/test_sweep.py",
+    ("docs/how-to/run-a-study.md", 0): "tests/unit/scenarios/test_sweep_studies.py",
     ("docs/how-to/run-a-study.md", 1): "a form, not a program: `...` stands for the reader's own call",
     ("docs/how-to/own-identifier.md", 1): "a test for pytest, with the checks of tests/unit/ident/test_testing.py",
 }

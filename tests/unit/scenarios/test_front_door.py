@@ -246,8 +246,9 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (desk / name).write_text(text, encoding="utf-8", newline="")
     for name, content in BYTES.items():
         (desk / name).write_bytes(content)
-    for name in ("folder", "folder.csv", "folder.toml", "folder.json", "locked", *DATA):
+    for name in ("folder", "folder.csv", "folder.toml", "folder.json", "locked", "spoilt", *DATA):
         (desk / name).mkdir(parents=True)
+    (desk / "spoilt" / "diagnosis.json").write_text("{}")
     (desk / "locked").chmod(0o555)
     for ending in ("csv", "toml", "json"):
         os.mkfifo(desk / f"pipe.{ending}")

@@ -73,15 +73,24 @@ class Check:
 
     @property
     def worst_case(self) -> Finding:
-        """The finding that decides."""
+        """The finding that decides; where all pass, the one that is nearest its limit."""
         return worst(self.findings)
 
     @property
     def reason(self) -> str:
         """The texts of all findings that are as severe as the verdict, if it is not `pass`."""
         if self.verdict is Verdict.PASS:
-            return "every limit is kept"
+            return f"every limit is kept{self._where}"
         return "; ".join(f.text for f in self.findings if f.verdict is self.verdict)
+
+    @property
+    def _where(self) -> str:
+        """The operating inputs at which margins were judged, in words."""
+        points = [row.operating_input for row in self.table]
+        if not points:
+            return ""
+        low, high = (f"{point:.3g}" for point in (min(points), max(points)))
+        return f" at inputs of {low if low == high else f'{low} to {high}'} {self.operating.input_unit}".rstrip()
 
     @property
     def least_margins(self) -> dict[str, float]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
 from enum import Enum
-from math import isfinite
+from math import inf, isfinite
 from typing import Any
 
 from deatwin.control.arguments import finite, instance, number, require_fields
@@ -72,6 +72,34 @@ class Limit:
         if sign * value >= sign * self.good:
             return Verdict.PASS
         return Verdict.MARGINAL if sign * value >= sign * self.poor else Verdict.FAIL
+
+    def room(self, value: float) -> float:
+        """How far a number is from the limit of `pass`.
+
+        Parameters
+        ----------
+        value : float
+            In the number's own unit.
+
+        Returns
+        -------
+        float
+            As a share of the way from the limit to the best that there is, which is 1 for a share of which more is
+            better, infinity for another number of which more is better, and 0 for the others; negative beyond.
+
+        Examples
+        --------
+        >>> Limit(good=2.0, poor=1.5).room(8.0), Limit(good=0.5, poor=0.75).room(0.125)
+        (0.75, 0.75)
+        >>> Limit(good=0.75, poor=0.5, unit="%").room(0.875)
+        0.5
+        """
+        if self.more_is_better and self.unit != "%":
+            return 1.0 - self.good / value if value > 0.0 else -inf
+        best = 1.0 if self.more_is_better else 0.0
+        if self.good == best:  # there is no way from here to there
+            return 1.0 if value == best else -inf
+        return (value - self.good) / (best - self.good)
 
     @property
     def more_is_better(self) -> bool:

@@ -43,12 +43,15 @@ class Finding:
         On it alone.
     text : str
         One plain sentence.
+    room : float or None
+        How far the number is from its limit, `Limit.room`; None where it was not judged by one.
     """
 
     subject: str
     value: float | None
     verdict: Verdict
     text: str
+    room: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -88,7 +91,7 @@ class Runs:
 
 
 def worst(findings: Sequence[Finding]) -> Finding:
-    """The finding that decides: the first of the most severe ones.
+    """The finding that decides: the first of the most severe ones; where all pass, the one that is nearest its limit.
 
     Parameters
     ----------
@@ -99,7 +102,10 @@ def worst(findings: Sequence[Finding]) -> Finding:
     -------
     Finding
     """
-    return max(findings, key=lambda finding: finding.verdict.severity)
+    decides = max(findings, key=lambda finding: finding.verdict.severity)
+    if decides.verdict is not Verdict.PASS:
+        return decides
+    return min(findings, key=lambda finding: inf if finding.room is None else finding.room)
 
 
 def judge_margins(
@@ -349,4 +355,4 @@ def _all(rows: Sequence[MarginRow]) -> str:
 def _finding(subject: str, value: float, limit: Limit, text: str) -> Finding:
     verdict = limit.judge(value)
     wanted = "" if verdict is Verdict.PASS else f" ({limit.wanted} is wanted)"
-    return Finding(subject=subject, value=value, verdict=verdict, text=text + wanted)
+    return Finding(subject=subject, value=value, verdict=verdict, text=text + wanted, room=limit.room(value))

@@ -326,4 +326,6 @@ def _recordings(
         "input": data_columns(table, "input", input_column),
         "output": data_columns(table, "output", output_column),
     }
+    if shared := set(chosen["input"]) & set(chosen["output"]):
+        raise DataError(f'{table.path}: the column "{table.shown(min(shared))}" is named as input and as output')
     return recordings_of(table, chosen, allow_gaps=allow_gaps, dt=dt, rig=rig)

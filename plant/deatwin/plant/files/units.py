@@ -56,6 +56,8 @@ UNITS = {
     "kPa": Unit("Pa", 1e3),
     "MPa": Unit("Pa", 1e6),
 }
+_IN_BRACKETS = re.compile(r"(.+?)\s*(\([^()]*\)|\[[^\[\]]*\])")
+_LAST_PART = re.compile(r"(.+?)\s*_([^_]+)")
 _OTHER_SPELLINGS = {"µ": "u", "μ": "u", "°C": "C", "℃": "C", "degC": "C", "sec": "s"}
 
 
@@ -102,9 +104,11 @@ def split_unit(header: str) -> tuple[str, str]:
 
     Examples
     --------
-    >>> split_unit("displacement_mm"), split_unit("Force [N]"), split_unit("film_voltage")
-    (('displacement', 'mm'), ('Force', 'N'), ('film_voltage', ''))
+    >>> split_unit("displacement_mm"), split_unit("Force [N]"), split_unit("film_voltage"), split_unit("U_cmd (kV)")
+    (('displacement', 'mm'), ('Force', 'N'), ('film_voltage', ''), ('U_cmd', 'kV'))
     """
-    match = re.fullmatch(r"(.+?)\s*(?:_([^_]+)|(\([^()]*\)|\[[^\[\]]*\]))", header)
-    unit = find_unit(match[2] or match[3]) if match else ""
-    return (match[1], unit) if match and unit else (header, "")
+    for form in (_IN_BRACKETS, _LAST_PART):
+        match = form.fullmatch(header)
+        if match and (unit := find_unit(match[2])):
+            return match[1], unit
+    return header, ""

@@ -79,7 +79,10 @@ RecordingFile = Annotated[
 ]  # fmt: skip
 DiagnosisFolder = Annotated[
     Path | None,
-    typer.Option("--diagnosis", metavar="DIR", help="Of an earlier deatwin diagnose: its rivals are judged too."),
+    typer.Option(
+        "--diagnosis", metavar="DIR",
+        help="Of an earlier deatwin diagnose: its plant, and what it could not rule out, are judged too.",
+    ),
 ]
 Rivals = Annotated[
     list[str] | None,
@@ -126,7 +129,7 @@ def check(
     voice = Voice(as_json=as_json, quiet=quiet)
     narx = NarxModel.load(model).deterministic
     given = GivenPlant.load(plant, input_column=input_column, output_column=output_column, dt=dt)
-    rivals = rival_files(diagnosis, rival or [])
+    rivals = rival_files(plant, diagnosis, rival or [])
     task = CheckTask(
         model=narx, plant=given.model, design=design, closed_loop_time=closed_loop_time,
         operating_input=operating_input, operating_range=operating_range,

@@ -73,7 +73,7 @@ def export(
 
     voice = Voice(as_json=as_json, quiet=quiet)
     _require_ending(out, to)
-    require_place(out)
+    require_place(out, [model])
     said = _written(_Given.load(model), to, out, name or _identifier(out.stem))
     voice.say(f"{out}: {said['description']}")
     voice.result({"out": str(out), "form": to.value, **said})

@@ -98,7 +98,7 @@ def identify(
             f"the last lag, {input_lags}, lies before the first, {first_input_lag}", param_hint="--input-lags"
         )
     voice = Voice(as_json=as_json, quiet=quiet)
-    require_place(out)
+    require_place(out, recordings)
     with nullcontext() if report is None else ResultFolder(report) as folder:
         record = RunRecord(command=context.obj or [], inputs=hashes(recordings), seed=0, jobs=1)
         records = [

@@ -54,7 +54,7 @@ def simulate(
     from deatwin.scenarios.given import GivenPlant, reading_column
 
     voice = Voice(as_json=as_json, quiet=quiet)
-    require_place(out)
+    require_place(out, [rig, commands, *(history or [])])
     given = GivenPlant.load(rig, input_column=input_column, dt=dt)
     model = _with_effects(given.model, effect or [])
     wanted = given.commands(commands)

@@ -13,7 +13,7 @@ from deatwin.scenarios.report.svg import COLOURS, draw, legend_above
 from deatwin.scenarios.thesis_data.drifts import moving_mean
 from deatwin.scenarios.unexplained_drift.examine import Finding, Track
 from deatwin.scenarios.unexplained_drift.repeatability import Group
-from deatwin.scenarios.unexplained_drift.score import Judged, Mark
+from deatwin.scenarios.unexplained_drift.score import Judged
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -27,7 +27,6 @@ WINDOW = 2.0
 """Of the sliding mean, s: two periods of the highest frequency of the input."""
 KEPT = 10
 """One point in so many is drawn."""
-SHADES = {Mark.RIGHT: AFTER, Mark.PARTLY: AFTER, Mark.IN_THE_SET: MARK, Mark.OPEN: MEASURED, Mark.WRONG: BEFORE}
 
 
 def drifts(findings: Sequence[Finding], scores: Sequence[Judged]) -> tuple[Drawing, Columns]:
@@ -97,7 +96,7 @@ def verdicts(scores: Sequence[Judged]) -> tuple[Drawing, Columns]:
         top = float(before.max())
         for place, score in zip(at, scores, strict=True):
             height = np.nanmax(_errors(score)[:2])
-            axes.text(place, height + 0.03 * top, score.mark.value, ha="center", color=SHADES[score.mark])
+            axes.text(place, height + 0.03 * top, score.mark.value, ha="center", color=INK)
         axes.set(ylabel="rms residual, unseen (µm)", ylim=(0, 1.15 * top))
         axes.set_xticks(at, [s.name for s in scores])
         axes.grid(axis="x", visible=False)

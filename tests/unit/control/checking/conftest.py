@@ -1,13 +1,28 @@
-"""Rigs of a user, so small that everything about them is known: lags, a plate that is pulled in, one that breaks."""
+"""Rigs of a user, so small that everything about them is known: lags, a plate that is pulled in, one that breaks.
 
+Of one lag there is an exact model as well, and a check on it that is as short as can be.
+"""
+
+import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, ClassVar
 
+import numpy as np
 import pytest
 
+from deatwin.control import Check, LinearController, Residual, check, lambda_tuning, linearise
+from deatwin.control.stability.excited import BAND_KEY
+from deatwin.ident.narx import NarxModel
+from deatwin.ident.narx.operating import OperatingRange
 from deatwin.plant import Parameter, Plant, Rig, StartProcedure
 from deatwin.plant.builder import Builder
+
+H, LAG, SLOPE = 0.02, 0.01, 2.0
+POLE = np.exp(-H / LAG)
+FAST = 0.06
+"""Closed-loop time, s: so short that the check is."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,3 +122,82 @@ def gap(uncompiled: None) -> Plant:
 @pytest.fixture(scope="module")
 def brittle(uncompiled: None) -> Plant:
     return Plant(rig=Brittle())
+
+
+@pytest.fixture(scope="module")
+def rig(lags: Callable[..., Plant]) -> Plant:
+    return lags(time=LAG, slope=SLOPE)
+
+
+@pytest.fixture(scope="session")
+def trained() -> OperatingRange:
+    return OperatingRange(
+        input_min=np.array([-1.0]), input_max=np.array([1.0]), input_centre=np.array([0.0]),
+        output_min=np.array([-2.0]), output_max=np.array([2.0]), output_centre=np.array([0.0]),
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="session")
+def known() -> dict[str, str]:
+    """What an identification tells of the excited band and of the residual."""
+    return {BAND_KEY: "5.0", **Residual(rms=2e-3, correlation_time=0.2).provenance}
+
+
+@pytest.fixture(scope="session")
+def exact(trained: OperatingRange, known: dict[str, str]) -> Callable[..., NarxModel]:
+    """The rig's rows: y(k) = p y(k-1) + g (1 - p) u(k)."""
+
+    def model(gain: float = SLOPE, spread: float = 1e-3, **details: Any) -> NarxModel:
+        given = {"operating": trained, "provenance": known, "input_units": ("V",), "output_units": ("mm",)} | details
+        return NarxModel.from_terms(
+            {"y(k-1)": POLE, "u(k)": gain * (1 - POLE)}, sample_time=H, theta_cov=spread**2 * np.eye(2), **given
+        )
+
+    return model
+
+
+@pytest.fixture(scope="session")
+def checked() -> Callable[..., Check]:
+    """``checked(model, plant, seed=3, samples=60, ...)``: the check, by default of the shortest closed loop."""
+
+    def found(model: NarxModel, plant: Plant, seed: int = 3, samples: int = 60, **details: Any) -> Check:
+        given = {"closed_loop_time": FAST} | details
+        return check(model, plant, rng=np.random.default_rng(seed), samples=samples, **given)
+
+    return found
+
+
+@pytest.fixture(scope="module")
+def passed(checked: Callable[..., Check], exact: Callable[..., NarxModel], rig: Plant) -> Check:
+    return checked(exact(), rig)
+
+
+@pytest.fixture(scope="module")
+def fast(exact: Callable[..., NarxModel], rig: Plant) -> LinearController:
+    """A sound controller of the shortest check."""
+    return lambda_tuning(linearise(exact()).in_loop(rig.rig.reading), command_limits=(-1.0, 1.0), closed_loop_time=FAST)
+
+
+@pytest.fixture(scope="session")
+def subjects() -> Callable[[Check], set[str]]:
+    return lambda found: {finding.subject for finding in found.findings}
+
+
+@pytest.fixture(scope="session")
+def document_of() -> Callable[[Check, Path], dict[str, Any]]:
+    """What `save` writes, strictly JSON: no NaN, no infinity, in numbers or in words."""
+
+    def saved(found: Check, path: Path) -> dict[str, Any]:
+        found.save(path / "check.json")
+        text = (path / "check.json").read_text(encoding="utf-8")
+
+        def refuse(name: str) -> None:
+            raise AssertionError(name)
+
+        document: dict[str, Any] = json.loads(text, parse_constant=refuse)
+        written = json.dumps([document["reason"], document["sentence"], document["findings"]]).lower()
+        assert " nan" not in written
+        assert " inf " not in written
+        return document
+
+    return saved

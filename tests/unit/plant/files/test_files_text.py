@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from deatwin.plant.errors import DataError
-from deatwin.plant.files import read_csv, read_recording, write_recording
+from deatwin.plant.files import read_commands, read_csv, read_recording, write_recording
 from deatwin.plant.recording import Recording
 
 HEADER = "time_s,command_V,displacement_mm"
@@ -84,9 +84,7 @@ class TestKinds:
 
     def test_single_column(self, write) -> None:
         path = write(["command_V", *map(str, COMMANDS)])
-        np.testing.assert_array_equal(
-            read_recording(path, output_column="#1", dt=0.02).inputs[0], COMMANDS
-        )
+        np.testing.assert_array_equal(read_commands(path, dt=0.02).inputs[0], COMMANDS)
 
 
 class TestRefused:

@@ -1,0 +1,25 @@
+"""Which unit a header names."""
+
+import pytest
+
+from deatwin.plant.files.units import UNITS, split_unit
+
+
+@pytest.mark.parametrize(
+    ("header", "name", "unit"),
+    [
+        ("displacement_mm", "displacement", "mm"), ("Force [N]", "Force", "N"), ("U (kV)", "U", "kV"),
+        ("U_cmd (kV)", "U_cmd", "kV"), ("x_pos_2[µm]", "x_pos_2", "um"), ("t_rel (ms)", "t_rel", "ms"),
+        ("x_mm (V)", "x_mm", "V"), ("film_voltage", "film_voltage", ""), ("x_left (left)", "x_left (left)", ""),
+        ("gain (V)_mm", "gain (V)", "mm"), ("mm", "mm", ""),
+    ],
+)  # fmt: skip
+def test_the_unit_stands_in_brackets_or_behind_the_last_underscore(header: str, name: str, unit: str) -> None:
+    assert split_unit(header) == (name, unit)
+
+
+@pytest.mark.parametrize("unit", [unit for unit in UNITS if unit])
+@pytest.mark.parametrize("name", ["U", "U_cmd", "Weg 2", "a_b_c", "电压_x"])
+@pytest.mark.parametrize("form", ["{}_{}", "{} ({})", "{}[{}]"])
+def test_any_name_keeps_its_unit(name: str, unit: str, form: str) -> None:
+    assert split_unit(form.format(name, unit)) == (name, unit)
