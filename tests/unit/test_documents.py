@@ -75,7 +75,7 @@ def parse(arguments: list[str]) -> None:
     root = group.make_context("deatwin", [], resilient_parsing=True)
     name, *rest = fold_experiments(arguments)
     if name.startswith("-"):
-        assert name == "--help"
+        assert name in ("--help", "--version")
         return
     command = group.get_command(root, name)
     assert command is not None, f"there is no command {name}"

@@ -11,7 +11,7 @@ from deatwin.ident.mismatch import INPUT_FILE, Diagnosis, diagnose
 from deatwin.plant.effects import Effect
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment
-from deatwin.scenarios.folder import ResultFolder
+from deatwin.scenarios.folder import ResultFolder, require_unread
 from deatwin.scenarios.partial import FinishedSteps, remove_partial
 from deatwin.scenarios.provenance import RunRecord, hashes
 from deatwin.scenarios.report import Origin, write_report
@@ -21,6 +21,8 @@ __all__ = ["RIVALS", "DiagnosisTask"]
 
 RIVALS = "rivals"
 """Folder of the plants that a diagnosis cannot tell from its answer, where there are any."""
+WRITTEN = ("diagnosis.json", "model.json", INPUT_FILE, "report.html", "run.json")
+"""What a diagnosis writes under the same name whatever it finds."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -74,6 +76,8 @@ class DiagnosisTask:
         KeyboardInterrupt
             With a line that says which steps were finished and where they are kept; there is no diagnosis then.
         """
+        for name in WRITTEN:
+            require_unread(folder.path / name, self.files)
         inputs = hashes(self.files)
         record = RunRecord(command=self.command, inputs=inputs, seed=self.seed, jobs=self.jobs)
         diagnosis = self._diagnosed(folder, record, progress)

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from deatwin.plant.errors import DataError
 from deatwin.plant.files import write_csv, write_text_atomic
 
-__all__ = ["ResultFolder", "require_place"]
+__all__ = ["ResultFolder", "require_place", "require_unread"]
 
 
 class ResultFolder:
@@ -147,9 +147,27 @@ def require_place(file: Path | str, inputs: Iterable[Path | str]) -> None:
         raise DataError(f"{path}: is a folder; give the name of a file")
     if not path.parent.is_dir():
         raise DataError(f"{path}: there is no folder {path.parent}; make it, or take another")
-    if path.exists() and any(Path(name).is_file() and path.samefile(name) for name in inputs):
-        raise DataError(f"{path}: this command reads the file, and would write over it; give another name")
+    require_unread(path, inputs)
     _require_writable(path.parent)
+
+
+def require_unread(file: Path, inputs: Iterable[Path | str]) -> None:
+    """Raise DataError if a file that will be written is one of those that are read.
+
+    Parameters
+    ----------
+    file : path
+        That is to be written.
+    inputs : iterable of path
+        What the command reads; what is no file among them is passed over.
+
+    Raises
+    ------
+    DataError
+        If it is.
+    """
+    if file.exists() and any(Path(name).is_file() and file.samefile(name) for name in inputs):
+        raise DataError(f"{file}: this command reads the file, and would write over it; give another place or name")
 
 
 def _require_writable(folder: Path) -> None:

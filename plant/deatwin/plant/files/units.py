@@ -58,6 +58,10 @@ UNITS = {
 }
 _IN_BRACKETS = re.compile(r"(.+?)\s*(\([^()]*\)|\[[^\[\]]*\])")
 _LAST_PART = re.compile(r"(.+?)\s*_([^_]+)")
+_IN_WORDS = re.compile(r"(.+?)\s+in\s+(\S+)")
+_DIVIDED = re.compile(r"([^\W\d]\w*)\s*/\s*([^\s/]+)")
+_NO_QUANTITIES = frozenset({"kg", "g", "rad", "deg", "counts"})
+"""Before a stroke these begin a unit, as in ``rad/m``."""
 _OTHER_SPELLINGS = {"µ": "u", "μ": "u", "°C": "C", "℃": "C", "degC": "C", "sec": "s"}
 
 
@@ -93,7 +97,8 @@ def split_unit(header: str) -> tuple[str, str]:
     Parameters
     ----------
     header : str
-        The header, with the unit as its last part or in brackets, or without one.
+        The header, with the unit as its last part, in brackets, behind "in" or below a stroke (``U/mV``, but not
+        below the name of another unit, as in ``mm/s``), or without one.
 
     Returns
     -------
@@ -107,8 +112,14 @@ def split_unit(header: str) -> tuple[str, str]:
     >>> split_unit("displacement_mm"), split_unit("Force [N]"), split_unit("film_voltage"), split_unit("U_cmd (kV)")
     (('displacement', 'mm'), ('Force', 'N'), ('film_voltage', ''), ('U_cmd', 'kV'))
     """
-    for form in (_IN_BRACKETS, _LAST_PART):
+    for form in (_IN_BRACKETS, _LAST_PART, _IN_WORDS, _DIVIDED):
         match = form.fullmatch(header)
-        if match and (unit := find_unit(match[2])):
+        if match and (unit := find_unit(match[2])) and not (form is _DIVIDED and _is_rate(match[1], unit)):
             return match[1], unit
     return header, ""
+
+
+def _is_rate(before: str, unit: str) -> bool:
+    """Whether what stands before a stroke belongs to a unit; ``t/s`` is a time, any other ``/s`` a rate."""
+    rate = UNITS[unit].si == "s" and before.lower() not in ("t", "time")
+    return rate or before in UNITS or before in _NO_QUANTITIES

@@ -47,7 +47,7 @@ SIZES: Mapping[str, Size] = MappingProxyType({
     # One form of rig and few effects, since each plant that is tried has equations of its own to compile.
     "tiny": Size(
         clean=3, effects=4, outside=2, pairs=2, ties=1, draws=1, seconds=36.0, check_seconds=16.0, form="usual",
-        library=("creep", "permittivity_drift", "electrode_rc", "hysteresis", "quadratic_damping", "sensor_drift"),
+        library=("creep", "electrode_rc", "quadratic_damping", "sensor_drift"),
     ),
     "standard": Size(clean=150, effects=6, outside=40, pairs=40, ties=24, draws=12),
     "full": Size(clean=300, effects=12, outside=80, pairs=80, ties=48, draws=24),

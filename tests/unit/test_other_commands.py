@@ -1,0 +1,81 @@
+"""Commands of other programs on the pages: each is run here, by a step of .ci/run, or has its reason.
+
+Those of ``deatwin`` itself are run by tests/unit/scenarios/test_documented_commands.py.
+"""
+
+import re
+import shutil
+import subprocess
+import tomllib
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])
+BLOCK = re.compile(r"^```sh\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+FENCE = re.compile(r"^```.*?^```$", re.MULTILINE | re.DOTALL)
+SPAN = re.compile(r"`((?:python3?|mkdocs|pip|jupyter)\s[^`]+)`")
+PLACES = {
+    "python3 -m venv .venv && .venv/bin/pip install . && .venv/bin/deatwin demo":
+        "tests/unit/scenarios/test_demo.py runs the demo, .ci/run the rest",
+    'python3 -m venv .venv-test && .venv-test/bin/pip install -e ".[test]" && OMP_NUM_THREADS=1 '
+    ".venv-test/bin/python -m pytest -n auto --dist loadfile": ".ci/run, word for word",
+    "jupyter nbconvert --to notebook --execute --inplace docs/notebooks/simulate_and_identify.ipynb":
+        ".ci/run executes the notebooks",
+    "mkdocs serve": ".ci/run builds the site that it would serve",
+    "python tests/benchmarks/bench_plant.py": "a benchmark takes minutes, and no timing decides a test",
+    "python tests/benchmarks/bench_sweep.py": "a benchmark takes minutes, and no timing decides a test",
+    "python tests/fuzz/fuzz_recordings.py --seconds 300": "tests/property/test_readers_fuzzed.py, for ten seconds",
+    "python -m deatwin.scenarios.evidence docs": "tests/unit/scenarios/test_evidence.py",
+    "python -m deatwin.scenarios.evidence docs --scenarios results": "tests/unit/scenarios/test_evidence.py",
+    "python -m pytest -m study": "the long studies, which are run by hand",
+}  # fmt: skip
+"""Where each is run, or why it is not."""
+RUN_HERE = re.compile(r"(gunzip|cp) .*tests/recordings/")
+INSTALLED = re.compile(
+    r'pip install (?:-e )?"?(?:\.|deatwin)(?:\[([a-z,]+)\])?"?(?: jupyterlab)?|pip install nonlinear_benchmarks'
+)
+
+
+def lines() -> set[str]:
+    """Lines of shell blocks, and commands in running text."""
+    found: set[str] = set()
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8")
+        found |= {line.strip() for block in BLOCK.findall(text) for line in block.splitlines()}
+        found |= {" ".join(span.split()) for span in SPAN.findall(FENCE.sub("", text))}
+    return {line for line in found if line and not line.startswith(("deatwin", "#"))}
+
+
+LINES = sorted(lines())
+
+
+def test_each_is_run_somewhere_or_has_its_reason() -> None:
+    others = {line for line in LINES if not RUN_HERE.match(line) and not INSTALLED.fullmatch(line)}
+    assert others == set(PLACES)
+    for place in PLACES.values():
+        for word in place.replace(",", "").split():
+            assert not word.startswith((".ci/", "tests/")) or (ROOT / word).is_file(), word
+
+
+def test_every_extra_that_a_page_installs_exists() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    matches = [found for line in LINES if (found := INSTALLED.fullmatch(line))]
+    named = {extra for found in matches if found[1] for extra in found[1].split(",")}
+    assert named and named <= set(project["optional-dependencies"])
+
+
+@pytest.mark.skipif(shutil.which("gunzip") is None, reason="there is no gunzip")
+def test_the_tutorial_unpacks_its_recordings(tmp_path: Path) -> None:
+    chosen = [line for line in LINES if RUN_HERE.match(line)]
+    assert len(chosen) == 4
+    try:
+        (tmp_path / "tests").symlink_to(ROOT / "tests", target_is_directory=True)
+    except OSError as error:
+        pytest.skip(f"no symbolic links here: {error}")
+    for line in chosen:
+        subprocess.run(["sh", "-c", line], cwd=tmp_path, check=True)
+    names = {path.name for path in tmp_path.iterdir() if path.is_file()}
+    assert names == {"noise.csv", "steps.csv", "check.csv", "rig.toml"}
+    assert all((tmp_path / name).stat().st_size > 100 for name in names)
