@@ -56,11 +56,7 @@ def _covariance(values: Array, n_b: int) -> Array:
     if not np.isfinite(values).all():
         raise ModelError("the covariance of a linear model must be finite")
     names = [f"b_{i}" if i < n_b else f"a_{i - n_b + 1}" for i in range(len(values))]
-    try:
-        return covariance_of(values, names)
-    except ModelError as error:  # whose start names what the identified model calls it
-        reason = str(error).partition(": ")[2]
-        raise ModelError(f"the covariance of a linear model is none: {reason}") from None
+    return covariance_of(values, names, "the covariance of a linear model is none")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

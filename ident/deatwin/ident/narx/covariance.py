@@ -23,7 +23,9 @@ _INDEFINITE = 2**-26
 eps kappa; what lost more than half of its digits to cancellation is better formed from roots (`transformed`)."""
 
 
-def covariance_of(values: ArrayLike, names: Sequence[object]) -> Array:
+def covariance_of(
+    values: ArrayLike, names: Sequence[object], complaint: str = "theta_cov is no covariance"
+) -> Array:
     """Return a covariance of parameters, symmetric to the last bit and read-only.
 
     Correlations are judged, so that the units of the parameters do not matter.
@@ -34,6 +36,8 @@ def covariance_of(values: ArrayLike, names: Sequence[object]) -> Array:
         Finite.
     names : sequence of n objects
         What the parameters are called; each prints.
+    complaint : str
+        With which an error begins.
 
     Raises
     ------
@@ -43,25 +47,25 @@ def covariance_of(values: ArrayLike, names: Sequence[object]) -> Array:
     given = np.asarray(values, dtype=np.float64)
     if not given.any():
         return read_only(given)
-    sizes = _deviations(given, names)
+    sizes = _deviations(given, names, complaint)
     scaled = given / sizes[:, None] / sizes
     row, column = _worst(np.abs(scaled - scaled.T))
     if not abs(scaled[row, column] - scaled[column, row]) <= _UNEQUAL:
         raise ModelError(
-            f"theta_cov is no covariance: it holds {given[row, column]:.6g} for {names[row]} and {names[column]}, and "
+            f"{complaint}: it holds {given[row, column]:.6g} for {names[row]} and {names[column]}, and "
             f"{given[column, row]:.6g} for {names[column]} and {names[row]}; it must be symmetric"
         )
-    _require_semidefinite(0.5 * (scaled + scaled.T))
+    _require_semidefinite(0.5 * (scaled + scaled.T), complaint)
     return read_only(0.5 * given + 0.5 * given.T)
 
 
-def _deviations(given: Array, names: Sequence[object]) -> Array:
+def _deviations(given: Array, names: Sequence[object], complaint: str) -> Array:
     """Standard deviations, and 1 for what is certain."""
     variances = np.diag(given)
     least = int(np.argmin(variances))
     if variances[least] < 0:
         raise ModelError(
-            f"theta_cov is no covariance: the variance of {names[least]} is {variances[least]:.3g}; "
+            f"{complaint}: the variance of {names[least]} is {variances[least]:.3g}; "
             "it must not be negative"
         )
     certain = variances == 0
@@ -69,7 +73,7 @@ def _deviations(given: Array, names: Sequence[object]) -> Array:
     if beside.any():
         row, column = _worst(beside)
         raise ModelError(
-            f"theta_cov is no covariance: it holds {given[row, column]:.3g} for {names[row]} and {names[column]}, "
+            f"{complaint}: it holds {given[row, column]:.3g} for {names[row]} and {names[column]}, "
             "one of which has the variance 0; that must be 0 too"
         )
     return np.where(certain, 1.0, np.sqrt(variances))
@@ -80,14 +84,14 @@ def _worst(sizes: Array) -> tuple[int, int]:
     return int(row), int(column)
 
 
-def _require_semidefinite(scaled: Array) -> None:
+def _require_semidefinite(scaled: Array, complaint: str) -> None:
     lifted = scaled + _INDEFINITE * np.eye(len(scaled))
     if lapack.dpotrf(lifted)[1] == 0:  # exists if no eigenvalue is below; a tenth of the time of the eigenvalues
         return
     eigenvalues = np.linalg.eigvalsh(scaled)
     if not eigenvalues[0] >= -_INDEFINITE * eigenvalues[-1]:
         raise ModelError(
-            f"theta_cov is no covariance: beside the largest, {eigenvalues[-1]:.3g}, its correlations have the "
+            f"{complaint}: beside the largest, {eigenvalues[-1]:.3g}, its correlations have the "
             f"eigenvalue {eigenvalues[0]:.3g}; all must be at least 0"
         )
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from deatwin.plant.errors import DataError, nearest
+from deatwin.scenarios.concealed_physics.specimens import CHECK_SECONDS, SECONDS
 
 __all__ = ["SIZES", "Size", "size_named"]
 
@@ -37,8 +38,8 @@ class Size:
     pairs: int
     ties: int
     draws: int
-    seconds: float = 120.0
-    check_seconds: float = 48.0
+    seconds: float = SECONDS
+    check_seconds: float = CHECK_SECONDS
     form: str = "drawn"
     library: tuple[str, ...] = ()
 

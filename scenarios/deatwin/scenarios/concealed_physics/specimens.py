@@ -21,7 +21,7 @@ from deatwin.scenarios.concealed_physics.rigs import Rigging, drawn_rig, with_ad
 from deatwin.scenarios.concealed_physics.specs import CaseSpec
 from deatwin.scenarios.concealed_physics.strength import StructuralScale
 
-__all__ = ["SECONDS", "Specimen", "make"]
+__all__ = ["CHECK_SECONDS", "SECONDS", "Specimen", "make"]
 
 SECONDS, CHECK_SECONDS = 120.0, 48.0
 LOWEST, HIGHEST = 1.1, 3.75
