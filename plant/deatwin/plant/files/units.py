@@ -62,11 +62,18 @@ _IN_WORDS = re.compile(r"(.+?)\s+in\s+(\S+)")
 _DIVIDED = re.compile(r"([^\W\d]\w*)\s*/\s*([^\s/]+)")
 _NO_QUANTITIES = frozenset({"kg", "g", "rad", "deg", "counts"})
 """Before a stroke these begin a unit, as in ``rad/m``."""
+_PREFIXES = {"": "", "nano": "n", "micro": "u", "milli": "m", "centi": "c", "kilo": "k", "mega": "M"}
+_WORDS = {"second": "s", "volt": "V", "metre": "m", "meter": "m", "ampere": "A", "amp": "A", "newton": "N",
+          "kelvin": "K", "pascal": "Pa"}  # fmt: skip
+_SPELLED_OUT = {"micron": "um", "minute": "min", "hour": "h", "celsius": "C"} | {
+    prefix + word: short + unit
+    for prefix, short in _PREFIXES.items() for word, unit in _WORDS.items() if short + unit in UNITS
+}  # fmt: skip
 _OTHER_SPELLINGS = {"µ": "u", "μ": "u", "°C": "C", "℃": "C", "degC": "C", "sec": "s"}
 
 
 def find_unit(text: str) -> str:
-    """Return the unit that a cell such as ``(mm)``, ``[µm]`` or ``s`` names.
+    """Return the unit that a cell such as ``(mm)``, ``[µm]``, ``s`` or ``(Volts)`` names.
 
     Parameters
     ----------
@@ -80,12 +87,14 @@ def find_unit(text: str) -> str:
 
     Examples
     --------
-    >>> find_unit("(mm)"), find_unit("[µm]"), find_unit("force")
-    ('mm', 'um', '')
+    >>> find_unit("(mm)"), find_unit("[µm]"), find_unit("(Volts)"), find_unit("force")
+    ('mm', 'um', 'V', '')
     """
     bare = text.strip()
     if bare[:1] + bare[-1:] in ("()", "[]"):
         bare = bare[1:-1].strip()
+    if (word := bare.lower()) in _SPELLED_OUT or (word := word.removesuffix("s")) in _SPELLED_OUT:
+        return _SPELLED_OUT[word]
     for spelling, usual in _OTHER_SPELLINGS.items():
         bare = bare.replace(spelling, usual)
     return bare if bare in UNITS else ""
