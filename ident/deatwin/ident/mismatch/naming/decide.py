@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 __all__ = [
+    "STRONG",
     "Distance",
     "Naming",
     "cannot_rule_out",
@@ -27,8 +28,8 @@ __all__ = [
     "with_distances",
 ]
 
-EVIDENCE_RATIO = 20.0
-"""An explanation stands alone where no rival is within this ratio (Kass & Raftery 1995: strong evidence)."""
+STRONG = float(np.log(20.0))
+"""An explanation stands alone where no rival's evidence is within this, in nats (Kass & Raftery 1995: strong)."""
 RIVAL_SHARE = 0.5
 """A rival is also kept while its error differs from the best by less than this share of the model error."""
 SUFFICIENT = ((0.8, 0.95), (1.5, 3.0))
@@ -313,4 +314,4 @@ def is_as_likely(rival: Candidate, best: Candidate) -> bool:
     -------
     bool
     """
-    return bool(best.evidence - rival.evidence < np.log(EVIDENCE_RATIO))
+    return bool(best.evidence - rival.evidence < STRONG)

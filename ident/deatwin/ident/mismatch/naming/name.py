@@ -17,6 +17,7 @@ from deatwin.ident.mismatch.naming.screen import Footprint, Lead, footprints, le
 from deatwin.ident.mismatch.naming.shortlist import shortlist
 from deatwin.ident.mismatch.naming.siblings import siblings
 from deatwin.ident.mismatch.naming.trial import Fitted, Trial, run_trials, with_fitted
+from deatwin.ident.mismatch.naming.whole import judged_on_everything
 from deatwin.plant.model import Plant
 
 __all__ = ["name_causes"]
@@ -104,7 +105,7 @@ def name_causes(
             break  # a further effect does not help: another one beside it would not be understood
         stage += search.replacing(before, best)
         naming = search.decided(stage)
-    return replace(naming if naming.best is not None else search.nearly(), failed=tuple(search.failed))
+    return replace(search.on_everything(naming), failed=tuple(search.failed))
 
 
 def _best_form(forms: Sequence[tuple[_Search, list[Names]]]) -> tuple[_Search, list[Names], Naming]:
@@ -282,6 +283,11 @@ class _Search:
             if naming.best is not None:
                 break
         return naming
+
+    def on_everything(self, naming: Naming) -> Naming:
+        """The decision, or the one that suffices, with the rivals that all recordings together bring back."""
+        decided = naming if naming.best is not None else self.nearly()
+        return judged_on_everything(decided, self.bench, self._takes_most)
 
     def _counts(self, candidate: Candidate) -> bool:
         """Whether a candidate takes away most of what is more than noise, and its effects act.

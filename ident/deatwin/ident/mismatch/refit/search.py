@@ -9,7 +9,7 @@ import numpy as np
 from deatwin.ident.greybox.fit import Calibration, Part, calibrate, simulated
 from deatwin.plant.model import Plant
 
-__all__ = ["OPENING_SAMPLES", "ROUGH", "approach", "at_its_time", "finish", "opening", "search", "settle"]
+__all__ = ["DECIDING", "OPENING_SAMPLES", "ROUGH", "approach", "at_its_time", "finish", "opening", "search", "settle"]
 
 OPENING_SAMPLES = 2000
 """The first approach uses the opening of each experiment, long enough for the film's fast parameters."""
