@@ -12,6 +12,8 @@ import numpy as np
 
 from deatwin.plant.datasets import clock, dataset
 from deatwin.plant.documents import read_document, write_document
+from deatwin.plant.errors import ModelError
+from deatwin.plant.intake import clipped
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment
 from deatwin.plant.simulate import RunStatus
@@ -20,6 +22,8 @@ __all__ = ["SCHEMA", "CalibratedPlant", "Prediction"]
 
 SCHEMA = "deatwin/plant/1"
 TWO_SIDED_95 = 1.959964
+_LARGEST = 1e12
+"""Rms of a noise in any unit: its square is a number still."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -214,9 +218,43 @@ class CalibratedPlant:
 
     @classmethod
     def _from_dict(cls, data: Mapping[str, Any]) -> Self:
-        names = tuple(data["calibration"]["names"])
+        plant, names = Plant.from_dict(data), tuple(data["calibration"]["names"])
         covariance = np.array(data["calibration"]["covariance"], dtype=float).reshape(len(names), len(names))
+        _require_parameters(plant, data["parameters"])
+        _require_calibration(plant, names, covariance)
+        for name in ("noise", "model_error"):
+            if not 0.0 <= float(data[name]) <= _LARGEST:
+                raise ModelError(f"{name} is {float(data[name]):g}; it must be from 0 to {_LARGEST:g}")
         return cls(
-            plant=Plant.from_dict(data), noise=float(data["noise"]), model_error=float(data["model_error"]),
+            plant=plant, noise=float(data["noise"]), model_error=float(data["model_error"]),
             names=names, covariance=covariance, provenance=data["provenance"],
         )  # fmt: skip
+
+
+def _require_parameters(plant: Plant, written: Mapping[str, Any]) -> None:
+    """All parameters must be there, each in its unit: what is left out would silently be a published value."""
+    for parameter in plant.parameters.values():
+        if parameter.name not in written:
+            raise ModelError(f"the parameter {parameter.name} is missing")
+        if (unit := written[parameter.name].get("unit")) != parameter.unit:
+            raise ModelError(f"the parameter {parameter.name} is in {unit!r}; it must be in {parameter.unit!r}")
+
+
+def _require_calibration(plant: Plant, names: tuple[str, ...], covariance: np.ndarray) -> None:
+    free = plant.parameters.free
+    for name in names:
+        if name not in free:
+            raise ModelError(f"calibration.names: {clipped(name)} is no free parameter (those are {', '.join(free)})")
+    if len(set(names)) < len(names):
+        raise ModelError("calibration.names: a parameter stands there twice")
+    if (np.abs(covariance) > _LARGEST**2).any():
+        raise ModelError(f"calibration.covariance: no variance is larger than {_LARGEST**2:g}")
+    variances = np.diag(covariance)
+    # Between parameters of any size; a fit leaves rounding errors of about 1e-12 of this.
+    scaled = covariance / np.sqrt(np.outer(variances, variances)) if (variances > 0.0).all() else covariance
+    if not np.allclose(scaled, scaled.T, atol=1e-6) or (variances < 0.0).any() or _least(scaled) < -1e-6:
+        raise ModelError("calibration.covariance is none: it must be symmetric, without a negative eigenvalue")
+
+
+def _least(matrix: np.ndarray) -> float:
+    return float(np.linalg.eigvalsh((matrix + matrix.T) / 2).min(initial=0.0))

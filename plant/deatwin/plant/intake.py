@@ -19,6 +19,7 @@ __all__ = [
     "TEXT_BYTES",
     "clipped",
     "in_words",
+    "kind_of_file",
     "read_regular",
     "reason",
 ]
@@ -39,6 +40,7 @@ RIG_BYTES = 1_000_000
 """Of a rig file: TOML."""
 
 _KINDS = {
+    stat.S_IFDIR: "a folder",
     stat.S_IFIFO: "a pipe",
     stat.S_IFCHR: "a device",
     stat.S_IFBLK: "a device",
@@ -86,6 +88,26 @@ def read_regular(path: str | os.PathLike[str], limit: int, refuse: Callable[[str
     if max(found.st_size, len(content)) > limit:
         raise refuse(f"the file has {in_words(found.st_size)}; at most {in_words(limit)} can be read")
     return content
+
+
+def kind_of_file(path: str | os.PathLike[str]) -> str:
+    """Return what stands at a path where no plain file does, as ``"a pipe"``.
+
+    Parameters
+    ----------
+    path : str or path
+        Of what is there, or not.
+
+    Returns
+    -------
+    str
+        Empty for a plain file, and where there is nothing.
+    """
+    try:
+        mode = os.stat(path).st_mode
+    except (OSError, ValueError):
+        return ""
+    return "" if stat.S_ISREG(mode) else _KINDS.get(stat.S_IFMT(mode), "no plain file")
 
 
 def in_words(count: float) -> str:

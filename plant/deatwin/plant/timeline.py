@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from deatwin.plant.errors import DataError
+from deatwin.plant.intake import ROWS
 from deatwin.plant.recording import Experiment, Recording, label
 from deatwin.plant.rigs.base import ReadingTime, StartProcedure
 
@@ -65,7 +66,8 @@ class Timeline:
         Raises
         ------
         DataError
-            If the recordings have another sample time than the plant, or do not share a clock.
+            If the recordings have another sample time than the plant, do not share a clock, or are so far apart, or
+            begin so late, that nobody can wait for what lies between.
         """
         if abs(experiment.sample_time / sample_time - 1) > 1e-3:
             raise DataError(
@@ -79,6 +81,7 @@ class Timeline:
         before = None
         for record in experiment.recordings:
             at = first + (0 if before is None else _pause(before, record))
+            _require_few(at + record.n_samples, f"up to the end of {label(record)}", sample_time)
             if at > first:  # between records the last command is held
                 parts.append(np.full(at - first, parts[-1][-1] if parts[-1].size else record.inputs[0, 0]))
             parts.append(record.inputs[0])
@@ -124,6 +127,12 @@ def _start_commands(procedure: StartProcedure, first: float, sample_time: float)
     """Linear ramp, then hold. Each held value is the ramp's mean over its sample."""
     ramp = round(procedure.ramp / sample_time)
     hold = round(procedure.hold / sample_time)
+    _require_few(ramp + hold, f"in the start procedure of {procedure.ramp + procedure.hold:g} s", sample_time)
     shares = (np.arange(ramp) + 0.5) / max(ramp, 1)
     rest = procedure.rest_command
     return np.concatenate([rest + (first - rest) * shares, np.full(hold, first)])
+
+
+def _require_few(samples: int, what: str, sample_time: float) -> None:
+    if samples > ROWS:
+        raise DataError(f"{what} there are {samples:.3g} samples of {sample_time:g} s; at most {ROWS:.3g} can be run")

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from deatwin.plant.errors import DataError
 from deatwin.plant.files import write_csv, write_text_atomic
+from deatwin.plant.files.replacing import place_of
 
 __all__ = ["ResultFolder", "require_place", "require_unread"]
 
@@ -139,12 +140,10 @@ def require_place(file: Path | str, inputs: Iterable[Path | str]) -> None:
     Raises
     ------
     DataError
-        If there is no such folder, nothing can be written into it, a folder has the file's name, or the command reads
-        the file.
+        If there is no such folder, nothing can be written into it, a folder or a device has the file's name, or the
+        command reads the file.
     """
-    path = Path(file)
-    if path.is_dir():
-        raise DataError(f"{path}: is a folder; give the name of a file")
+    path = place_of(file)
     if not path.parent.is_dir():
         raise DataError(f"{path}: there is no folder {path.parent}; make it, or take another")
     require_unread(path, inputs)

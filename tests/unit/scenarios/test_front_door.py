@@ -75,6 +75,7 @@ FILES = {
     "output.csv": table("time_s,command_V,displacment_mm"),
     "clockless.csv": table("number,command_V,displacement_mm"),
     "unit.csv": table("time_s,command_mm,displacement_mm"),
+    "mega.csv": table("time_s,command_MV,displacement_mm"),
     "unitless.csv": table("t,voltage,disp"),
     "volts.csv": table("t,voltage,disp_V"),
     "extra.csv": table("time_s,command_V,displacement_mm,curent_uA"),
@@ -137,6 +138,7 @@ FILES = {
     "commands.toml": RIG.replace("gain = 800.0", "gain = 800.0\ncommand_min_V = 4\ncommand_max_V = 3"),
     "metres.toml": RIG.replace("= 0.5", "= 0.0005"),
     "huge.toml": RIG.replace("800.0", "8000000"),
+    "comma.toml": RIG.replace("= 3.5", "= 3,5"),
     "digits.toml": RIG.replace("800.0", "9" * 5000),
     "hoop.toml": RIG + "[hoop]\n",
     "above.toml": "gain = 800.0\n" + RIG,
@@ -278,6 +280,8 @@ def write_models(desk: Path) -> None:
         ("indefinite.json", "narx.json", "theta_cov", [[1.0, 1.5, 0.0], [1.5, 1.0, 0.0], [0.0, 0.0, 1.0]]),
         ("lopsided.json", "narx.json", "theta_cov", [[1.0, 0.2, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]),
         ("effect.json", "model.json", "effects", ["crep"]),
+        ("negative.json", "model.json", "noise", -1.0),
+        ("bogus.json", "model.json", "calibration", {"names": ["bogus"], "covariance": [[1.0]]}),
     ):
         document = json.loads((desk / source).read_text(encoding="utf-8"))
         assert key in document

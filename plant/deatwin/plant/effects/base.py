@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from enum import Enum
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -58,6 +60,8 @@ class Effect(ABC):
     threshold: ClassVar[str] = ""
     """The shape that is a level, if any: of the amplifier's voltage in the drive, else of the reading. Below it the
     effect does nothing, so that a fit must start where such levels occur."""
+    becomes: ClassVar[Mapping[str, str]] = MappingProxyType({})
+    """Parameters with whose smallest value this effect is another one, and that one's name."""
     wording: ClassVar[str]
     """Says in a sentence what the physics does; with ``{parameter}`` fields."""
 

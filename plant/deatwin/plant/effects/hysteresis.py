@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import casadi as ca
@@ -51,6 +53,7 @@ class Hysteresis(Effect):
     place: ClassVar[Place] = Place.BALL
     signal: ClassVar[str] = "force"
     strength: ClassVar[str] = "force"
+    becomes: ClassVar[Mapping[str, str]] = MappingProxyType({"distance": "coulomb_friction"})
     wording: ClassVar[str] = "The motion has rate-independent hysteresis of {force} over {distance}"
 
     def describe(self) -> tuple[Parameter, ...]:

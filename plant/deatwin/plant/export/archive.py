@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import os
 import platform
 import subprocess
 import zipfile
 from collections.abc import Mapping
 from importlib.util import find_spec
 from pathlib import Path
-from tempfile import NamedTemporaryFile, TemporaryDirectory
+from tempfile import TemporaryDirectory
 
-from deatwin.plant.errors import DataError, ModelError
+from deatwin.plant.errors import ModelError
+from deatwin.plant.files.replacing import replacing
 from deatwin.plant.integrator.compiled import compiler
 
 __all__ = ["compiled", "headers", "write_fmu"]
@@ -98,19 +98,7 @@ def write_fmu(path: str | Path, contents: Mapping[str, bytes]) -> Path:
     DataError
         If it cannot be written.
     """
-    target = Path(path)
-    try:
-        with NamedTemporaryFile(dir=target.parent, prefix=f".{target.name}.", delete=False) as beside:
-            try:
-                with zipfile.ZipFile(beside, "w", zipfile.ZIP_DEFLATED) as archive:
-                    for place, content in sorted(contents.items()):
-                        archive.writestr(place, content)
-                beside.close()
-                os.chmod(beside.name, 0o644)
-                os.replace(beside.name, target)
-            except BaseException:
-                Path(beside.name).unlink(missing_ok=True)
-                raise
-    except OSError as error:
-        raise DataError(f"{path}: cannot be written: {error.strerror or error}") from None
-    return target
+    with replacing(path) as beside, zipfile.ZipFile(beside, "w", zipfile.ZIP_DEFLATED) as archive:
+        for place, content in sorted(contents.items()):
+            archive.writestr(place, content)
+    return Path(path)

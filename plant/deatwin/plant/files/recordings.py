@@ -1,8 +1,6 @@
 """The front door for recordings: one file or several, any format, in and out."""
 
-import secrets
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TypeVar
 
@@ -18,6 +16,7 @@ from deatwin.plant.files.formats.mat import read_mat, write_mat
 from deatwin.plant.files.formats.netcdf import read_netcdf, write_netcdf
 from deatwin.plant.files.formats.table import Table
 from deatwin.plant.files.formats.tdms import read_tdms, write_tdms
+from deatwin.plant.files.replacing import replacing
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.rigs.rigfile import RigFile
 
@@ -232,7 +231,7 @@ def write_recording(path: str | Path, recording: Recording) -> None:
         If the format is not known, a package that it needs is not installed, or the file cannot be written.
     """
     write = _by_ending(path, _WRITERS, "written")
-    with _replacing(path) as temporary:
+    with replacing(path) as temporary:
         write(temporary, recording)
 
 
@@ -276,23 +275,8 @@ def write_text_atomic(path: str | Path, text: str) -> None:
     DataError
         If it cannot be written.
     """
-    with _replacing(path) as temporary:
+    with replacing(path) as temporary:
         _write_text(temporary, text)
-
-
-@contextmanager
-def _replacing(path: str | Path) -> Iterator[Path]:
-    """Give a temporary file beside a file, and let it take the file's place if all went well."""
-    target = Path(path)
-    temporary = target.with_name(f".{target.name}.{secrets.token_hex(4)}")
-    try:
-        yield temporary
-        temporary.replace(target)
-    except OSError as error:
-        raise DataError(f"{path}: cannot be written: {error.strerror or error}") from None
-    finally:
-        with suppress(OSError):  # where it could not be made, for example below a file
-            temporary.unlink(missing_ok=True)
 
 
 def _write_text(path: Path, text: str) -> None:

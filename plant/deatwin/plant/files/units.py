@@ -56,6 +56,7 @@ UNITS = {
     "kPa": Unit("Pa", 1e3),
     "MPa": Unit("Pa", 1e6),
 }
+_LOWERED = {name.lower() for name in UNITS}
 _IN_BRACKETS = re.compile(r"(.+?)\s*(\([^()]*\)|\[[^\[\]]*\])")
 _LAST_PART = re.compile(r"(.+?)\s*_([^_]+)")
 _IN_WORDS = re.compile(r"(.+?)\s+in\s+(\S+)")
@@ -126,6 +127,32 @@ def split_unit(header: str) -> tuple[str, str]:
         if match and (unit := find_unit(match[2])) and not (form is _DIVIDED and _is_rate(match[1], unit)):
             return match[1], unit
     return header, ""
+
+
+def unknown_unit(header: str) -> str:
+    """Return what a header gives as its unit where that is none, but was surely meant to be one.
+
+    Parameters
+    ----------
+    header : str
+        Of a column, of which `split_unit` knows no unit.
+
+    Returns
+    -------
+    str
+        As the header has it; empty where nothing tells that it is meant as a unit.
+
+    Examples
+    --------
+    >>> unknown_unit("command_MV"), unknown_unit("U (%)"), unknown_unit("U_cmd"), unknown_unit("x (left)")
+    ('MV', '%', '', '')
+    """
+    for form in (_IN_BRACKETS, _LAST_PART, _IN_WORDS, _DIVIDED):
+        if match := form.fullmatch(header):
+            said = match[2].strip("()[] ")
+            if "%" in said or (len(said) > 1 and said.lower() in _LOWERED):
+                return said
+    return ""
 
 
 def _is_rate(before: str, unit: str) -> bool:

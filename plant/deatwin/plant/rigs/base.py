@@ -13,6 +13,7 @@ from deatwin.plant.chain import MeasuringChain
 from deatwin.plant.effects.catalogue import catalogue
 from deatwin.plant.effects.sizes import Sizes
 from deatwin.plant.parameters import Parameter
+from deatwin.plant.rigs.stated import require_stated
 
 if TYPE_CHECKING:
     from deatwin.plant.effects.base import Effect
@@ -134,6 +135,11 @@ class Rig(ABC):
         Returns
         -------
         Rig
+
+        Raises
+        ------
+        RigError
+            If a field is not of its kind, or out of range.
         """
         limits, chain = data["command_range"], data.get("chain")
         read = {
@@ -141,7 +147,9 @@ class Rig(ABC):
             "command_range": tuple(limits) if limits else None,
             "chain": MeasuringChain.from_dict(chain) if chain else None,
         }
-        return cls(**{**data, **read})
+        rig = cls(**{**data, **read})
+        require_stated(rig)
+        return rig
 
     def with_effects(self, *effects: Effect) -> Plant:
         """A plant of this rig and effects.

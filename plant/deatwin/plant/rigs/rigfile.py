@@ -29,6 +29,7 @@ from deatwin.plant.errors import RigError, nearest
 from deatwin.plant.intake import RIG_BYTES, clipped, read_regular
 from deatwin.plant.rigs.rigkeys import RIG_KEYS
 from deatwin.plant.rigs.rigmistakes import lines_of, mistakes_of, told
+from deatwin.plant.rigs.tomlslips import slip_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -171,7 +172,7 @@ def read_rig(path: str | Path) -> RigFile:
     except RigError:
         raise
     except ValueError as error:  # TOMLDecodeError, or a whole number of thousands of digits
-        raise RigError(f"{path}: not TOML: {clipped(error, 200)}") from None
+        raise RigError(f"{path}: not TOML: {slip_of(text) or clipped(error, 200)}") from None
     except RecursionError:
         raise RigError(f"{path}: not a rig file: lists in lists, too deep") from None
     if mistakes := mistakes_of(data):

@@ -11,9 +11,7 @@ import hashlib
 import io
 import json
 import re
-import secrets
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -21,9 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.plant.errors import DataError
+from deatwin.plant.files.replacing import replacing
 from deatwin.plant.intake import DOCUMENT_BYTES, read_regular
 
-__all__ = ["CASE_ENDING", "decode", "encode", "read_case", "replacing", "write_case"]
+__all__ = ["CASE_ENDING", "decode", "encode", "read_case", "write_case"]
 
 CASE_ENDING = ".nc"
 SCHEMA = "deatwin/case-file/1"
@@ -137,38 +136,8 @@ def write_case(path: Path | str, record: Mapping[str, Any]) -> None:
         If it cannot be written.
     """
     content = encode(record)
-    with replacing(Path(path)) as half:
+    with replacing(path) as half:
         half.write_bytes(content)
-
-
-@contextmanager
-def replacing(path: Path) -> Iterator[Path]:
-    """A file beside another, which takes the other's place if all goes well.
-
-    Parameters
-    ----------
-    path : path
-        Of the other.
-
-    Yields
-    ------
-    path
-        Of the file to write.
-
-    Raises
-    ------
-    DataError
-        If it cannot be written.
-    """
-    half = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
-    try:
-        yield half
-        half.replace(path)
-    except OSError as error:
-        raise DataError(f"{path}: cannot be written: {error.strerror or error}") from None
-    finally:
-        with suppress(OSError):
-            half.unlink(missing_ok=True)
 
 
 def _stating(content: bytes, sha256: bytes) -> bytes:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from deatwin.plant.errors import DataError
-from deatwin.scenarios.sweep.casefile import replacing
+from deatwin.plant.files.replacing import replacing
 from deatwin.scenarios.sweep.seal import SweepSeal
 from deatwin.scenarios.sweep.store import CaseStore, read_seal
 
@@ -105,7 +105,7 @@ class Study:
         DataError
             As `to_xarray`, or if it cannot be written.
         """
-        with replacing(Path(path)) as half:
+        with replacing(path) as half:
             self.to_xarray().to_netcdf(half, engine="h5netcdf")
 
 

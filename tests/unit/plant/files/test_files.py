@@ -346,6 +346,25 @@ class TestWriting:
         assert path.read_bytes() == "µ\n".encode()
         assert os.listdir(tmp_path) == ["note.txt"]
 
+    @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no pipes with a name")
+    def test_what_is_no_plain_file_is_left_alone(self, tmp_path: Path) -> None:
+        pipe, folder = tmp_path / "pipe", tmp_path / "folder"
+        os.mkfifo(pipe)
+        folder.mkdir()
+        for path, kind in ((pipe, "a pipe"), (folder, "a folder")):
+            with pytest.raises(DataError, match=f"{path.name}: is {kind}; give the name of a file"):
+                write_text_atomic(path, "text")
+        assert pipe.is_fifo() and sorted(os.listdir(tmp_path)) == ["folder", "pipe"]
+
+    def test_a_link_stays_one(self, tmp_path: Path) -> None:
+        (tmp_path / "there").mkdir()
+        link, target = tmp_path / "link.txt", tmp_path / "there" / "note.txt"
+        target.write_text("old", encoding="utf-8")
+        link.symlink_to(target)
+        write_text_atomic(link, "new")
+        assert link.is_symlink() and target.read_text(encoding="utf-8") == "new"
+        assert os.listdir(target.parent) == ["note.txt"]
+
     def test_folder_that_is_not_there(self, tmp_path: Path) -> None:
         with pytest.raises(DataError, match=r"note.txt: cannot be written: No such file"):
             write_text_atomic(tmp_path / "none" / "note.txt", "text")

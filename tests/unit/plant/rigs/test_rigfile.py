@@ -110,7 +110,16 @@ def test_round_trip_through_json(tmp_path: Path, text: str) -> None:
             "gain = 800.0\ncommand_min_V = 4\ncommand_max_V = 3",
             r"command_min_V: 4 is out of range; it must be below command_max_V, 3",
         ),
-        ("gain = 800.0", "gain 800.0", r"not TOML: .*line 13"),
+        ("gain = 800.0", "gain 800.0", r"not TOML: line 13: write gain = 800.0"),
+        ("gain = 800.0", "gain = 800,5  # V/V", r"not TOML: line 13, gain: a number has a decimal point: write 800.5"),
+        ("gain = 800.0", "gain = 800 V", r"line 13, gain: the key has the unit in its name: write 800$"),
+        ("gain = 800.0", "gain = .8", r"line 13, gain: a number begins with a digit: write 0.8"),
+        ("gain = 800.0", "gain = 800.", r"line 13, gain: a number ends with a digit: write 800.0"),
+        ("gain = 800.0", "gain =", r"line 13, gain: there is no value"),
+        ("gain = 800.0", "gain = 800.0\ngain = 900.0", r"line 14, gain: the key stands in line 13 already"),
+        ("[drive]", "[drive", r"line 12: a section stands in brackets: write \[drive\]"),
+        ("gain = 800.0", "gain = high", r'line 13, gain: a text stands in quotes: write "high"'),
+        ("gain = 800.0", "gain = [800.0", r"not TOML: .*line 1"),
     ],
 )
 def test_faults(tmp_path: Path, old: str, new: str, message: str) -> None:

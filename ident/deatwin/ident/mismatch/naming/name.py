@@ -13,6 +13,7 @@ from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.floor import floor_of
 from deatwin.ident.mismatch.naming.candidate import Candidate, noise_seen
 from deatwin.ident.mismatch.naming.decide import Naming, cannot_rule_out, decide, explained, suffices, with_distances
+from deatwin.ident.mismatch.naming.limits import with_limits
 from deatwin.ident.mismatch.naming.screen import Footprint, Lead, footprints, leads
 from deatwin.ident.mismatch.naming.shortlist import shortlist
 from deatwin.ident.mismatch.naming.siblings import siblings
@@ -96,14 +97,11 @@ def name_causes(
     if others:
         search, stage, naming = _best_form([(search, stage), *(search.in_form(rival, stage) for rival in others)])
     for number in range(1, MOST_CAUSES):
-        before = search.best_of(stage)
-        if naming.best is not None or before is None or search.leaves_a_trifle(before):
+        if naming.best is not None:
             break
-        stage = search.beside(before, partial(tell, number))
-        best = search.best_of(stage)
-        if best is None or not search.each_counts(best):
-            break  # a further effect does not help: another one beside it would not be understood
-        stage += search.replacing(before, best)
+        stage = search.with_one_more(stage, partial(tell, number))
+        if not stage:
+            break
         naming = search.decided(stage)
     return replace(search.on_everything(naming), failed=tuple(search.failed))
 
@@ -168,6 +166,25 @@ class _Search:
 
     def best_of(self, stage: Sequence[Names]) -> Names | None:
         return max(stage, key=lambda names: self.tried[names].evidence, default=None)
+
+    def with_one_more(self, stage: Sequence[Names], finished: Finished | None = None) -> list[Names]:
+        """Sets of one more effect, each of which counts; none where none helps.
+
+        One begins with the best of a stage, and if nothing beside it helps, with what fits best where it was fitted:
+        what is extrapolated worst may lack only the other effect.
+        """
+        for before in dict.fromkeys([self.best_of(stage), self.best_fit_of(stage)]):
+            if before is None or self.leaves_a_trifle(before):
+                continue
+            found = self.beside(before, finished)
+            best = self.best_of(found)
+            if best is not None and self.each_counts(best):
+                return found + self.replacing(before, best)
+        return []
+
+    def best_fit_of(self, stage: Sequence[Names]) -> Names | None:
+        """What leaves least of the fitted part."""
+        return min(stage, key=lambda names: self.tried[names].calibration.rms, default=None)
 
     def beside(self, names: Names, finished: Finished | None = None) -> list[Names]:
         """Try each promising effect beside those of a candidate."""
@@ -285,9 +302,12 @@ class _Search:
         return naming
 
     def on_everything(self, naming: Naming) -> Naming:
-        """The decision, or the one that suffices, with the rivals that all recordings together bring back."""
+        """The decision, or the one that suffices, with the rivals that all recordings together bring back.
+
+        And those that the best one has become.
+        """
         decided = naming if naming.best is not None else self.nearly()
-        return judged_on_everything(decided, self.bench, self._takes_most)
+        return with_limits(judged_on_everything(decided, self.bench, self._takes_most), self._takes_most)
 
     def _counts(self, candidate: Candidate) -> bool:
         """Whether a candidate takes away most of what is more than noise, and its effects act.

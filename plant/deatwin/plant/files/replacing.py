@@ -1,0 +1,66 @@
+"""Files that appear whole or not at all."""
+
+import os
+import secrets
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from deatwin.plant.errors import DataError
+from deatwin.plant.intake import kind_of_file
+
+__all__ = ["place_of", "replacing"]
+
+
+def place_of(path: str | os.PathLike[str]) -> Path:
+    """Return where a file will stand: of a link the file that it leads to.
+
+    Parameters
+    ----------
+    path : str or path
+        Of a file that is to be written.
+
+    Returns
+    -------
+    Path
+
+    Raises
+    ------
+    DataError
+        If something stands there that is no plain file: a device would be replaced by one.
+    """
+    target = Path(os.path.realpath(path)) if os.path.islink(path) else Path(path)
+    if kind := kind_of_file(target):
+        raise DataError(f"{path}: is {kind}; give the name of a file")
+    return target
+
+
+@contextmanager
+def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """Give a temporary file beside a file, and let it take the file's place if all went well.
+
+    Parameters
+    ----------
+    path : str or path
+        Of the file.
+
+    Yields
+    ------
+    Path
+        Of the file to write.
+
+    Raises
+    ------
+    DataError
+        If it cannot be written.
+    """
+    target = place_of(path)
+    temporary = target.with_name(f".{target.name}.{secrets.token_hex(4)}")
+    try:
+        yield temporary
+        temporary.replace(target)
+    except OSError as error:
+        raise DataError(f"{path}: cannot be written: {error.strerror or error}") from None
+    finally:
+        with suppress(OSError):  # where it could not be made, for example below a file
+            temporary.unlink(missing_ok=True)

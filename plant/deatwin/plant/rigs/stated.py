@@ -1,0 +1,65 @@
+"""What a rig read from a file states of itself: each field of its kind, and of a size that something has."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from math import isfinite
+from typing import TYPE_CHECKING, Any
+
+from deatwin.plant.errors import RigError
+from deatwin.plant.intake import clipped
+
+if TYPE_CHECKING:
+    from deatwin.plant.rigs.base import Rig
+
+__all__ = ["require_stated"]
+
+_LARGEST = 1e12
+_SIZE, _STRETCH, _AMOUNT, _DAY = (1e-9, 1e3), (0.1, 10.0), (0.0, 1e6), (0.0, 86400.0)
+_RANGES: dict[str, tuple[float, float]] = {
+    "sample_time": (1e-6, 1e3), "start_ramp": _DAY, "start_hold": _DAY,
+    **dict.fromkeys(("noise", "model_error"), (0.0, _LARGEST)),
+    **dict.fromkeys(("mass", "damping", "spring_rate"), _AMOUNT),
+    **dict.fromkeys(("thickness", "length", "width", "waist_width", "bar_width", "area"), _SIZE),
+    **dict.fromkeys(("frame_radius", "electrode_radius", "contact_radius"), _SIZE),
+    **dict.fromkeys(("prestretch", "side_prestretch", "hoop_prestretch"), _STRETCH),
+    **dict.fromkeys(("elements", "layers", "stations"), (1, 1e6)),
+}  # fmt: skip
+"""Of fields that rigs of the house have, both ends included, SI; a rig of another house has its own checks."""
+_KINDS = {"float": (int | float, "a number"), "int": (int, "a whole number"), "bool": (bool, "true or false"),
+          "str": (str, "a text")}  # fmt: skip
+
+
+def require_stated(rig: Rig) -> None:
+    """Raise RigError unless each field of a rig is of its kind and in its range.
+
+    Parameters
+    ----------
+    rig : Rig
+        Made of what a file holds.
+
+    Raises
+    ------
+    RigError
+        Names the field, its value and what may stand there.
+    """
+    for field in fields(rig):
+        value, kinds = getattr(rig, field.name), str(field.type).split(" | ")
+        if kinds[0] in _KINDS and not (value is None and "None" in kinds):
+            _require(field.name, value, *_KINDS[kinds[0]])
+    if rig.command_range is not None:
+        _require_range(rig.command_range)
+
+
+def _require(name: str, value: Any, kind: Any, called: str) -> None:
+    lower, upper = _RANGES.get(name, (-_LARGEST, _LARGEST))
+    if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
+        raise RigError(f"rig.{name} is {clipped(repr(value))}; it must be {called}")
+    if isinstance(value, int | float) and not lower <= value <= upper:  # nan is not
+        raise RigError(f"rig.{name} is {value:g}; it must be from {lower:g} to {upper:g}")
+
+
+def _require_range(limits: Any) -> None:
+    numbers = [v for v in limits if isinstance(v, int | float) and not isinstance(v, bool) and isfinite(v)]
+    if len(limits) != 2 or len(numbers) != 2 or not limits[0] < limits[1]:
+        raise RigError(f"rig.command_range is {clipped(list(limits))}; it must be the lowest and the highest command")

@@ -1,0 +1,59 @@
+"""What is probably meant by a line of a rig file that is not TOML: its parser knows the place, not the remedy."""
+
+import re
+from collections.abc import Callable
+
+from deatwin.plant.intake import clipped
+
+__all__ = ["slip_of"]
+
+_NUMBER = r"[+-]?\d+(?:\.\d+)?(?:[eE][+-]?\d+)?"
+_END = r"\s*(?:#.*)?"
+_KEY = re.compile(r"\s*([A-Za-z0-9_-]+)\s*=\s*(.*?)\s*")
+_BARE = re.compile(r"\s*([A-Za-z0-9_-]+)\s+([^=\[\]#]+?)\s*(?:#.*)?")
+_SECTION = re.compile(r"\s*\[([A-Za-z0-9_-]+)\s*\]?" + _END)
+_SLIPS: tuple[tuple[re.Pattern[str], Callable[[re.Match[str]], str]], ...] = (
+    (re.compile(rf"([+-]?\d+),(\d+){_END}"), lambda m: f"a number has a decimal point: write {m[1]}.{m[2]}"),
+    (re.compile(rf"([+-]?)(\.\d+){_END}"), lambda m: f"a number begins with a digit: write {m[1]}0{m[2]}"),
+    (re.compile(rf"([+-]?\d+)\.{_END}"), lambda m: f"a number ends with a digit: write {m[1]}.0"),
+    (re.compile(rf"({_NUMBER})\s*[A-Za-zµμ%°]+{_END}"), lambda m: f"the key has the unit in its name: write {m[1]}"),
+    (re.compile(r"(?!true\b|false\b|inf\b|nan\b)([^\W\d][^\"'#\[\]{}]*?)" + _END),
+     lambda m: f'a text stands in quotes: write "{clipped(m[1])}"'),
+    (re.compile(_END), lambda m: "there is no value"),
+)  # fmt: skip
+
+
+def slip_of(text: str) -> str:
+    """Return the first slip in a rig file: its line, its key, and what to write.
+
+    Parameters
+    ----------
+    text : str
+        What no TOML parser reads.
+
+    Returns
+    -------
+    str
+        Empty where nothing usual is found.
+
+    Examples
+    --------
+    >>> slip_of("[film]\\nprestretch = 3,5")
+    'line 2, prestretch: a number has a decimal point: write 3.5'
+    """
+    seen: dict[str, int] = {}
+    for number, line in enumerate(text.split("\n"), start=1):
+        if section := _SECTION.fullmatch(line):
+            if "]" not in line.split("#")[0]:
+                return f"line {number}: a section stands in brackets: write [{section[1]}]"
+            seen = {}
+        elif entry := _KEY.fullmatch(line):
+            key, value = entry.groups()
+            if said := next((say(found) for slip, say in _SLIPS if (found := slip.fullmatch(value))), ""):
+                return f"line {number}, {clipped(key)}: {said}"
+            if key in seen:
+                return f"line {number}, {clipped(key)}: the key stands in line {seen[key]} already: keep one of them"
+            seen[key] = number
+        elif bare := _BARE.fullmatch(line):
+            return f"line {number}: write {clipped(bare[1])} = {clipped(bare[2])}"
+    return ""

@@ -1,0 +1,68 @@
+"""What an explanation has become at a bound of its range stays possible."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from deatwin.ident.mismatch.naming.candidate import Candidate
+from deatwin.ident.mismatch.naming.decide import Naming
+from deatwin.ident.mismatch.naming.limits import with_limits
+from deatwin.plant import Diaphragm, Plant
+from deatwin.plant.effects.base import Effect
+from deatwin.plant.effects.catalogue import catalogue, effect_named
+
+LOWEST, HIGHEST = 5e-6, 1e-3
+"""Of the distance of hysteresis, m."""
+
+
+def candidate(*effects: Effect, at_bound: tuple[str, ...] = ()) -> Candidate:
+    plant = Plant(rig=Diaphragm(), effects=effects)
+    calibration = SimpleNamespace(plant=plant, at_bound=at_bound, residuals=np.ones(100), names=("a",))
+    names = tuple(effect.name for effect in effects)
+    return Candidate(effects=names, calibration=calibration, unseen=np.ones(50), noise=1.0)
+
+
+def hysteresis(distance: float) -> Effect:
+    return replace(effect_named("hysteresis"), distance=distance)
+
+
+FRICTION, CREEP = effect_named("coulomb_friction"), effect_named("creep")
+AT = ("hysteresis.distance",)
+
+
+def rivals(*candidates: Candidate, possible=lambda c: True) -> list[tuple[str, ...]]:
+    """Names of the rivals where the first candidate is the best."""
+    probabilities = {c.effects: 1 / len(candidates) for c in candidates}
+    naming = Naming(candidates=candidates, best=candidates[0], rivals=(), probabilities=probabilities, noise=1.0)
+    return [rival.effects for rival in with_limits(naming, possible).rivals]
+
+
+def test_hysteresis_over_the_smallest_distance_may_be_dry_friction():
+    best, friction, creep = candidate(hysteresis(LOWEST), at_bound=AT), candidate(FRICTION), candidate(CREEP)
+    assert rivals(best, friction, creep) == [("coulomb_friction",)]
+    assert rivals(best, friction, creep, possible=lambda c: c is creep) == []
+
+
+def test_each_effect_of_a_pair_may_have_become_another():
+    best = candidate(CREEP, hysteresis(LOWEST), at_bound=AT)
+    pair, single = candidate(FRICTION, CREEP), candidate(FRICTION)
+    assert rivals(best, single, pair) == [pair.effects]
+
+
+@pytest.mark.parametrize(("distance", "at_bound"), [(30e-6, ()), (HIGHEST, AT)])
+def test_elsewhere_it_is_hysteresis(distance, at_bound):
+    assert rivals(candidate(hysteresis(distance), at_bound=at_bound), candidate(FRICTION)) == []
+
+
+def test_without_an_answer_nothing_is_added():
+    nothing = Naming(candidates=(candidate(),), best=None, rivals=(), probabilities={}, noise=1.0)
+    assert with_limits(nothing, lambda c: True) is nothing
+
+
+def test_what_an_effect_becomes_is_in_the_catalogue_and_at_a_parameter_of_its_own():
+    known = {effect.name for effect in catalogue()}
+    for effect in catalogue():
+        for parameter, other in effect.becomes.items():
+            assert parameter in {p.name for p in effect.describe()} and other in known - {effect.name}
