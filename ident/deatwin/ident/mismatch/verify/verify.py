@@ -45,6 +45,8 @@ class Ablation:
         Lower 95 % bound of how much the effect lowers the rms on the unseen part, SI.
     share : float
         Share of the mismatch's energy that returns, from 0 to 1.
+    counts : bool
+        Whether the error grows for certain over both parts, and on the unseen one by more than the plant's own error.
     """
 
     effect: str
@@ -52,11 +54,15 @@ class Ablation:
     unseen: float
     gain_low: float
     share: float
+    counts: bool = False
 
     @property
     def returns(self) -> bool:
-        """Whether the error on unseen data comes back for certain."""
-        return self.gain_low > 0.0
+        """Whether the error comes back for certain, on unseen data too.
+
+        What acts at a few steps only is in so few blocks of the unseen part that these alone can be certain of nothing.
+        """
+        return self.gain_low > 0.0 or self.counts
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,7 +128,7 @@ class Verification:
             "ablation": [
                 {
                     "effect": a.effect, "fitted": a.fitted / size, "unseen": a.unseen / size,
-                    "gain_low": a.gain_low / size, "share": a.share,
+                    "gain_low": a.gain_low / size, "share": a.share, "counts": a.counts,
                 }
                 for a in self.ablations
             ],
@@ -314,10 +320,13 @@ def _fitted_effect(plant: Plant, name: str) -> Effect:
 def _ablation(
     name: str, base: Candidate, amended: Candidate, without: Candidate, rng: np.random.Generator
 ) -> Ablation:
+    gain_low = bootstrap_gain(block_losses(without.unseen), block_losses(amended.unseen), rng)
+    over_both = bootstrap_gain(without.losses, amended.losses, rng)
+    more = float(np.mean(without.unseen**2) - np.mean(amended.unseen**2))
     return Ablation(
-        effect=name, fitted=without.calibration.rms, unseen=_rms(without.unseen),
-        gain_low=bootstrap_gain(block_losses(without.unseen), block_losses(amended.unseen), rng),
+        effect=name, fitted=without.calibration.rms, unseen=_rms(without.unseen), gain_low=gain_low,
         share=_share(base, amended, without, amended.noise),
+        counts=over_both > 0.0 and more > amended.calibration.plant.rig.model_error**2,
     )  # fmt: skip
 
 

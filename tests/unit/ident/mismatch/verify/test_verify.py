@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from deatwin.ident.mismatch.gate.gate import gate, split
 from deatwin.ident.mismatch.naming.candidate import Candidate, judge
 from deatwin.ident.mismatch.verify.shams import ShamKind, _Court, backwards, phase_randomised, sham_effects
 from deatwin.ident.mismatch.verify.transfer import Transfer
-from deatwin.ident.mismatch.verify.verify import Ablation, Verification, shares_explained, verify
+from deatwin.ident.mismatch.verify.verify import Ablation, Verification, _ablation, shares_explained, verify
 from deatwin.plant import Creep, Diaphragm, Experiment, PermittivityDrift, Plant, Recording
 from deatwin.plant.effects.catalogue import catalogue, effect_named
 from deatwin.plant.excitation import band_limited_noise, random_holds
@@ -247,13 +248,35 @@ def test_each_failure_is_said_and_is_enough():
     assert verification(transfers=(within, uncertain)).holds
 
 
+def bursts(size: float, blocks: int, bad: int) -> np.ndarray:
+    """Residuals of 2 µm, in blocks of fifty samples, the first of which are larger."""
+    scale = np.where(np.arange(blocks) < bad, size, 2e-6)
+    return np.repeat(scale, 50) * np.tile([1.0, -1.0], 25 * blocks)
+
+
+def with_bursts(size: float, fitted: int, unseen: int) -> Candidate:
+    """An explanation that is bad in some of 90 blocks of the fitted part, and of 36 of the unseen one."""
+    plant = SimpleNamespace(rig=SimpleNamespace(model_error=1.2e-6, output_unit="m"))
+    calibration = SimpleNamespace(plant=plant, residuals=bursts(size, 90, fitted), rms=2e-6, names=("a",))
+    return Candidate(effects=(), calibration=calibration, unseen=bursts(size, 36, unseen), noise=2e-6)
+
+
+# One block of 36: 10² - 2² = 96 over 36 are 2.7 in mean square, more than 1.2² = 1.44; 6² - 2² = 32 are 0.9.
+@pytest.mark.parametrize(("size", "fitted", "returns"), [(10e-6, 12, True), (6e-6, 12, False), (10e-6, 0, False)])
+def test_what_acts_in_bursts_returns_if_both_parts_are_certain_of_it(size, fitted, returns):
+    without, amended = with_bursts(size, fitted, 1), with_bursts(2e-6, 0, 0)
+    found = _ablation("amplifier_slew", without, amended, without, np.random.default_rng(0))
+    assert found.gain_low == 0.0  # some draws have none of the one block
+    assert found.returns is returns
+
+
 def test_the_file_has_amplitudes_in_micrometres():
     taken = Ablation(effect="creep", fitted=9e-6, unseen=10e-6, gain_low=7e-6, share=0.97)
     data = verification(ablations=(taken,)).to_dict()
     assert data["gain_low"] == pytest.approx(7.0)
     assert data["ablation"] == [
         {"effect": "creep", "fitted": pytest.approx(9.0), "unseen": pytest.approx(10.0), "gain_low": pytest.approx(7.0),
-         "share": 0.97}
+         "share": 0.97, "counts": False}
     ]  # fmt: skip
     assert verification(output_unit="V").to_dict()["gain_low"] == 7e-6
 
