@@ -201,7 +201,7 @@ NOT_FROM_THE_COMMAND_LINE = {
     "table.py: it must be positive and finite": "readers pass over such a clock, or call the description damaged",
     "recordings.py: columns must be one-dimensional": "commands write columns of one length",
     "recordings.py: holds a comma": "commands write headers of their own",
-    "recordings.py: cannot be written": "the place is looked at first; afterwards only a full disk does this",
+    "replacing.py: cannot be written": "the place is looked at first; afterwards only a full disk does this",
     "simulate.py: the simulation stopped:": "known plants stop at a time and a command",
 }
 """By module and words of the message: why no row can show it."""
