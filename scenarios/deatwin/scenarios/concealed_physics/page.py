@@ -114,7 +114,8 @@ def _interrupted(data: Mapping[str, Any]) -> list[str]:
         return []
     return [
         f"**The study was interrupted: {data['done']} of {data['planned']} cases have run (the order is mixed, so they "
-        "are a fair sample).** Fits on data of the reduced plant are counted among them.", "",
+        "are a fair sample).** Fits on data of the reduced plant are counted among them. A goal that is met is met so "
+        "far: as long as its bound does not keep it too, the rest of the study may break it.", "",
     ]  # fmt: skip
 
 

@@ -184,7 +184,7 @@ class _Search:
 
     def best_fit_of(self, stage: Sequence[Names]) -> Names | None:
         """What leaves least of the fitted part."""
-        return min(stage, key=lambda names: self.tried[names].calibration.rms, default=None)
+        return min(stage, key=lambda names: self.tried[names].fitted_test.rms, default=None)
 
     def beside(self, names: Names, finished: Finished | None = None) -> list[Names]:
         """Try each promising effect beside those of a candidate."""
