@@ -168,23 +168,15 @@ class _Search:
         return max(stage, key=lambda names: self.tried[names].evidence, default=None)
 
     def with_one_more(self, stage: Sequence[Names], finished: Finished | None = None) -> list[Names]:
-        """Sets of one more effect, each of which counts; none where none helps.
-
-        One begins with the best of a stage, and if nothing beside it helps, with what fits best where it was fitted:
-        what is extrapolated worst may lack only the other effect.
-        """
-        for before in dict.fromkeys([self.best_of(stage), self.best_fit_of(stage)]):
-            if before is None or self.leaves_a_trifle(before):
-                continue
-            found = self.beside(before, finished)
-            best = self.best_of(found)
-            if best is not None and self.each_counts(best):
-                return found + self.replacing(before, best)
-        return []
-
-    def best_fit_of(self, stage: Sequence[Names]) -> Names | None:
-        """What leaves least of the fitted part."""
-        return min(stage, key=lambda names: self.tried[names].fitted_test.rms, default=None)
+        """Sets of one more effect beside the best of a stage, and in its place; none where none helps."""
+        before = self.best_of(stage)
+        if before is None or self.leaves_a_trifle(before):
+            return []
+        found = self.beside(before, finished)
+        best = self.best_of(found)
+        if best is None or not self.each_counts(best):
+            return []  # a further effect does not help: another one beside it would not be understood
+        return found + self.replacing(before, best)
 
     def beside(self, names: Names, finished: Finished | None = None) -> list[Names]:
         """Try each promising effect beside those of a candidate."""

@@ -194,30 +194,13 @@ def test_what_did_well_alone_is_tried_beside_another_whatever_its_score():
     assert search._good_alone(("delay",)) == ["lead of creep", "lead of mullins"]
 
 
-def test_a_further_effect_is_looked_for_beside_what_fits_best_if_nothing_helps_the_best():
-    base = candidate(rms=6.0, unseen=9.0)
-    drift, creep = candidate("sensor_drift", rms=4.5, unseen=7.0), candidate("creep", rms=4.2, unseen=8.0)
-    idle = candidate("delay", "sensor_drift", rms=4.45, unseen=6.9)
-    pair, slew = candidate("amplifier_slew", "creep", rms=2.2), candidate("amplifier_slew", rms=5.0, unseen=9.0)
-    search = search_over(base, drift, creep, slew, idle, pair)
-    found = {drift.effects: [idle.effects], creep.effects: [pair.effects]}
-    begun = []
-
-    def beside(names, finished=None):
-        begun.append(names)
-        return found[names]
-
-    search.beside, search.replacing = beside, lambda before, best: [("replaced",)]
-    stage = [drift.effects, creep.effects, slew.effects]
-    assert search.best_of(stage) == drift.effects and search.best_fit_of(stage) == creep.effects
-    assert search.with_one_more(stage) == [pair.effects, ("replaced",)]
-    assert begun == [drift.effects, creep.effects]
-    found[creep.effects] = []
-    assert search.with_one_more(stage) == []
-
-
-def test_what_is_the_best_in_every_way_is_begun_with_once():
-    base, creep = candidate(rms=6.0), candidate("creep", rms=4.0)
-    search, begun = search_over(base, creep), []
-    search.beside = lambda names, finished=None: begun.append(names) or []
-    assert search.with_one_more([creep.effects]) == [] and begun == [creep.effects]
+def test_a_further_effect_is_looked_for_beside_the_best_and_must_count():
+    base, creep = candidate(rms=6.0), candidate("creep", rms=4.2)
+    idle, pair = candidate("creep", "delay", rms=4.15), candidate("amplifier_slew", "creep", rms=2.2)
+    slew, delay = candidate("amplifier_slew", rms=5.0), candidate("delay", rms=5.9)
+    search = search_over(base, creep, slew, delay, idle, pair)
+    search.replacing = lambda before, best: [("replaced", *before)]
+    search.beside = lambda names, finished=None: [idle.effects, pair.effects]
+    assert search.with_one_more([slew.effects, creep.effects]) == [idle.effects, pair.effects, ("replaced", "creep")]
+    search.beside = lambda names, finished=None: [idle.effects]
+    assert search.with_one_more([slew.effects, creep.effects]) == []
