@@ -16,14 +16,13 @@ from deatwin.plant.errors import ModelError
 from deatwin.plant.intake import clipped
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment
+from deatwin.plant.rigs.stated import LARGEST
 from deatwin.plant.simulate import RunStatus
 
 __all__ = ["SCHEMA", "CalibratedPlant", "Prediction"]
 
 SCHEMA = "deatwin/plant/1"
 TWO_SIDED_95 = 1.959964
-_LARGEST = 1e12
-"""Rms of a noise in any unit: its square is a number still."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -223,8 +222,8 @@ class CalibratedPlant:
         _require_parameters(plant, data["parameters"])
         _require_calibration(plant, names, covariance)
         for name in ("noise", "model_error"):
-            if not 0.0 <= float(data[name]) <= _LARGEST:
-                raise ModelError(f"{name} is {float(data[name]):g}; it must be from 0 to {_LARGEST:g}")
+            if not 0.0 <= float(data[name]) <= LARGEST:
+                raise ModelError(f"{name} is {float(data[name]):g}; it must be from 0 to {LARGEST:g}")
         return cls(
             plant=plant, noise=float(data["noise"]), model_error=float(data["model_error"]),
             names=names, covariance=covariance, provenance=data["provenance"],
@@ -247,8 +246,8 @@ def _require_calibration(plant: Plant, names: tuple[str, ...], covariance: np.nd
             raise ModelError(f"calibration.names: {clipped(name)} is no free parameter (those are {', '.join(free)})")
     if len(set(names)) < len(names):
         raise ModelError("calibration.names: a parameter stands there twice")
-    if (np.abs(covariance) > _LARGEST**2).any():
-        raise ModelError(f"calibration.covariance: no variance is larger than {_LARGEST**2:g}")
+    if (np.abs(covariance) > LARGEST**2).any():
+        raise ModelError(f"calibration.covariance: no variance is larger than {LARGEST**2:g}")
     variances = np.diag(covariance)
     # Between parameters of any size; a fit leaves rounding errors of about 1e-12 of this.
     scaled = covariance / np.sqrt(np.outer(variances, variances)) if (variances > 0.0).all() else covariance

@@ -61,6 +61,8 @@ _IN_BRACKETS = re.compile(r"(.+?)\s*(\([^()]*\)|\[[^\[\]]*\])")
 _LAST_PART = re.compile(r"(.+?)\s*_([^_]+)")
 _IN_WORDS = re.compile(r"(.+?)\s+in\s+(\S+)")
 _DIVIDED = re.compile(r"([^\W\d]\w*)\s*/\s*([^\s/]+)")
+_FORMS = (_IN_BRACKETS, _LAST_PART, _IN_WORDS, _DIVIDED)
+"""How a header may give its unit, as the second group."""
 _NO_QUANTITIES = frozenset({"kg", "g", "rad", "deg", "counts"})
 """Before a stroke these begin a unit, as in ``rad/m``."""
 _PREFIXES = {"": "", "nano": "n", "micro": "u", "milli": "m", "centi": "c", "kilo": "k", "mega": "M"}
@@ -122,7 +124,7 @@ def split_unit(header: str) -> tuple[str, str]:
     >>> split_unit("displacement_mm"), split_unit("Force [N]"), split_unit("film_voltage"), split_unit("U_cmd (kV)")
     (('displacement', 'mm'), ('Force', 'N'), ('film_voltage', ''), ('U_cmd', 'kV'))
     """
-    for form in (_IN_BRACKETS, _LAST_PART, _IN_WORDS, _DIVIDED):
+    for form in _FORMS:
         match = form.fullmatch(header)
         if match and (unit := find_unit(match[2])) and not (form is _DIVIDED and _is_rate(match[1], unit)):
             return match[1], unit
@@ -147,7 +149,7 @@ def unknown_unit(header: str) -> str:
     >>> unknown_unit("command_MV"), unknown_unit("U (%)"), unknown_unit("U_cmd"), unknown_unit("x (left)")
     ('MV', '%', '', '')
     """
-    for form in (_IN_BRACKETS, _LAST_PART, _IN_WORDS, _DIVIDED):
+    for form in _FORMS:
         if match := form.fullmatch(header):
             said = match[2].strip("()[] ")
             if "%" in said or (len(said) > 1 and said.lower() in _LOWERED):

@@ -12,13 +12,14 @@ from deatwin.plant.intake import clipped
 if TYPE_CHECKING:
     from deatwin.plant.rigs.base import Rig
 
-__all__ = ["require_stated"]
+__all__ = ["LARGEST", "require_stated"]
 
-_LARGEST = 1e12
+LARGEST = 1e12
+"""In any unit: its square is a number still."""
 _SIZE, _STRETCH, _AMOUNT, _DAY = (1e-9, 1e3), (0.1, 10.0), (0.0, 1e6), (0.0, 86400.0)
 _RANGES: dict[str, tuple[float, float]] = {
     "sample_time": (1e-6, 1e3), "start_ramp": _DAY, "start_hold": _DAY,
-    **dict.fromkeys(("noise", "model_error"), (0.0, _LARGEST)),
+    **dict.fromkeys(("noise", "model_error"), (0.0, LARGEST)),
     **dict.fromkeys(("mass", "damping", "spring_rate"), _AMOUNT),
     **dict.fromkeys(("thickness", "length", "width", "waist_width", "bar_width", "area"), _SIZE),
     **dict.fromkeys(("frame_radius", "electrode_radius", "contact_radius"), _SIZE),
@@ -52,7 +53,7 @@ def require_stated(rig: Rig) -> None:
 
 
 def _require(name: str, value: Any, kind: Any, called: str) -> None:
-    lower, upper = _RANGES.get(name, (-_LARGEST, _LARGEST))
+    lower, upper = _RANGES.get(name, (-LARGEST, LARGEST))
     if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
         raise RigError(f"rig.{name} is {clipped(repr(value))}; it must be {called}")
     if isinstance(value, int | float) and not lower <= value <= upper:  # nan is not
