@@ -16,13 +16,13 @@ doi:10.1007/978-3-642-05221-7.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
 from deatwin.plant.equations import Equations
+from deatwin.plant.integrator.lanes import Exchange
 from deatwin.plant.integrator.newton import solved_stages
 from deatwin.plant.integrator.stages import Stages
 
@@ -73,13 +73,13 @@ class StepFunctions:
         ``(x, z, d, u, t, h, p, c) -> (x, z, y, watched, error)`` with the estimate of what Newton's method left.
     sensitive : casadi.Function
         ``(x, z, X, D, d, u, t, h, p, c) -> (x, z, X, y, Y, error)`` with X = dx/dp, D = dd/dp, Y = dy/dp.
-    in_lanes : mapping of str to str
-        C code for functions within these that evaluate all stages at once, for `compile_functions`.
+    in_lanes : Exchange
+        C code for functions within these that acts on several stages at once, for `compile_functions`.
     """
 
     plain: ca.Function
     sensitive: ca.Function
-    in_lanes: Mapping[str, str]
+    in_lanes: Exchange
 
 
 def step_functions(equations: Equations) -> StepFunctions:

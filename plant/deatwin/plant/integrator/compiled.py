@@ -14,11 +14,10 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
-from types import MappingProxyType
 
 import casadi as ca
 
-from deatwin.plant.integrator.lanes import replaced
+from deatwin.plant.integrator.lanes import Exchange
 from deatwin.plant.interrupts import obey
 
 __all__ = ["cache_folder", "compile_functions", "compile_source", "compiler"]
@@ -37,6 +36,7 @@ LOOPS = ("-O3",)
 THIS_PROCESSOR = "-march=native"
 WIDE_VECTORS = "__AVX__"
 """What a compiler defines where its vectors hold four numbers or more: with less, functions in lanes gain nothing."""
+AS_WRITTEN = Exchange()
 SAID = "DEATWIN_SAID"
 """Environment variable that holds what was said once, so that worker processes do not say it again."""
 
@@ -74,7 +74,7 @@ def _compiler(wanted: str | None) -> str | None:
 
 
 def compile_functions(
-    functions: Mapping[str, ca.Function], in_lanes: Mapping[str, str] = MappingProxyType({})
+    functions: Mapping[str, ca.Function], in_lanes: Exchange = AS_WRITTEN
 ) -> dict[str, ca.Function]:
     """The same functions, compiled if possible.
 
@@ -82,8 +82,8 @@ def compile_functions(
     ----------
     functions : mapping of str to casadi.Function
         Names are C identifiers.
-    in_lanes : mapping of str to str, optional
-        Other C code for functions within them, by name, where the processor has wide vectors.
+    in_lanes : Exchange, optional
+        Other C code for functions within them, where the processor has wide vectors.
 
     Returns
     -------
@@ -103,8 +103,7 @@ def compile_functions(
     try:
         target = _target(program)
         if target.wide_vectors:
-            for name, body in in_lanes.items():
-                source = replaced(source, name, body)
+            source = in_lanes.into(source)
         library = _library(source, target)
         return {name: ca.external(name, str(library)) for name in functions}
     except (OSError, RuntimeError, subprocess.SubprocessError) as error:

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import casadi as ca
 
-__all__ = ["LANES", "in_lanes", "replaced"]
+__all__ = ["LANES", "Exchange", "call_in_lanes", "in_lanes", "in_lanes_name"]
 
 LANES = 8
 """Numbers in a vector; a processor whose vectors are shorter takes two for one."""
@@ -35,15 +36,75 @@ BY_LANE = {
 """Operations that are done lane by lane; a compiler may still find a vector instruction."""
 
 
-def in_lanes(function: ca.Function, count: int, varying: Sequence[int]) -> str | None:
-    """Body of a C function in CasADi's calling convention that evaluates a function at several points.
+INCLUDE = "#include <math.h>\n"
+"""Behind this line of CasADi's code come helpers."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Exchange:
+    """C code to take in the place of some of CasADi's.
+
+    Parameters
+    ----------
+    bodies : mapping of str to str
+        Bodies of C functions in CasADi's calling convention, by the names of the CasADi Functions.
+    helpers : mapping of str to str
+        C functions that they call, by name.
+    """
+
+    bodies: Mapping[str, str] = field(default_factory=dict)
+    helpers: Mapping[str, str] = field(default_factory=dict)
+
+    def into(self, source: str) -> str:
+        """Code that CasADi wrote, with the bodies exchanged.
+
+        Parameters
+        ----------
+        source : str
+            C code.
+
+        Returns
+        -------
+        str
+            A body of which there is no function goes nowhere, nor does a helper that nothing calls.
+        """
+        for name, body in self.bodies.items():
+            pattern = rf"/\* {name}:\(.*?\n(?:static )?int \w+\([^)]*\) \{{\n(.*?)\n\}}\n"
+            if found := re.search(pattern, source, flags=re.DOTALL):
+                source = source[: found.start(1)] + body + source[found.end(1) :]
+        called = [code for name, code in self.helpers.items() if f"{name}(" in source]
+        return source.replace(INCLUDE, INCLUDE + "".join(f"\n{code}\n" for code in called), 1)
+
+
+def call_in_lanes(function: ca.Function, count: int) -> str:
+    """Body of a C function that calls what `in_lanes` wrote.
+
+    Parameters
+    ----------
+    function : casadi.Function
+        As given to that.
+    count : int
+        Number of points, at most `LANES`.
+
+    Returns
+    -------
+    str
+    """
+    return f"  return {in_lanes_name(function)}(arg, res, {count});"
+
+
+def in_lanes_name(function: ca.Function) -> str:
+    """What `in_lanes` calls the function that it writes."""
+    return f"{function.name()}_in_lanes"
+
+
+def in_lanes(function: ca.Function, varying: Sequence[int]) -> str | None:
+    """C function that evaluates a function at several points.
 
     Parameters
     ----------
     function : casadi.Function
         Of scalars (SX), evaluated at each point.
-    count : int
-        Number of points, at most `LANES`.
     varying : sequence of int
         Arguments that hold one column for each point; the others are the same at all points. All results have
         one column for each point.
@@ -51,33 +112,34 @@ def in_lanes(function: ca.Function, count: int, varying: Sequence[int]) -> str |
     Returns
     -------
     str or None
-        None if there are too many points, or the function has an operation that is not known here.
+        None if the function has an operation that is not known here.
     """
-    if count > LANES:
-        return None
     names = ", ".join(f"a{i}" for i in range(function.sz_w()))
     lines = [
+        f"static int {in_lanes_name(function)}(const double** arg, double** res, int count) {{",
         f"  typedef double lanes __attribute__((vector_size({LANES * 8})));",
         f"  lanes {names};",
         "  const lanes zero = {0};",
         "  int k;",
+        # Lanes without a point repeat the last one, so that they raise nothing that it does not.
+        *(f"  const int p{k} = {k} < count ? {k} : count - 1;" for k in range(LANES)),
     ]
-    for k in range(function.n_instructions()):
-        line = _statement(function, k, count, varying)
+    for number in range(function.n_instructions()):
+        line = _statement(function, number, varying)
         if line is None:
             return None
         lines.append(f"  {line}")
-    return "\n".join([*lines, "  return 0;"])
+    return "\n".join([*lines, "  return 0;", "}"])
 
 
-def _statement(function: ca.Function, number: int, count: int, varying: Sequence[int]) -> str | None:
+def _statement(function: ca.Function, number: int, varying: Sequence[int]) -> str | None:
     """One instruction in C."""
     operation = function.instruction_id(number)
     inputs, outputs = function.instruction_input(number), function.instruction_output(number)
     if operation == ca.OP_OUTPUT:
         result, entry = outputs
         target = f"res[{result}][k * {function.nnz_out(result)} + {entry}]"
-        return f"for (k = 0; k < {count}; ++k) {target} = a{inputs[0]}[k];"
+        return f"if (res[{result}]) for (k = 0; k < count; ++k) {target} = a{inputs[0]}[k];"
     target = f"a{outputs[0]}"
     if operation == ca.OP_CONST and math.isfinite(function.instruction_constant(number)):
         return f"{target} = zero + {function.instruction_constant(number)!r};"
@@ -85,33 +147,11 @@ def _statement(function: ca.Function, number: int, count: int, varying: Sequence
         argument, entry = inputs
         if argument not in varying:
             return f"{target} = zero + arg[{argument}][{entry}];"
-        # Lanes without a point repeat the last one, so that they raise nothing that it does not.
-        points = [min(lane, count - 1) * function.nnz_in(argument) + entry for lane in range(LANES)]
-        return f"{target} = (lanes){{{', '.join(f'arg[{argument}][{point}]' for point in points)}}};"
+        points = [f"arg[{argument}][p{lane} * {function.nnz_in(argument)} + {entry}]" for lane in range(LANES)]
+        return f"{target} = (lanes){{{', '.join(points)}}};"
     if operation in DIRECT:
         return f"{target} = {DIRECT[operation].format(*(f'a{i}' for i in inputs))};"
     if operation in BY_LANE:
         value = BY_LANE[operation].format(*(f"a{i}[k]" for i in inputs))
         return f"{{ lanes b; for (k = 0; k < {LANES}; ++k) b[k] = {value}; {target} = b; }}"
     return None
-
-
-def replaced(source: str, name: str, body: str) -> str:
-    """Exchange the body of one function in C code that CasADi wrote.
-
-    Parameters
-    ----------
-    source : str
-        C code.
-    name : str
-        Of the CasADi Function.
-    body : str
-        Its new body.
-
-    Returns
-    -------
-    str
-        Unchanged if there is no such function.
-    """
-    pattern = rf"(/\* {name}:\(.*?\n(?:static )?int \w+\([^)]*\) \{{\n).*?(\n\}}\n)"
-    return re.sub(pattern, lambda found: found[1] + body + found[2], source, count=1, flags=re.DOTALL)

@@ -115,10 +115,10 @@ def _correction(stages: Stages, linear: _LinearSystems, n_factors: int) -> ca.Fu
 def _full_update(stages: Stages, n_factors: int) -> ca.Function:
     """``(w, size, error, factors, step) -> (w, size, error)`` with the Jacobian of each stage; quadratic."""
     (w, size, error), factors, (x, z, *known) = _arguments(stages, n_factors)
-    values, jacobians = stages.at(stages.jacobian, w, known)
+    values, entries = stages.everywhere(stages.jacobians, w, known)
     mass, h = stages.mass(*known[4:]), known[3]
-    defect = stages.defect()(w, *values, x, mass, h)
-    step = ca.solve(stages.assembly()(*jacobians, mass, h), defect, "qr")
+    defect = stages.defect()(w, *ca.horzsplit(values), x, mass, h)
+    step = stages.all_stages(entries, mass, h, defect)
     change = ca.norm_2(step / ca.repmat(ca.DM(stages.scale), stages.count, 1))
     return ca.Function("newton_update", [w, size, error, factors, x, z, *known], [w - step, change, change**2])
 

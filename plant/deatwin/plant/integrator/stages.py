@@ -10,7 +10,8 @@ import casadi as ca
 import numpy as np
 
 from deatwin.plant.equations import Equations
-from deatwin.plant.integrator.lanes import in_lanes
+from deatwin.plant.integrator.dense import solved_in_lanes
+from deatwin.plant.integrator.lanes import LANES, Exchange, call_in_lanes, in_lanes, in_lanes_name
 
 __all__ = ["Stages"]
 
@@ -125,30 +126,6 @@ class Stages:
                  "c": self.n_c}  # fmt: skip
         return [ca.MX.sym(name, size) for name, size in sizes.items()]
 
-    def at(self, function: ca.Function, w: ca.MX, known: Sequence[ca.MX]) -> list[tuple[ca.MX, ...]]:
-        """Evaluate a function of one stage at all of them.
-
-        Parameters
-        ----------
-        function : casadi.Function
-            With the arguments of `residual`.
-        w : casadi.MX, shape (n s,)
-            Unknowns of all stages, one after the other.
-        known : sequence of casadi.MX
-            ``d, u, t, h, p, c``.
-
-        Returns
-        -------
-        list of tuple of casadi.MX
-            For each result of `function` its values at the stages.
-        """
-        d, u, t, h, p, c = known
-        pieces = ca.vertsplit(w, self.n) if self.n else [w] * self.count
-        calls = [
-            function.call([piece, d, u, t + node * h, p, c]) for piece, node in zip(pieces, self.nodes, strict=True)
-        ]
-        return list(zip(*calls, strict=True))
-
     @cached_property
     def values(self) -> ca.Function:
         """``(w, d, u, t, p, c) -> `` `residual` at all stages, from one column of w and one of t for each."""
@@ -158,6 +135,11 @@ class Stages:
     def slopes(self) -> ca.Function:
         """``(w, d, u, t, p, c) -> `` entries of the `derivatives` at all stages, a column for each."""
         return self._everywhere("stage_slopes", self.derivatives)
+
+    @cached_property
+    def jacobians(self) -> ca.Function:
+        """``(w, d, u, t, p, c) -> `` `residual` and the entries of its derivative by w at all stages, likewise."""
+        return self._everywhere("stage_jacobians", self.jacobian)
 
     def _everywhere(self, name: str, function: ca.Function) -> ca.Function:
         w, t = ca.MX.sym("w", self.n, self.count), ca.MX.sym("t", 1, self.count)
@@ -169,7 +151,7 @@ class Stages:
         ])  # fmt: skip
 
     def everywhere(self, function: ca.Function, w: ca.MX, known: Sequence[ca.MX]) -> list[ca.MX]:
-        """Call `values` or `slopes`.
+        """Call `values`, `slopes` or `jacobians`.
 
         Parameters
         ----------
@@ -190,11 +172,20 @@ class Stages:
         return list(function.call([columns, d, u, times, p, c]))
 
     @property
-    def in_lanes(self) -> dict[str, str]:
-        """C code for `values` and `slopes` on vectors, by the name of the function, where there is some."""
-        pairs = ((self.values, self.residual), (self.slopes, self.derivatives))
-        bodies = {whole.name(): in_lanes(part, self.count, varying=(0, 3)) for whole, part in pairs}
-        return {name: body for name, body in bodies.items() if body is not None}
+    def in_lanes(self) -> Exchange:
+        """C code on vectors for what is evaluated or solved at several stages, where there is some."""
+        pattern = self.jacobian.sparsity_out(1)
+        systems = ((self.all_stages, 1, self.count), (self.last_stage, self.n_p, 1))
+        written = {f.name(): solved_in_lanes(pattern, self.inverse, self.n_x, *sizes) for f, *sizes in systems}
+        bodies = {name: body for name, body in written.items() if body is not None}
+        helpers = {}
+        parts = (self.residual, self.jacobian, self.derivatives) if self.count <= LANES else ()
+        for part, whole in zip(parts, (self.values, self.jacobians, self.slopes), strict=False):
+            helper = in_lanes(part, varying=(0, 3))
+            if helper is not None:
+                helpers[in_lanes_name(part)] = helper
+                bodies |= {part.name(): call_in_lanes(part, 1), whole.name(): call_in_lanes(part, self.count)}
+        return Exchange(bodies=bodies, helpers=helpers)
 
     def assembly(self) -> ca.Function:
         """``(J_1 .. J_s, M, h) -> `` derivative of all stages' residuals by all stages' unknowns.
@@ -255,6 +246,39 @@ class Stages:
         inputs = [ca.vec(w), *entries, x, dx, dd, mass, slope, h]
         return ca.Function("tangent", inputs, [ca.densify(ca.vertcat(*rows))])
 
+    @cached_property
+    def all_stages(self) -> ca.Function:
+        """`solution` for one right side at all stages."""
+        return self.solution("all_stages", 1, self.count)
+
+    @cached_property
+    def last_stage(self) -> ca.Function:
+        """`solution` for one right side per parameter at the last stage."""
+        return self.solution("last_stage", self.n_p, 1)
+
+    def solution(self, name: str, columns: int, kept: int) -> ca.Function:
+        """``(entries of J at all stages, M, h, right sides) -> `` what solves the system of all stages.
+
+        Parameters
+        ----------
+        name : str
+            Of the function.
+        columns : int
+            Number of right sides.
+        kept : int
+            Number of stages, the last ones, whose unknowns are wanted.
+
+        Returns
+        -------
+        casadi.Function
+        """
+        pattern = self.jacobian.sparsity_out(1)
+        entries, mass, h = ca.MX.sym("J", pattern.nnz(), self.count), ca.MX.sym("mass", self.n_x), ca.MX.sym("h")
+        right = ca.MX.sym("right", self.n * self.count, columns)
+        jacobians = [ca.MX(pattern, column) for column in ca.horzsplit(entries)]
+        found = ca.solve(self.assembly()(*jacobians, mass, h), right, "qr")[-self.n * kept :, :]
+        return ca.Function(name, [entries, mass, h, right], [found])
+
     def differentiate(self, w: ca.MX, x: ca.MX, known: Sequence[ca.MX], dx: ca.MX, dd: ca.MX) -> ca.MX:
         """Derivative of the last stage by the parameters, from the implicit function theorem.
 
@@ -275,9 +299,6 @@ class Stages:
         """
         h, p, c = known[3:]
         mass, slope = self.mass(p, c), self.mass_slope(p, c)
-        # Two functions, of which Newton's method has the first in use already: half the code to compile.
-        _, f_w = self.at(self.jacobian, w, known)
-        entries = self.everywhere(self.slopes, w, known)
-        system = self.assembly()(*f_w, mass, h)
-        right = self.tangent()(w, *entries, x, dx, dd, mass, slope, h)
-        return ca.solve(system, right, "qr")[-self.n :, :]
+        right = self.tangent()(w, *self.everywhere(self.slopes, w, known), x, dx, dd, mass, slope, h)
+        _, entries = self.everywhere(self.jacobians, w, known)
+        return self.last_stage(entries, mass, h, right)

@@ -1,4 +1,4 @@
-"""C code for several points at once."""
+"""C code for several points, and for several right sides, at once."""
 
 import ctypes
 import subprocess
@@ -7,8 +7,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from deatwin.plant.integrator import compiled, lanes
-from deatwin.plant.integrator.collocation import step_functions
+from deatwin.plant.integrator import compiled, dense, lanes
+from deatwin.plant.integrator.collocation import radau, step_functions
 
 COUNT = 5
 CALL = "int f(const double** arg, double** res, long long* iw, double* w, int mem)"
@@ -33,24 +33,89 @@ def test_every_operation_gives_what_casadi_gives(tmp_path):
         pytest.skip("there is no C compiler here")
     x, y = ca.SX.sym("x"), ca.SX.sym("y")
     function = ca.Function("f", [x, y], [ordinary(x, y)])
-    body = lanes.in_lanes(function, COUNT, varying=[0])
-    code, library = tmp_path / "f.c", tmp_path / "f.so"
-    code.write_text(f"#include <math.h>\n{CALL} {{\n{body}\n}}\n")
-    subprocess.run([program, "-O1", "-fPIC", "-shared", str(code), "-o", str(library), "-lm"], check=True)
+    helper = lanes.in_lanes(function, varying=[0])
     points, other = np.array([-1.3, -0.4, 0.0, 0.7, 2.1]), np.array([0.7])
-    result = np.zeros((COUNT, function.nnz_out(0)))
-    pointer = ctypes.c_void_p
-    arguments = (pointer * 2)(points.ctypes.data, other.ctypes.data)
-    ctypes.CDLL(str(library)).f(arguments, (pointer * 1)(result.ctypes.data), None, None, 0)
-    expected = np.hstack([np.asarray(function(p, 0.7)) for p in points]).T
-    np.testing.assert_allclose(result, expected, rtol=4e-16, atol=1e-300)
+    for count in (1, COUNT):
+        result = np.zeros((count, function.nnz_out(0)))
+        called(program, tmp_path / str(count), lanes.call_in_lanes(function, count), helper)([points, other], result)
+        expected = np.hstack([np.asarray(function(p, 0.7)) for p in points[:count]]).T
+        np.testing.assert_allclose(result, expected, rtol=4e-16, atol=1e-300)
+
+
+def test_a_result_that_nobody_wants_is_not_written(tmp_path):
+    program = compiled.compiler()
+    if program is None:
+        pytest.skip("there is no C compiler here")
+    x = ca.SX.sym("x")
+    function = ca.Function("f", [x], [x + 1, 2 * x])
+    call = called(program, tmp_path, lanes.call_in_lanes(function, 2), lanes.in_lanes(function, varying=[0]))
+    result = np.zeros(2)
+    call([np.array([3.0, 5.0])], None, result)
+    np.testing.assert_array_equal(result, [6.0, 10.0])
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_elimination_solves_the_system_of_all_stages(tmp_path, seed):
+    """Against LAPACK, for Jacobians whose first pivots are zero; the bound is that of Gaussian elimination (Golub & Van
+    Loan 2013, section 3.4.6) with room for growth: 1000 roundings times the condition."""
+    program = compiled.compiler()
+    if program is None:
+        pytest.skip("there is no C compiler here")
+    rng = np.random.default_rng(seed)
+    n, n_x, columns = 4, 2, 3
+    inverse = np.linalg.inv(radau(COUNT)[1])
+    filled = rng.random((n, n)) < 0.7
+    np.fill_diagonal(filled, [True, True, False, False])
+    filled[2, 3] = filled[3, 2] = True
+    pattern = ca.sparsify(ca.DM(filled.astype(float))).sparsity()
+    mass, h = np.array([1.0, 0.0]), 0.02
+    jacobians = [np.where(filled, rng.normal(size=(n, n)) * 10.0 ** rng.integers(-3, 4, size=(n, 1)), 0.0)
+                 for _ in range(COUNT)]  # fmt: skip
+    right = rng.normal(size=(n * COUNT, columns))
+    rows = np.array([h] * n_x + [1.0] * (n - n_x))
+    system = np.kron(inverse, np.diag([*mass, *[0.0] * (n - n_x)]))
+    for k, jacobian in enumerate(jacobians):
+        system[k * n : (k + 1) * n, k * n : (k + 1) * n] -= rows[:, None] * jacobian
+    expected = np.linalg.solve(system, right)
+    entries = np.array([jacobian.T[filled.T] for jacobian in jacobians])
+    for kept in (1, COUNT):
+        body = dense.solved_in_lanes(pattern, inverse, n_x, columns, kept)
+        result = np.zeros((columns, n * kept))
+        call = called(program, tmp_path / str(kept), body)
+        call([entries, mass, np.array([h]), right.T.copy()], result)
+        scaled = system / np.linalg.norm(system, axis=1, keepdims=True)
+        error = np.linalg.norm(result.T - expected[-n * kept :]) / np.linalg.norm(expected)
+        assert error < 1000 * np.finfo(float).eps * np.linalg.cond(scaled)
+
+
+def test_large_systems_are_left_to_the_sparse_method():
+    inverse = np.eye(COUNT)
+    size = dense.MOST // COUNT
+    assert dense.solved_in_lanes(ca.Sparsity.dense(size, size), inverse, 1, 1, 1) is not None
+    assert dense.solved_in_lanes(ca.Sparsity.dense(size + 1, size + 1), inverse, 1, 1, 1) is None
+    assert dense.solved_in_lanes(ca.Sparsity.dense(size, size), inverse, 1, 0, 1) is None
+
+
+def called(program, folder, body, helper=""):
+    """A C function of this body, to be called with arrays for arguments and results."""
+    folder.mkdir(exist_ok=True)
+    code, library = folder / "f.c", folder / "f.so"
+    code.write_text(f"#include <math.h>\n{helper}\n{CALL} {{\n{body}\n}}\n")
+    subprocess.run([program, "-O1", "-fPIC", "-shared", str(code), "-o", str(library), "-lm"], check=True)
+    function, pointer = ctypes.CDLL(str(library)).f, ctypes.c_void_p
+
+    def call(arguments, *results):
+        of_arguments = (pointer * len(arguments))(*(a.ctypes.data for a in arguments))
+        of_results = (pointer * len(results))(*(None if r is None else r.ctypes.data for r in results))
+        function(of_arguments, of_results, None, None, 0)
+
+    return call
 
 
 def test_what_it_cannot_write_it_leaves():
     x = ca.SX.sym("x")
-    assert lanes.in_lanes(ca.Function("f", [x], [ca.erf(x)]), COUNT, varying=[0]) is None
-    assert lanes.in_lanes(ca.Function("f", [x], [x * np.inf]), COUNT, varying=[0]) is None
-    assert lanes.in_lanes(ca.Function("f", [x], [x]), lanes.LANES + 1, varying=[0]) is None
+    assert lanes.in_lanes(ca.Function("f", [x], [ca.erf(x)]), varying=[0]) is None
+    assert lanes.in_lanes(ca.Function("f", [x], [x * np.inf]), varying=[0]) is None
 
 
 def test_the_plants_code_has_the_function_that_is_exchanged(base):
@@ -59,9 +124,16 @@ def test_the_plants_code_has_the_function_that_is_exchanged(base):
     generator = ca.CodeGenerator("plant.c")
     generator.add(step.sensitive)
     source = generator.dump()
-    assert set(step.in_lanes) == {"stage_values", "stage_slopes"}
-    for name, body in step.in_lanes.items():
-        exchanged = lanes.replaced(source, name, body)
+    exchange = step.in_lanes
+    assert set(exchange.bodies) == {
+        "stage_residual", "stage_values", "stage_jacobian", "stage_jacobians", "stage_derivatives", "stage_slopes",
+        "all_stages", "last_stage",
+    }  # fmt: skip
+    for name, body in exchange.bodies.items():
+        exchanged = lanes.Exchange(bodies={name: body}).into(source)
         assert body in exchanged
         assert source.count("\nstatic int ") == exchanged.count("\nstatic int ")
-        assert lanes.replaced(source, "unknown", body) == source
+    whole = exchange.into(source)
+    for name, helper in exchange.helpers.items():
+        assert whole.index(helper) < whole.index(f"return {name}(")
+    assert lanes.Exchange(bodies={"unknown": body}, helpers=exchange.helpers).into(source) == source
