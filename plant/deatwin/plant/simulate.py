@@ -13,8 +13,8 @@ import numpy as np
 
 from deatwin.plant.equations import Equations
 from deatwin.plant.errors import SimulationError
-from deatwin.plant.integrator.collocation import step_functions
-from deatwin.plant.integrator.compiled import compile_functions
+from deatwin.plant.integrator.collocation import StepFunctions, step_functions
+from deatwin.plant.integrator.compiled import compile_functions, key_of, recalled
 from deatwin.plant.integrator.march import March
 from deatwin.plant.marching import CHUNK, marched, repeated
 from deatwin.plant.rest import RestState, has_equilibrium, rest_state
@@ -23,6 +23,7 @@ from deatwin.plant.sample import Sample
 __all__ = ["Run", "RunStatus", "Simulator", "Stepper"]
 
 Progress = Callable[[float], None]
+MARCHES = ("plain_march", "sensitive_march")
 
 
 class RunStatus(Enum):
@@ -77,13 +78,19 @@ class Simulator:
 
     def __init__(self, equations: Equations) -> None:
         self.equations = equations
-        step = step_functions(equations)
-        self._single = step
-        marches = {
-            "plain_march": repeated(step.plain, "plain_march", 2),
-            "sensitive_march": repeated(step.sensitive, "sensitive_march", 3),
-        }
-        self._march = compile_functions(marches, in_lanes=step.in_lanes)
+        origin = (equations.dynamics, equations.mass, equations.output, equations.watched)
+        key = key_of(origin, equations.scale)
+        self._march = recalled(MARCHES, key) or self._marches(key)
+
+    def _marches(self, key: str | None) -> dict[str, ca.Function]:
+        """The step, plain and with sensitivities, repeated over a piece of a record."""
+        step, (plain, sensitive) = self._single, MARCHES
+        marches = {plain: repeated(step.plain, plain, 2), sensitive: repeated(step.sensitive, sensitive, 3)}
+        return compile_functions(marches, in_lanes=step.in_lanes, key=key)
+
+    @cached_property
+    def _single(self) -> StepFunctions:
+        return step_functions(self.equations)
 
     def run(
         self,

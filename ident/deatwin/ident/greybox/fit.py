@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from deatwin.ident.greybox.minimum import EVALUATIONS, TOLERANCE, minimise
+from deatwin.ident.greybox.minimum import EVALUATIONS, TOLERANCE, Minimum, minimise
 from deatwin.plant.datasets import dataset
 from deatwin.plant.errors import DataError
 from deatwin.plant.model import Plant
@@ -24,6 +24,7 @@ class FitStatus(Enum):
 
     SETTLED = "the fit settled"
     STOPPED = "the fit used up its evaluations: its parameters may still move"
+    GIVEN_UP = "the fit was given up: even its linearised minimum leaves far more than another fit does"
     IMPOSSIBLE = "the plant cannot be simulated at its starting values: it pulls in or finds no state of rest"
 
     @property
@@ -279,6 +280,7 @@ def calibrate(
     names: Sequence[str] | None = None,
     evaluations: int = EVALUATIONS,
     tolerance: float = TOLERANCE,
+    hopeless: float = np.inf,
 ) -> Calibration:
     """Fit a plant's free parameters to recordings by output error.
 
@@ -297,6 +299,8 @@ def calibrate(
         Largest number of simulations.
     tolerance : float
         Relative change of the squared residual at which the fit has settled.
+    hopeless : float
+        Rms residual, SI: the fit is given up where its linearised minimum stays above that.
 
     Returns
     -------
@@ -309,7 +313,7 @@ def calibrate(
     doi:10.1137/S1064827595289108.
     """
     problem = Problem(plant=plant, parts=tuple(parts), names=tuple(names or plant.parameters.free))
-    found = minimise(problem, evaluations=evaluations, tolerance=tolerance)
+    found = minimise(problem, evaluations=evaluations, tolerance=tolerance, hopeless=hopeless)
     if found is None:
         return _impossible(problem)
     lower, upper = problem.bounds()
@@ -321,7 +325,7 @@ def calibrate(
         covariance=_covariance(found.residuals, found.jacobian),
         residuals=found.residuals,
         jacobian=found.jacobian,
-        status=FitStatus.SETTLED if found.settled else FitStatus.STOPPED,
+        status=_status(found),
         at_bound=tuple(n for n, hit in zip(problem.names, near, strict=True) if hit),
         evaluations=found.evaluations,
     )
@@ -340,17 +344,24 @@ def _covariance(residuals: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
     scaled = jacobian / scale
     bread = np.linalg.pinv(scaled.T @ scaled, rcond=1e-12)
     scores = scaled * residuals[:, None]
-    meat = scores.T @ scores
-    lags = int(np.sqrt(residuals.size))
-    for lag in range(1, lags + 1):
-        gamma = scores[lag:].T @ scores[:-lag]
-        meat += (1 - lag / (lags + 1)) * (gamma + gamma.T)
+    # Weights that fall linearly with the lag are those of overlapping windows: the sum over all lags is one product.
+    window = int(np.sqrt(residuals.size)) + 1
+    total = np.vstack([np.zeros(scale.size), np.cumsum(scores, axis=0)])
+    ends = np.arange(1, residuals.size + window)
+    sums = total[np.minimum(ends, residuals.size)] - total[np.maximum(ends - window, 0)]
+    meat = sums.T @ sums / window
     freedom = max(residuals.size - scale.size, 1)
     robust = residuals.size / freedom * bread @ meat @ bread
     white = float(residuals @ residuals) / freedom * np.diag(bread)
     own = np.diag(robust)
     widen = np.sqrt(np.divide(np.maximum(own, white), own, out=np.ones_like(own), where=own > 0))
     return robust * np.outer(widen, widen) / np.outer(scale, scale)
+
+
+def _status(found: Minimum) -> FitStatus:
+    if found.given_up:
+        return FitStatus.GIVEN_UP
+    return FitStatus.SETTLED if found.settled else FitStatus.STOPPED
 
 
 def _impossible(problem: Problem) -> Calibration:

@@ -11,12 +11,14 @@ from scipy.optimize import least_squares
 if TYPE_CHECKING:
     from deatwin.ident.greybox.fit import Problem
 
-__all__ = ["EVALUATIONS", "TOLERANCE", "Minimum", "minimise"]
+__all__ = ["EVALUATIONS", "LOOKS", "TOLERANCE", "Minimum", "linearised_rms", "minimise"]
 
 EVALUATIONS = 30
 TOLERANCE = 1e-4
 """Relative change of the squared residual at which a fit has settled: with 10,000 samples of white noise it
 changes the log-likelihood by a half."""
+LOOKS = 2
+"""Points from which the linearised minimum is looked at before a fit is given up: from far away the first may err."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -32,7 +34,9 @@ class Minimum:
     jacobian : ndarray, shape (m, n)
         Derivative of the readings there, SI.
     settled : bool
-        Whether it is known to be least; if not, the evaluations were used up.
+        Whether it is known to be least; if not, the evaluations were used up or it was given up.
+    given_up : bool
+        Whether the minimum was expected to be too high.
     evaluations : int
         Simulations made.
     """
@@ -41,11 +45,16 @@ class Minimum:
     residuals: np.ndarray
     jacobian: np.ndarray
     settled: bool
+    given_up: bool
     evaluations: int
 
 
 def minimise(
-    problem: Problem, *, evaluations: int = EVALUATIONS, tolerance: float = TOLERANCE
+    problem: Problem,
+    *,
+    evaluations: int = EVALUATIONS,
+    tolerance: float = TOLERANCE,
+    hopeless: float = np.inf,
 ) -> Minimum | None:
     """Minimise the squared residuals of a problem, as `calibrate` does, which says more of the result.
 
@@ -57,13 +66,16 @@ def minimise(
         Largest number of simulations.
     tolerance : float
         Relative change of the squared residual at which the fit has settled.
+    hopeless : float
+        Rms residual, SI: where the linearised problem's minimum is above it at each of the first `LOOKS` points, the
+        fit is given up.
 
     Returns
     -------
     Minimum or None
         None if the plant cannot be simulated at its starting values, nor just inside the range of those on a bound.
     """
-    cost = _Memory(problem)
+    cost = _Memory(problem, hopeless)
     start, (lower, upper) = problem.start(), problem.bounds()
     if cost(start) is None:
         return None
@@ -76,25 +88,60 @@ def minimise(
         )  # fmt: skip
     except _NowhereToGo:
         return None
+    except _GivenUp as end:
+        return Minimum(
+            coordinates=end.x, residuals=end.residuals, jacobian=end.jacobian, settled=False, given_up=True,
+            evaluations=cost.evaluations,
+        )  # fmt: skip
     found = cost(solution.x)
     if found is None:
         return None
     return Minimum(
-        coordinates=solution.x, residuals=found[0], jacobian=found[1], settled=solution.status > 0,
+        coordinates=solution.x, residuals=found[0], jacobian=found[1], settled=solution.status > 0, given_up=False,
         evaluations=cost.evaluations,
     )  # fmt: skip
+
+
+def linearised_rms(residuals: np.ndarray, jacobian: np.ndarray) -> float:
+    """Rms of what a linear model of a fit would leave, wherever its parameters had to go for that.
+
+    Parameters
+    ----------
+    residuals : ndarray, shape (m,)
+        Measured minus simulated.
+    jacobian : ndarray, shape (m, n)
+        Derivative of what is simulated.
+
+    Returns
+    -------
+    float
+        In the unit of the residuals; never more than their own rms.
+    """
+    size = np.linalg.norm(jacobian, axis=0)
+    unit = jacobian[:, size > 0.0] / size[size > 0.0]
+    step = np.linalg.lstsq(unit, residuals, rcond=None)[0]
+    return float(np.sqrt(np.mean((residuals - unit @ step) ** 2)))
 
 
 class _NowhereToGo(Exception):
     """The solver begins at a point that cannot be simulated."""
 
 
+class _GivenUp(Exception):
+    """The best point when it was clear that the fit would not be good enough."""
+
+    def __init__(self, x: np.ndarray, residuals: np.ndarray, jacobian: np.ndarray) -> None:
+        super().__init__()
+        self.x, self.residuals, self.jacobian = x, residuals, jacobian
+
+
 class _Memory:
     """Residuals and Jacobian of one simulation, kept for the solver's second question."""
 
-    def __init__(self, problem: Problem) -> None:
-        self.problem = problem
+    def __init__(self, problem: Problem, hopeless: float) -> None:
+        self.problem, self.hopeless = problem, hopeless
         self.evaluations = 0
+        self._looks: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
         self._last: tuple[np.ndarray, tuple[np.ndarray, np.ndarray] | None] | None = None
         self._best: tuple[np.ndarray, np.ndarray] | None = None
 
@@ -104,7 +151,19 @@ class _Memory:
             self._last = x.copy(), self.problem.evaluate(x)
             if self._last[1] is not None:
                 self._best = self._last[1]
+                self._look(x, *self._last[1])
         return self._last[1]
+
+    def _look(self, x: np.ndarray, residuals: np.ndarray, jacobian: np.ndarray) -> None:
+        """Give up where the first points agree that the minimum is too high."""
+        if not np.isfinite(self.hopeless):
+            return
+        if linearised_rms(residuals, jacobian) <= self.hopeless:
+            self.hopeless = np.inf  # it stays worth its simulations
+            return
+        self._looks.append((x.copy(), residuals, jacobian))
+        if len(self._looks) == LOOKS:
+            raise _GivenUp(*min(self._looks, key=lambda look: float(look[1] @ look[1])))
 
     def residuals(self, x: np.ndarray) -> np.ndarray:
         found = self(x)

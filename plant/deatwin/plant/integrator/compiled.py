@@ -9,14 +9,17 @@ import platform
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
 
 import casadi as ca
+import numpy as np
 
+from deatwin.plant.errors import DataError
+from deatwin.plant.files.replacing import replacing
 from deatwin.plant.integrator.lanes import Exchange
 from deatwin.plant.interrupts import obey
 
@@ -73,8 +76,61 @@ def _compiler(wanted: str | None) -> str | None:
     return next((path for name in ("cc", "gcc", "clang") if (path := shutil.which(name))), None)
 
 
+def key_of(origin: Iterable[ca.Function], numbers: np.ndarray) -> str | None:
+    """Key of the code that follows from some functions.
+
+    To differentiate a plant's equations and to write them in C takes half a second each time. What comes of it depends
+    on the equations, on this package's own code and on the compiler alone.
+
+    Parameters
+    ----------
+    origin : iterable of casadi.Function
+        What the code is made of.
+    numbers : ndarray
+        That enter besides.
+
+    Returns
+    -------
+    str or None
+        None where there is no compiler, or this package's code cannot be read.
+    """
+    program = compiler()
+    try:
+        if program is None:
+            return None
+        return _digest(*(f.serialize() for f in origin), numbers.tobytes().hex(), _own_code(), _target(program).key)
+    except (OSError, subprocess.SubprocessError) as error:
+        logger.debug("code has no key: %s", error)
+        return None
+
+
+def recalled(names: Iterable[str], key: str | None) -> dict[str, ca.Function] | None:
+    """Functions that were compiled before, under a key.
+
+    Parameters
+    ----------
+    names : iterable of str
+        Of the functions.
+    key : str or None
+        From `key_of`.
+
+    Returns
+    -------
+    dict of str to casadi.Function, or None
+        None where nothing is known.
+    """
+    if key is None:
+        return None
+    try:
+        library = cache_folder() / (cache_folder() / f"{key}.txt").read_text(encoding="utf-8")
+        return {name: ca.external(name, str(library)) for name in names} if library.is_file() else None
+    except (OSError, RuntimeError, ValueError) as error:
+        logger.debug("no code is kept under %s: %s", key, error)
+        return None
+
+
 def compile_functions(
-    functions: Mapping[str, ca.Function], in_lanes: Exchange = AS_WRITTEN
+    functions: Mapping[str, ca.Function], in_lanes: Exchange = AS_WRITTEN, key: str | None = None
 ) -> dict[str, ca.Function]:
     """The same functions, compiled if possible.
 
@@ -84,6 +140,8 @@ def compile_functions(
         Names are C identifiers.
     in_lanes : Exchange, optional
         Other C code for functions within them, where the processor has wide vectors.
+    key : str, optional
+        Under which `recalled` will find them.
 
     Returns
     -------
@@ -105,8 +163,11 @@ def compile_functions(
         if target.wide_vectors:
             source = in_lanes.into(source)
         library = _library(source, target)
+        if key is not None:
+            with replacing(cache_folder() / f"{key}.txt") as note:
+                note.write_text(library.name, encoding="utf-8")
         return {name: ca.external(name, str(library)) for name in functions}
-    except (OSError, RuntimeError, subprocess.SubprocessError) as error:
+    except (OSError, RuntimeError, DataError, subprocess.SubprocessError) as error:
         _say_once(f"{program} could not compile the plant ({error}): simulations run about twenty times slower")
         return dict(functions)
 
@@ -162,15 +223,26 @@ def _target(program: str) -> _Target:
     return _Target(program=program, flags=flags, wide_vectors=WIDE_VECTORS in macros, key=key)
 
 
+@lru_cache(maxsize=1)
+def _own_code() -> str:
+    """What turns equations into code: the modules of this folder, and those that repeat a step."""
+    here = Path(__file__).parent
+    files = (*sorted(here.glob("*.py")), here.parent / "marching.py")
+    return _digest(*(file.read_text(encoding="utf-8") for file in files))
+
+
+def _digest(*parts: str) -> str:
+    return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:32]
+
+
 def _named(name: str, function: ca.Function) -> ca.Function:
     arguments = function.mx_in()
     return ca.Function(name, arguments, function.call(arguments))
 
 
 def _library(source: str, target: _Target) -> Path:
-    key = hashlib.sha256("\0".join((source, target.key)).encode()).hexdigest()[:32]
     folder = cache_folder()
-    library = folder / f"{key}.so"
+    library = folder / f"{_digest(source, target.key)}.so"
     if library.exists():
         return library
     # Built beside and renamed, so that two processes that start together never load half a file.

@@ -8,7 +8,7 @@ from itertools import product
 from deatwin.ident.greybox.fit import Calibration, Part
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.screen import footprints, leads
-from deatwin.ident.mismatch.refit.search import at_its_time, search
+from deatwin.ident.mismatch.refit.search import at_its_time, finish, search
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.effects.catalogue import effect_named
 from deatwin.plant.model import Plant
@@ -44,10 +44,10 @@ def consult(
     typical = tuple(effect_named(name) for name in truth)
     fits = []
     for effects, plant in product((_promising(nominal, base, parts, typical), typical), (nominal, base.plant)):
-        fit = search(plant.with_effects(*effects), parts, noise)
+        fit = search(plant.with_effects(*effects), parts)
         if fit.status.ok:
-            fits.append(at_its_time(fit, parts, noise))
-    return min(fits, key=lambda fit: fit.rms).plant if fits else None
+            fits.append(at_its_time(fit, parts))
+    return finish(min(fits, key=lambda fit: fit.rms), parts).plant if fits else None
 
 
 def _promising(

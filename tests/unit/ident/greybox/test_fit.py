@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from deatwin.ident.greybox import FitStatus, Part, calibrate
-from deatwin.ident.greybox.fit import Problem
+from deatwin.ident.greybox.fit import Problem, _covariance
 from deatwin.plant import DataError, Diaphragm, Experiment, Plant, Recording
 
 TRUTH = {"mass": 1.3, "damping": 2.6, "stiffness": 520.0}
@@ -110,3 +110,21 @@ def test_masks_must_fit_the_recordings(plant):
     experiment = recorded(plant, noise_command(7, 100))
     with pytest.raises(DataError, match=r"masks have \[99\] samples, the recordings \[100\]"):
         Part(experiment=experiment, masks=(np.ones(99, dtype=bool),))
+
+
+def test_the_covariance_is_that_of_newey_and_west():
+    """Econometrica 55 (1987) 703, doi:10.2307/1913610, equation 5, written as its sum over lags."""
+    rng = np.random.default_rng(0)
+    jacobian = np.cumsum(rng.normal(size=(400, 3)), axis=0)
+    noise = np.convolve(rng.normal(size=420), np.ones(21), "valid")  # correlated: the lags count
+    residuals = noise - jacobian @ np.linalg.lstsq(jacobian, noise)[0]
+    scores, lags = jacobian * residuals[:, None], 20
+    meat = scores.T @ scores
+    for lag in range(1, lags + 1):
+        gamma = scores[lag:].T @ scores[:-lag]
+        meat += (1 - lag / (lags + 1)) * (gamma + gamma.T)
+    bread = np.linalg.inv(jacobian.T @ jacobian)
+    expected = 400 / 397 * bread @ meat @ bread
+    white = residuals @ residuals / 397 * np.diag(bread)
+    assert np.all(np.diag(expected) > white)
+    np.testing.assert_allclose(_covariance(residuals, jacobian), expected, rtol=1e-9)

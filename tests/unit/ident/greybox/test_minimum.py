@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from deatwin.ident.greybox.minimum import minimise
+from deatwin.ident.greybox.minimum import LOOKS, linearised_rms, minimise
 
 
 class Bowl:
@@ -41,3 +41,44 @@ def test_a_start_on_a_bound_with_nothing_inside_is_no_start():
 
 def test_a_start_that_fails_is_none():
     assert minimise(Bowl([0.5], lambda x: True)) is None
+
+
+class Tray(Bowl):
+    """Two residuals that no parameter can lower stand beside those of the bowl: a least rms is known."""
+
+    LEFT = np.array([3.0, -4.0])
+
+    def evaluate(self, x):
+        left, jacobian = super().evaluate(x)
+        return np.concatenate([left, self.LEFT]), np.vstack([jacobian, np.zeros((2, x.size))])
+
+
+def test_a_fit_is_given_up_where_its_linearised_minimum_is_too_high():
+    least = np.sqrt(25.0 / 4)
+    tray = Tray([0.9, 0.1], lambda x: False)
+    lost = minimise(tray, hopeless=0.99 * least)
+    assert lost.given_up and not lost.settled and lost.evaluations == LOOKS
+    # What is handed back is a point of the fit, the better one of those looked at.
+    residuals, jacobian = tray.evaluate(lost.coordinates)
+    np.testing.assert_array_equal(lost.residuals, residuals)
+    np.testing.assert_array_equal(lost.jacobian, jacobian)
+    start = tray.evaluate(tray.start())[0]
+    assert lost.residuals @ lost.residuals <= start @ start
+
+
+def test_a_fit_with_hope_goes_on_as_if_nobody_had_looked():
+    least = np.sqrt(25.0 / 4)
+    free, watched = (minimise(Tray([0.9, 0.1], lambda x: False), hopeless=h) for h in (np.inf, 1.01 * least))
+    assert watched.settled and not watched.given_up
+    np.testing.assert_array_equal(watched.coordinates, free.coordinates)
+    assert watched.evaluations == free.evaluations
+
+
+def test_a_linear_fit_ends_where_its_linearisation_says():
+    rng = np.random.default_rng(0)
+    jacobian, readings = rng.normal(size=(50, 3)), rng.normal(size=50)
+    expected = np.sqrt(np.linalg.lstsq(jacobian, readings)[1][0] / 50)
+    for scales in ([1.0, 1.0, 1.0], [1e-12, 1.0, 1e9]):
+        assert linearised_rms(readings, jacobian * scales) == pytest.approx(expected, rel=1e-12)
+    # A parameter that does nothing takes up nothing.
+    assert linearised_rms(readings, np.zeros((50, 2))) == pytest.approx(np.sqrt(np.mean(readings**2)), rel=1e-12)

@@ -5,11 +5,13 @@ import os
 import stat
 import subprocess
 import sys
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
 import pytest
 
+from deatwin.plant import Creep
 from deatwin.plant.excitation import band_limited_noise
 from deatwin.plant.integrator import compiled
 from deatwin.plant.simulate import Simulator
@@ -62,6 +64,44 @@ def test_code_is_compiled_once(tmp_path, monkeypatch):
     written = library.stat().st_mtime_ns
     compiled.compile_functions({"square": square()})
     assert [f.stat().st_mtime_ns for f in tmp_path.iterdir()] == [written]
+
+
+def test_what_follows_from_known_equations_is_not_written_again(base, tmp_path, monkeypatch):
+    if compiled.compiler() is None:
+        pytest.skip("there is no C compiler here")
+    monkeypatch.setenv("DEATWIN_CACHE", str(tmp_path))
+    commands = band_limited_noise(np.random.default_rng(6), 2.0, 0.02)
+    settings = dict(start=0.0, sample_time=0.02, rest_command=0.0, values=base.free_values)
+    first = Simulator(base.equations).run_with_sensitivities(commands, **settings)
+    kept = {f.name: f.stat().st_mtime_ns for f in tmp_path.iterdir()}
+    assert sorted(Path(name).suffix for name in kept) == [".so", ".txt"]
+    with monkeypatch.context() as patch:
+        patch.setattr("deatwin.plant.simulate.step_functions", None)  # which nobody needs
+        again = Simulator(base.equations).run_with_sensitivities(commands, **settings)
+    assert {f.name: f.stat().st_mtime_ns for f in tmp_path.iterdir()} == kept
+    np.testing.assert_array_equal(again.outputs, first.outputs)
+    np.testing.assert_array_equal(again.sensitivities, first.sensitivities)
+    # Other equations, other numbers and other code of ours have another key.
+    equations = base.with_effects(Creep()).equations
+    origin, scale = (base.equations.dynamics, base.equations.output), base.equations.scale
+    keys = [
+        compiled.key_of(origin, scale), compiled.key_of((equations.dynamics, equations.output), scale),
+        compiled.key_of(origin, 2 * scale),
+    ]  # fmt: skip
+    monkeypatch.setattr(compiled, "_own_code", lambda: "changed")
+    keys.append(compiled.key_of(origin, scale))
+    assert len(set(keys)) == 4
+
+
+@pytest.mark.parametrize("note", ["gone.so", "", "\0", "é" * 300])
+def test_a_note_that_leads_nowhere_is_passed_over(note, tmp_path, monkeypatch):
+    monkeypatch.setenv("DEATWIN_CACHE", str(tmp_path))
+    (tmp_path / "key.txt").write_text(note, encoding="utf-8")
+    assert compiled.recalled(["march"], "key") is None
+    assert compiled.recalled(["march"], "unknown") is None
+    (tmp_path / "key.txt").write_text("broken.so", encoding="utf-8")
+    (tmp_path / "broken.so").write_text("no library")
+    assert compiled.recalled(["march"], "key") is None
 
 
 @pytest.mark.parametrize("program", ["", "false"])

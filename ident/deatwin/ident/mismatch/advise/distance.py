@@ -19,6 +19,7 @@ from deatwin.plant.errors import SimulationError
 from deatwin.plant.model import Plant
 
 __all__ = [
+    "STEPS",
     "TOLD_APART",
     "Memory",
     "confusion",
@@ -116,7 +117,7 @@ class Memory:
 
 
 def separation(
-    one: Calibration, other: Calibration, parts: Sequence[Part], noise: float, *, steps: int = STEPS
+    one: Calibration, other: Calibration, parts: Sequence[Part], noise: float, steps: int = STEPS
 ) -> float:
     """d² between two fitted explanations, the smaller one of both directions.
 

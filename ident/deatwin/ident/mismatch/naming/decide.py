@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from deatwin.ident.mismatch.advise.distance import TOLD_APART, separation
+from deatwin.ident.mismatch.advise.distance import STEPS, TOLD_APART, separation
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.parallel import run_jobs
@@ -47,7 +47,8 @@ class Distance:
     effects : tuple of str
         Names of the two, those of a set joined by ``+``.
     d2 : float
-        Squared distance after a refit of the one to the other.
+        Squared distance after a refit of the one to the other; to first order where the recordings have told the two
+        apart.
     """
 
     effects: tuple[str, str]
@@ -218,11 +219,16 @@ def with_distances(
     if best is None:
         return naming
     others = [c for c in stage if c.effects != best.effects and possible(c)]
-    tasks = [(best.calibration, c.calibration, bench.fitted, naming.noise) for c in others]
+    alike = [_apart(c, best) <= _model_error(best) for c in others]
+    # Of what the recordings have told apart the order of magnitude is enough.
+    tasks = [
+        (best.calibration, c.calibration, bench.fitted, naming.noise, STEPS if close else 0)
+        for c, close in zip(others, alike, strict=True)
+    ]
     found = run_jobs(separation, tasks, workers=bench.jobs)
     near = [
-        c for c, d2 in zip(others, found, strict=True)
-        if d2 < TOLD_APART and c not in naming.rivals and _apart(c, best) <= _model_error(best)
+        c for c, close, d2 in zip(others, alike, found, strict=True)
+        if close and d2 < TOLD_APART and c not in naming.rivals
     ]  # fmt: skip
     distances = tuple(
         Distance(effects=("+".join(best.effects), "+".join(c.effects)), d2=d2)

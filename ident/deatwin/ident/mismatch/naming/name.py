@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Calibration
+from deatwin.ident.greybox.fit import Calibration, FitStatus
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.floor import floor_of
 from deatwin.ident.mismatch.naming.candidate import Candidate, noise_seen
@@ -190,9 +190,11 @@ class _Search:
         return stage + self._siblings(names, stage)
 
     def _siblings(self, names: Names, stage: Sequence[Names]) -> list[Names]:
-        """Try what acts as the best of a stage does, and was not tried."""
+        """Try what acts as the best of a stage does, and was not tried; unless that is not the best of its size."""
         best = self.best_of(stage)
         if best is None or not self._takes_most(self.tried[best]):
+            return []
+        if best != self.best_of([other for other in self.tried if len(other) == len(best)]):
             return []
         found, fit = self.tried[best].calibration, self.tried[names].calibration
         tried = {name for other in stage for name in other}
@@ -207,7 +209,14 @@ class _Search:
         ])  # fmt: skip
 
     def _new(self, trials: Sequence[Trial], finished: Finished | None = None) -> list[Names]:
-        return self._try([t for t in trials if self._names(t) not in self.tried], finished)
+        """Try what was not tried, against the best of the sets of as many effects."""
+        new = [t for t in trials if self._names(t) not in self.tried]
+        size = len(self._names(new[0])) if new else 0
+        return self._try(new, finished, self._rms([names for names in self.tried if len(names) == size]))
+
+    def _rms(self, stage: Sequence[Names]) -> float:
+        """The least that a fit of a stage leaves, SI."""
+        return min((self.tried[names].calibration.rms for names in stage), default=float(np.inf))
 
     def _good_alone(self, names: Names) -> list[Lead]:
         """What explained most by itself: the score is blind to what the plant is still bent to imitate."""
@@ -238,7 +247,7 @@ class _Search:
             chosen |= {lead.effect.name: lead for lead in leads(known, fit)[:BESIDE]}
         other = _Search(self.bench, rival, known, self.fitted)
         other.leads = chosen
-        found = other._try(_trials(unbent, fit, chosen.values()))
+        found = other._try(_trials(unbent, fit, chosen.values()), rival=self._rms(stage))
         other.judge_by_the_best(found)
         return other, found
 
@@ -251,7 +260,9 @@ class _Search:
         found: list[Names] = []
         for old in before:
             rest = tuple(name for name in best if name != old)
-            if self._reduced(best, rest) is not None:
+            if rest not in self.tried or self.tried[rest].calibration.status is FitStatus.GIVEN_UP:
+                self._fit_some(best, rest)
+            if rest in self.tried:
                 found += self.beside(rest)
         return found
 
@@ -326,8 +337,10 @@ class _Search:
         naming = decide(tuple(self.tried.values()), competing, self.noise, good, self._takes_most)
         return with_distances(naming, competing, self.bench, self._takes_most)
 
-    def _try(self, trials: Sequence[Trial], finished: Finished | None = None) -> list[Names]:
-        found = run_trials(self.bench, trials, self.noise, finished, self.fitted)
+    def _try(
+        self, trials: Sequence[Trial], finished: Finished | None = None, rival: float = np.inf
+    ) -> list[Names]:
+        found = run_trials(self.bench, trials, self.noise, finished, self.fitted, rival)
         self.tried.update({candidate.effects: candidate for candidate in found})
         self.failed += ["+".join(self._names(t)) for t in trials if self._names(t) not in self.tried]
         # What a wrong plant leaves at the top of the spectrum is no noise: the best explanation shows the least.
@@ -338,10 +351,14 @@ class _Search:
     def _reduced(self, full: Names, rest: Names) -> Candidate | None:
         """A candidate with some of its effects only, fitted if nobody has tried it yet."""
         if rest not in self.tried:
-            plant = self.tried[full].calibration.plant.without_effects(*(name for name in full if name not in rest))
-            unbent = with_fitted(self.bench.nominal.with_rig(plant.rig), plant)
-            self._try([Trial(start=unbent, bent=plant, without=self.tried[()].calibration)])
+            self._fit_some(full, rest)
         return self.tried.get(rest)
+
+    def _fit_some(self, full: Names, rest: Names) -> None:
+        """Fit some of the effects of a candidate."""
+        plant = self.tried[full].calibration.plant.without_effects(*(name for name in full if name not in rest))
+        unbent = with_fitted(self.bench.nominal.with_rig(plant.rig), plant)
+        self._try([Trial(start=unbent, bent=plant, without=self.tried[()].calibration)])
 
     def _names(self, trial: Trial) -> Names:
         return tuple(name for name in trial.start.effect_names if name not in self.bench.nominal.effect_names)

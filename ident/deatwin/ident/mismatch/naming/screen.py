@@ -24,7 +24,9 @@ SHAPE_RANGE = (1 / 8, 8.0)
 LEVELS = (0.5, 0.75, 0.9, 0.98)
 """Quantiles of the readings, or of the voltage, at which an effect with a threshold is screened."""
 EVENT_STEP = 0.04
-"""Share of the record by which the time of an event is moved first, in the search for the best one."""
+"""Share of the record by which the time of an event is moved first, in the search for the best one,"""
+EVENT_ERROR = 0.004
+"""and how near to it the search comes: a fit begins there, after which the time is searched for once more."""
 WEAKER = (1.0, 0.2, 0.02)
 """Shares of the typical strength at which the simulation is tried, until the plant can be simulated."""
 
@@ -212,8 +214,8 @@ def _at_its_time(
     """The event where it explains most: no fit can move it, since only a sample or two know of its time."""
     basis, event = _basis(fit), found[0].effect.event
     best = max(found, key=lambda f: _lead(f, fit.residuals, basis).share)
-    step = EVENT_STEP * float(np.ptp(times))
-    while step > fit.plant.rig.sample_time / 2:
+    step, near = (share * float(np.ptp(times)) for share in (EVENT_STEP, EVENT_ERROR))
+    while step > max(near, fit.plant.rig.sample_time / 2):
         at = getattr(best.effect, event)
         tried = [footprint(replace(best.effect, **{event: at + s})) for s in (-step, step) if at + s > 0]
         better = max([best, *(f for f in tried if f is not None)], key=lambda f: _lead(f, fit.residuals, basis).share)

@@ -18,8 +18,10 @@ __all__ = ["siblings"]
 
 ALIKE = 0.5
 """Share of what an effect does to the readings, that another could do to first order, to be tried as well."""
+LOOKED_AT = 8
+"""So many, the most alike at a weak strength, are looked at at their own strength,"""
 MOST = 3
-"""So many at most."""
+"""and so many are tried at most."""
 WEAK = 0.1
 """Share of its typical strength at which an effect is simulated first: a typical lag is no small one."""
 
@@ -52,7 +54,7 @@ def siblings(bench: Bench, explanation: Calibration, added: Sequence[str], effec
     done = replace(bare, residuals=off_jacobian(does, bare))
     weak = [replace(e, **{e.strength: WEAK * getattr(e, e.strength)}) for e in effects]
     rough = leads(footprints(bench, bare, weak, done), done)
-    found = run_jobs(_at_its_strength, [(bench, bare, lead, done) for lead in rough], workers=bench.jobs)
+    found = run_jobs(_at_its_strength, [(bench, bare, lead, done) for lead in rough[:LOOKED_AT]], workers=bench.jobs)
     alike = [lead for lead in found if lead is not None and lead.share > ALIKE]
     return sorted(alike, key=lambda lead: -lead.share)[:MOST]
 

@@ -10,7 +10,7 @@ import numpy as np
 from deatwin.ident.greybox.fit import Calibration, calibrate
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.candidate import Candidate, judge
-from deatwin.ident.mismatch.refit.search import ROUGH, at_its_time, finish, search
+from deatwin.ident.mismatch.refit.search import ROUGH, at_its_time, finish, is_promising, search
 from deatwin.ident.parallel import run_jobs, stream_jobs
 from deatwin.plant.model import Plant
 
@@ -21,7 +21,12 @@ FAILED_SEARCH = 1.02
 FEW = 4
 """Simulations that show whether the way from the bent plant leads anywhere."""
 NEAR = 1.1
-"""Fits whose rms is within this ratio of the best are carried to the end."""
+"""Fits whose rms is within this ratio of the best are carried to the end, besides those that leave hardly anything."""
+HOPELESS = 1.5
+"""A fit is given up where its linearised minimum is above the rms of another one by this ratio. At the first point of
+a fit to all samples that is mostly within 15 % of where it ends."""
+FIRST = 2
+"""Trials that are made before the others, which must come near to the best of them."""
 Fitted = Callable[[Calibration, np.ndarray | None], None]
 
 
@@ -50,38 +55,44 @@ def run_trials(
     noise: float,
     finished: Callable[[float], None] | None = None,
     fitted: Fitted | None = None,
+    rival: float = np.inf,
 ) -> list[Candidate]:
-    """Fit and judge each trial.
+    """Fit and judge each trial, those that promise most first; one that cannot come near another is given up.
 
     Parameters
     ----------
     bench : Bench
         Recordings and number of workers.
     trials : sequence of Trial
-        What to try.
+        What to try; the first ones give the others their measure.
     noise : float
         Standard deviation of the sensor's noise, SI.
     finished : callable, optional
         Called with the share that is done.
     fitted : callable, optional
         Called with each fit as soon as there is one; with its residuals on the unseen part, SI, once they are known.
+    rival : float
+        Rms of the best fit so far that these compete with, SI.
 
     Returns
     -------
     list of Candidate
         In the order of the trials, without those whose plant cannot be simulated.
     """
-    fits = []
-    tasks = [(bench, trial, noise) for trial in trials]
-    for done, found in enumerate(stream_jobs(_tried, tasks, workers=bench.jobs), 1):
-        if found.status.ok:
-            fits.append(found)
-            if fitted is not None:
-                fitted(found, None)
-        if finished is not None:
-            finished(done / len(trials))
-    best = min((fit.rms for fit in fits), default=0.0)
-    near = [k for k, fit in enumerate(fits) if fit.rms < NEAR * best]
+    fits: list[Calibration] = []
+    done = 0
+    for group in (trials[:FIRST], trials[FIRST:]):
+        tasks = [(bench, trial, HOPELESS * rival) for trial in group]
+        for found in stream_jobs(_tried, tasks, workers=bench.jobs):
+            done += 1
+            if found.status.ok:
+                fits.append(found)
+                if fitted is not None:
+                    fitted(found, None)
+            if finished is not None:
+                finished(done / len(trials))
+        rival = min([rival, *(fit.rms for fit in fits)])
+    near = [k for k, fit in enumerate(fits) if fit.rms < NEAR * rival or is_promising(fit, noise)]
     finished_fits = run_jobs(finish, [(fits[k], bench.fitted) for k in near], workers=bench.jobs)
     for k, fit in zip(near, finished_fits, strict=True):
         fits[k] = fit
@@ -112,15 +123,15 @@ def with_fitted(nominal: Plant, fitted: Plant) -> Plant:
     return nominal.with_effects(*added).with_values(own)
 
 
-def _tried(bench: Bench, trial: Trial, noise: float) -> Calibration:
+def _tried(bench: Bench, trial: Trial, hopeless: float) -> Calibration:
     """From the unbent plant; where that leads nowhere, from the bent one.
 
     A plant that was fitted without an effect has been bent to imitate it, and the way back is long.
     """
-    found = search(trial.start, bench.fitted, noise)
+    found = search(trial.start, bench.fitted, hopeless)
     # The plant without the effect is a special case of the one with it: a worse fit is a failed search.
     if not found.status.ok or found.rms > FAILED_SEARCH * trial.without.rms:
-        again = calibrate(trial.bent, bench.fitted, evaluations=FEW, tolerance=ROUGH)
+        again = calibrate(trial.bent, bench.fitted, evaluations=FEW, tolerance=ROUGH, hopeless=hopeless)
         if again.status.ok and (not found.status.ok or again.rms < found.rms):
             found = again
-    return at_its_time(found, bench.fitted, noise) if found.status.ok else found
+    return at_its_time(found, bench.fitted, hopeless) if found.status.ok else found

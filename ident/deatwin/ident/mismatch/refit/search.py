@@ -6,10 +6,22 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Calibration, Part, calibrate, simulated
+from deatwin.ident.greybox.fit import Calibration, FitStatus, Part, calibrate, simulated
 from deatwin.plant.model import Plant
 
-__all__ = ["DECIDING", "OPENING_SAMPLES", "ROUGH", "approach", "at_its_time", "finish", "opening", "search", "settle"]
+__all__ = [
+    "DECIDING",
+    "OPENING_SAMPLES",
+    "ROUGH",
+    "approach",
+    "at_its_time",
+    "finish",
+    "is_promising",
+    "opening",
+    "roughly",
+    "search",
+    "settle",
+]
 
 OPENING_SAMPLES = 2000
 """The first approach uses the opening of each experiment, long enough for the film's fast parameters."""
@@ -23,7 +35,7 @@ DECIDING = 1e-3
 EVENT_STEP = 0.02
 """Share of the record by which an event is moved first."""
 PROMISING = 1.3
-"""Mean squared residual against noise and model error, below which a form is fitted to the end at once."""
+"""Mean squared residual against noise and model error, below which a form is fitted to the end."""
 
 
 def approach(start: Plant, parts: Sequence[Part]) -> Calibration:
@@ -45,6 +57,43 @@ def approach(start: Plant, parts: Sequence[Part]) -> Calibration:
     return calibrate(start, openings, evaluations=OPENING_EVALUATIONS, tolerance=ROUGH)
 
 
+def roughly(near: Plant, parts: Sequence[Part], hopeless: float = np.inf) -> Calibration:
+    """Fit all counted samples roughly.
+
+    Parameters
+    ----------
+    near : Plant
+        With values from `approach`.
+    parts : sequence of Part
+        Samples that count.
+    hopeless : float
+        As for `calibrate`.
+
+    Returns
+    -------
+    Calibration
+        On all of `parts`.
+    """
+    return calibrate(near, parts, evaluations=ROUGH_EVALUATIONS, tolerance=ROUGH, hopeless=hopeless)
+
+
+def is_promising(rough: Calibration, noise: float) -> bool:
+    """Whether a rough fit leaves little more than noise and model error.
+
+    Parameters
+    ----------
+    rough : Calibration
+        On all samples that count.
+    noise : float
+        Standard deviation of the sensor's noise, SI.
+
+    Returns
+    -------
+    bool
+    """
+    return bool(rough.rms**2 < PROMISING * (noise**2 + rough.plant.rig.model_error**2))
+
+
 def settle(near: Plant, parts: Sequence[Part], noise: float) -> Calibration:
     """Fit all counted samples: roughly, and to the end where what is left is nearly noise.
 
@@ -62,9 +111,8 @@ def settle(near: Plant, parts: Sequence[Part], noise: float) -> Calibration:
     Calibration
         On all of `parts`.
     """
-    rough = calibrate(near, parts, evaluations=ROUGH_EVALUATIONS, tolerance=ROUGH)
-    floor = noise**2 + near.rig.model_error**2
-    return finish(rough, parts) if rough.status.ok and rough.rms**2 < PROMISING * floor else rough
+    rough = roughly(near, parts)
+    return finish(rough, parts) if rough.status.ok and is_promising(rough, noise) else rough
 
 
 def finish(rough: Calibration, parts: Sequence[Part]) -> Calibration:
@@ -86,8 +134,8 @@ def finish(rough: Calibration, parts: Sequence[Part]) -> Calibration:
     return found if found.status.ok else rough
 
 
-def search(start: Plant, parts: Sequence[Part], noise: float) -> Calibration:
-    """Fit a plant from far away.
+def search(start: Plant, parts: Sequence[Part], hopeless: float = np.inf) -> Calibration:
+    """Fit a plant from far away, roughly.
 
     Parameters
     ----------
@@ -95,8 +143,8 @@ def search(start: Plant, parts: Sequence[Part], noise: float) -> Calibration:
         With starting values.
     parts : sequence of Part
         Samples that count.
-    noise : float
-        Standard deviation of the sensor's noise, SI.
+    hopeless : float
+        As for `calibrate`.
 
     Returns
     -------
@@ -104,12 +152,12 @@ def search(start: Plant, parts: Sequence[Part], noise: float) -> Calibration:
         On all of `parts`.
     """
     near = approach(start, parts)
-    found = settle(near.plant, parts, noise)
-    return found if found.status.ok or not near.status.ok else settle(start, parts, noise)
+    found = roughly(near.plant, parts, hopeless)
+    return found if found.status.ok or not near.status.ok else roughly(start, parts, hopeless)
 
 
-def at_its_time(fit: Calibration, parts: Sequence[Part], noise: float) -> Calibration:
-    """Move the events in a fitted plant to where they explain most, and fit it anew.
+def at_its_time(fit: Calibration, parts: Sequence[Part], hopeless: float = np.inf) -> Calibration:
+    """Move the events in a fitted plant to where they explain most, and fit it anew, roughly.
 
     Only a sample or two know of the time of an event, so no fit can move it; it is searched for.
 
@@ -119,19 +167,21 @@ def at_its_time(fit: Calibration, parts: Sequence[Part], noise: float) -> Calibr
         Of a plant on `parts`.
     parts : sequence of Part
         Samples that count.
-    noise : float
-        Standard deviation of the sensor's noise, SI.
+    hopeless : float
+        As for `calibrate`.
 
     Returns
     -------
     Calibration
-        The same one where the plant has no event or none that moves.
+        The same one where the plant has no event or none that moves, or the fit was given up.
     """
+    if fit.status is FitStatus.GIVEN_UP:
+        return fit
     plant = fit.plant
     for effect in plant.effects:
         if effect.event:
             plant = _moved(plant, f"{effect.name}.{effect.event}", parts)
-    return fit if plant is fit.plant else settle(plant, parts, noise)
+    return fit if plant is fit.plant else roughly(plant, parts, hopeless)
 
 
 def _moved(plant: Plant, name: str, parts: Sequence[Part]) -> Plant:

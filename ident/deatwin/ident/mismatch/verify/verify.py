@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from deatwin.ident.greybox.fit import FitStatus
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.datasets import table
 from deatwin.ident.mismatch.losses import block_losses, bootstrap_gain
@@ -289,7 +290,8 @@ def _reduced(
     base: Candidate, amended: Candidate, bench: Bench | None, tried: Sequence[Candidate]
 ) -> dict[str, Candidate]:
     """The explanation without each of its effects, fitted; without those that cannot be had."""
-    known = {frozenset(c.effects): c for c in (*tried, base)}
+    carried = (c for c in tried if c.calibration.status is not FitStatus.GIVEN_UP)
+    known = {frozenset(c.effects): c for c in (*carried, base)}
     found = {}
     for name in amended.effects:
         rest = frozenset(amended.effects) - {name}

@@ -13,7 +13,7 @@ from deatwin.ident.mismatch.advise.advise import advise
 from deatwin.ident.mismatch.advise.waveforms import REPERTOIRE, Limits, bears, limits_of, safe_limits, waveform
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.candidate import Candidate, judge
-from deatwin.ident.mismatch.refit.search import search
+from deatwin.ident.mismatch.refit.search import finish, search
 from deatwin.plant import (
     AmplifierSaturation,
     Creep,
@@ -93,7 +93,7 @@ def bench_of(nominal: Plant, experiment: Experiment) -> Bench:
 
 def rivals_on(bench: Bench, *effects: Effect) -> list[Candidate]:
     noise = bench.nominal.rig.noise
-    fits = [search(bench.nominal.with_effects(effect), bench.fitted, noise) for effect in effects]
+    fits = [finish(search(bench.nominal.with_effects(effect), bench.fitted), bench.fitted) for effect in effects]
     found = [judge(bench, fit, noise) for fit in fits]
     return [candidate for candidate in found if candidate is not None]
 

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from deatwin.ident.greybox.fit import FitStatus
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import cannot_rule_out, decide, suffices, with_distances
 from deatwin.ident.mismatch.naming.name import _best_form, _Search
@@ -22,7 +23,9 @@ def candidate(*effects: str, rms: float, unseen: float | None = None, alone: flo
     """An explanation that leaves residuals of exactly these sizes, and whose effects do so much by themselves."""
     fitted, late = np.tile([rms, -rms], 3500), np.tile([unseen or rms, -(unseen or rms)], 1500)
     plant, names = SimpleNamespace(rig=RIG, effects=()), ("a",) * (7 + len(effects))
-    calibration = SimpleNamespace(plant=plant, residuals=fitted, names=names)
+    calibration = SimpleNamespace(
+        plant=plant, residuals=fitted, names=names, status=FitStatus.SETTLED, rms=float(np.sqrt(np.mean(fitted**2)))
+    )
     does = np.full(fitted.size, alone)
     return Candidate(effects=effects, calibration=calibration, unseen=late, noise=NOISE, contribution=does)
 
