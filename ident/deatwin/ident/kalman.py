@@ -232,7 +232,8 @@ class Smoothed:
     @property
     def std(self) -> Array:
         """Standard deviations, shape (n, n_states)."""
-        return np.asarray(np.sqrt(np.einsum("kii->ki", self.covariances)), dtype=np.float64)
+        variances = np.einsum("kii->ki", self.covariances)  # differences: rounding may leave a zero below zero
+        return np.asarray(np.sqrt(np.maximum(variances, 0.0)), dtype=np.float64)
 
     @property
     def lag_one(self) -> Array:

@@ -19,6 +19,8 @@ TOLERANCE = 1e-4
 changes the log-likelihood by a half."""
 LOOKS = 2
 """Points from which the linearised minimum is looked at before a fit is given up: from far away the first may err."""
+SAME = 1e-6
+"""Distance of two points in coordinates, of which one is about the logarithm of a value."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -161,7 +163,9 @@ class _Memory:
         if linearised_rms(residuals, jacobian) <= self.hopeless:
             self.hopeless = np.inf  # it stays worth its simulations
             return
-        self._looks.append((x.copy(), residuals, jacobian))
+        # A start on a bound is moved off it by a hair: that is no other point.
+        if not any(np.allclose(x, seen, rtol=0.0, atol=SAME) for seen, *_ in self._looks):
+            self._looks.append((x.copy(), residuals, jacobian))
         if len(self._looks) == LOOKS:
             raise _GivenUp(*min(self._looks, key=lambda look: float(look[1] @ look[1])))
 

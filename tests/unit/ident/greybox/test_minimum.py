@@ -82,3 +82,10 @@ def test_a_linear_fit_ends_where_its_linearisation_says():
         assert linearised_rms(readings, jacobian * scales) == pytest.approx(expected, rel=1e-12)
     # A parameter that does nothing takes up nothing.
     assert linearised_rms(readings, np.zeros((50, 2))) == pytest.approx(np.sqrt(np.mean(readings**2)), rel=1e-12)
+
+
+def test_a_start_on_a_bound_counts_as_one_look():
+    least = np.sqrt(25.0 / 3)
+    lost = minimise(Tray([1.0], lambda x: False), hopeless=0.99 * least)
+    assert lost.given_up and lost.evaluations == 3  # on the bound, off it by a hair, and one step on
+    assert lost.coordinates == pytest.approx(0.4, abs=0.5)

@@ -32,6 +32,8 @@ ROUGH_EVALUATIONS = 10
 """nor with more simulations than these."""
 DECIDING = 1e-3
 """Relative change of the squared residual that no decision sees: a tenth of a nat in a hundred blocks."""
+ROUNDS = 4
+"""Fits from where the last one ended."""
 EVENT_STEP = 0.02
 """Share of the record by which an event is moved first."""
 PROMISING = 1.3
@@ -118,6 +120,9 @@ def settle(near: Plant, parts: Sequence[Part], noise: float) -> Calibration:
 def finish(rough: Calibration, parts: Sequence[Part]) -> Calibration:
     """Fit to the end what was fitted roughly.
 
+    In a narrow valley the solver's steps shrink until it calls the fit settled where it is not: it is asked again from
+    there, with steps of full size, until that gains nothing.
+
     Parameters
     ----------
     rough : Calibration
@@ -130,8 +135,15 @@ def finish(rough: Calibration, parts: Sequence[Part]) -> Calibration:
     Calibration
         The rough one where the fit fails.
     """
-    found = calibrate(rough.plant, parts, tolerance=DECIDING)
-    return found if found.status.ok else rough
+    found = rough
+    for _ in range(ROUNDS):
+        again = calibrate(found.plant, parts, tolerance=DECIDING)
+        if not again.status.ok:
+            break
+        gained, found = 1.0 - (again.rms / found.rms) ** 2, again
+        if gained < DECIDING:
+            break
+    return found
 
 
 def search(start: Plant, parts: Sequence[Part], hopeless: float = np.inf) -> Calibration:
