@@ -23,7 +23,7 @@ from deatwin.plant.files.replacing import replacing
 from deatwin.plant.integrator.lanes import Exchange
 from deatwin.plant.interrupts import obey
 
-__all__ = ["cache_folder", "compile_functions", "compile_source", "compiler"]
+__all__ = ["cache_folder", "compile_functions", "compile_source", "compiler", "key_of", "recalled"]
 
 logger = logging.getLogger(__name__)
 FLAGS = (

@@ -166,7 +166,7 @@ def _oracle(specimen: Specimen, diagnosis: Diagnosis, base: Calibration, parts: 
     if not specimen.truth:
         return None
     nominal = specimen.plant.with_rig(base.plant.rig)
-    found = consult(nominal, base, parts, specimen.truth, specimen.noise)
+    found = consult(nominal, base, parts, specimen.truth)
     rivals = [] if found is None else [found]
     if diagnosis.model is not None and {c.effect for c in diagnosis.causes} == set(specimen.truth):
         rivals.append(diagnosis.model.plant)

@@ -16,9 +16,7 @@ from deatwin.plant.model import Plant
 __all__ = ["consult"]
 
 
-def consult(
-    nominal: Plant, base: Calibration, parts: Sequence[Part], truth: Sequence[str], noise: float
-) -> Plant | None:
+def consult(nominal: Plant, base: Calibration, parts: Sequence[Part], truth: Sequence[str]) -> Plant | None:
     """Fit the plant with the true effects.
 
     Parameters
@@ -31,8 +29,6 @@ def consult(
         All samples.
     truth : sequence of str
         Catalogue names of what is concealed.
-    noise : float
-        Standard deviation of the sensor's noise, SI.
 
     Returns
     -------
