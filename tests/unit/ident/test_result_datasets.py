@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from deatwin.ident.frequency import design_excitation
+from deatwin.ident.greybox import Calibration, FitStatus
 from deatwin.ident.greybox.filter import Latent
 from deatwin.ident.greybox.filter_openings import Opening
-from deatwin.ident.greybox.fit import Calibration, FitStatus
 from deatwin.ident.greybox.identifiability import Profile
 from deatwin.ident.mismatch import Base, Candidate, Naming
 from deatwin.ident.mismatch.advise.advice import Advice

@@ -1,5 +1,6 @@
 """Calibration of physical plants on recordings."""
 
-from deatwin.ident.greybox.fit import Calibration, FitStatus, Part, calibrate
+from deatwin.ident.greybox.fit import Calibration, Part, calibrate
+from deatwin.ident.greybox.status import FitStatus
 
 __all__ = ["Calibration", "FitStatus", "Part", "calibrate"]

@@ -4,33 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import Enum
 from typing import Any
 
 import numpy as np
 
-from deatwin.ident.greybox.minimum import EVALUATIONS, TOLERANCE, Minimum, minimise
+from deatwin.ident.greybox.minimum import EVALUATIONS, TOLERANCE, minimise
+from deatwin.ident.greybox.status import FitStatus
 from deatwin.plant.datasets import dataset
 from deatwin.plant.errors import DataError
 from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter
 from deatwin.plant.recording import Experiment
 
-__all__ = ["Calibration", "FitStatus", "Part", "Problem", "calibrate", "simulated"]
-
-
-class FitStatus(Enum):
-    """How a calibration ended; the text is the advice."""
-
-    SETTLED = "the fit settled"
-    STOPPED = "the fit used up its evaluations: its parameters may still move"
-    GIVEN_UP = "the fit was given up: even its linearised minimum leaves far more than another fit does"
-    IMPOSSIBLE = "the plant cannot be simulated at its starting values: it pulls in or finds no state of rest"
-
-    @property
-    def ok(self) -> bool:
-        """Whether the fit can be used."""
-        return self is not FitStatus.IMPOSSIBLE
+__all__ = ["Calibration", "Part", "Problem", "calibrate", "simulated"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -156,6 +142,11 @@ class Calibration:
     def rms(self) -> float:
         """Root mean square of the residuals, SI."""
         return float(np.sqrt(np.mean(self.residuals**2)))
+
+    @property
+    def given_up(self) -> bool:
+        """Whether it ends where it was seen to be no rival of a better fit: short of its own minimum."""
+        return self.status is FitStatus.GIVEN_UP
 
     def interval(self, name: str, deviations: float = 1.959964) -> tuple[float, float]:
         """Confidence interval of a parameter, inside its physical range.
@@ -325,7 +316,7 @@ def calibrate(
         covariance=_covariance(found.residuals, found.jacobian),
         residuals=found.residuals,
         jacobian=found.jacobian,
-        status=_status(found),
+        status=found.status,
         at_bound=tuple(n for n, hit in zip(problem.names, near, strict=True) if hit),
         evaluations=found.evaluations,
     )
@@ -356,12 +347,6 @@ def _covariance(residuals: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
     own = np.diag(robust)
     widen = np.sqrt(np.divide(np.maximum(own, white), own, out=np.ones_like(own), where=own > 0))
     return robust * np.outer(widen, widen) / np.outer(scale, scale)
-
-
-def _status(found: Minimum) -> FitStatus:
-    if found.given_up:
-        return FitStatus.GIVEN_UP
-    return FitStatus.SETTLED if found.settled else FitStatus.STOPPED
 
 
 def _impossible(problem: Problem) -> Calibration:

@@ -8,10 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.optimize import least_squares
 
+from deatwin.ident.greybox.status import FitStatus
+from deatwin.ident.greybox.tangent import linearised_rms
+
 if TYPE_CHECKING:
     from deatwin.ident.greybox.fit import Problem
 
-__all__ = ["EVALUATIONS", "LOOKS", "TOLERANCE", "Minimum", "linearised_rms", "minimise"]
+__all__ = ["EVALUATIONS", "LOOKS", "TOLERANCE", "Minimum", "minimise"]
 
 EVALUATIONS = 30
 TOLERANCE = 1e-4
@@ -35,10 +38,8 @@ class Minimum:
         There, SI.
     jacobian : ndarray, shape (m, n)
         Derivative of the readings there, SI.
-    settled : bool
-        Whether it is known to be least; if not, the evaluations were used up or it was given up.
-    given_up : bool
-        Whether the minimum was expected to be too high.
+    status : FitStatus
+        Whether it settled there, used up its evaluations, or was given up.
     evaluations : int
         Simulations made.
     """
@@ -46,8 +47,7 @@ class Minimum:
     coordinates: np.ndarray
     residuals: np.ndarray
     jacobian: np.ndarray
-    settled: bool
-    given_up: bool
+    status: FitStatus
     evaluations: int
 
 
@@ -92,37 +92,16 @@ def minimise(
         return None
     except _GivenUp as end:
         return Minimum(
-            coordinates=end.x, residuals=end.residuals, jacobian=end.jacobian, settled=False, given_up=True,
-            evaluations=cost.evaluations,
+            coordinates=end.x, residuals=end.residuals, jacobian=end.jacobian,
+            status=FitStatus.GIVEN_UP, evaluations=cost.evaluations,
         )  # fmt: skip
     found = cost(solution.x)
     if found is None:
         return None
     return Minimum(
-        coordinates=solution.x, residuals=found[0], jacobian=found[1], settled=solution.status > 0, given_up=False,
-        evaluations=cost.evaluations,
+        coordinates=solution.x, residuals=found[0], jacobian=found[1],
+        status=FitStatus.SETTLED if solution.status > 0 else FitStatus.STOPPED, evaluations=cost.evaluations,
     )  # fmt: skip
-
-
-def linearised_rms(residuals: np.ndarray, jacobian: np.ndarray) -> float:
-    """Rms of what a linear model of a fit would leave, wherever its parameters had to go for that.
-
-    Parameters
-    ----------
-    residuals : ndarray, shape (m,)
-        Measured minus simulated.
-    jacobian : ndarray, shape (m, n)
-        Derivative of what is simulated.
-
-    Returns
-    -------
-    float
-        In the unit of the residuals; never more than their own rms.
-    """
-    size = np.linalg.norm(jacobian, axis=0)
-    unit = jacobian[:, size > 0.0] / size[size > 0.0]
-    step = np.linalg.lstsq(unit, residuals, rcond=None)[0]
-    return float(np.sqrt(np.mean((residuals - unit @ step) ** 2)))
 
 
 class _NowhereToGo(Exception):

@@ -10,6 +10,7 @@ from typing import Self
 import numpy as np
 
 from deatwin.ident.greybox.fit import Calibration, Part, calibrate, simulated
+from deatwin.ident.greybox.tangent import taken_off, tangent_basis
 from deatwin.plant.errors import SimulationError
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment
@@ -121,12 +122,11 @@ class StructuralScale:
         """What the refits of the base plant leave with its own reading time and with the other, m."""
         change = np.concatenate(readings) - self.clean
         both = (change, change + self._advance)
-        return tuple(_rms(c - self._basis @ (self._basis.T @ c)) for c in both)  # type: ignore[return-value]
+        return tuple(_rms(taken_off(c, self._basis)) for c in both)  # type: ignore[return-value]
 
     @cached_property
     def _basis(self) -> np.ndarray:
-        slopes = self.form.jacobian
-        return np.linalg.qr(slopes / np.linalg.norm(slopes, axis=0))[0]
+        return tangent_basis(self.form.jacobian)
 
     @cached_property
     def _advance(self) -> np.ndarray:

@@ -6,7 +6,7 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 
-from deatwin.ident.greybox.fit import Calibration, FitStatus
+from deatwin.ident.greybox import Calibration, FitStatus
 from deatwin.ident.mismatch import Base, Candidate
 from deatwin.ident.mismatch.refit.base import differences
 from deatwin.plant import Diaphragm, Plant, ReadingTime, Rig

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from deatwin.ident.greybox.filter import Floor, Latent, Linear, Opening, linearise, open_place, smoothed
 from deatwin.ident.greybox.fit import Calibration, Part, Problem, calibrate, simulated
+from deatwin.ident.greybox.tangent import taken_off, tangent_basis
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.discover.dictionary import POSITION, RATE, dictionary, evaluated, signals_along
 from deatwin.ident.mismatch.discover.discovery import Discovery, FoundTerm, unit_of, unit_per
@@ -157,10 +158,8 @@ class _Search:
                 continue
             tried = [replace(term, **{term.shape: parameter.value * f}) for f in SHARPER]
             beside = [base.jacobian, self.answers(found[:k] + found[k + 1 :])] if len(found) > 1 else [base.jacobian]
-            basis = np.linalg.qr(np.hstack(beside))[0]
-            own = self.answers(tried)
-            own = own - basis @ (basis.T @ own)
-            left = base.residuals - basis @ (basis.T @ base.residuals)
+            basis = tangent_basis(np.hstack(beside))
+            own, left = taken_off(self.answers(tried), basis), taken_off(base.residuals, basis)
             found[k] = tried[int(np.argmax((own.T @ left) ** 2 / np.maximum((own**2).sum(axis=0), 1e-300)))]
         return found
 

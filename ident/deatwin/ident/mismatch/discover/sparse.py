@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.greybox.tangent import taken_off, tangent_basis
 from deatwin.ident.mismatch.losses import BLOCK_SAMPLES, evidence
 
 __all__ = ["Stable", "stable_terms"]
@@ -76,8 +77,8 @@ def stable_terms(
     ----------
     Meinshausen & Bühlmann, "Stability selection", J. R. Stat. Soc. B 72 (2010) 417.
     """
-    basis = np.linalg.qr(nuisances / np.maximum(np.linalg.norm(nuisances, axis=0), 1e-300))[0]
-    own = columns - basis @ (basis.T @ columns)
+    basis = tangent_basis(nuisances)
+    own = taken_off(columns, basis)
     size, whole = np.linalg.norm(own, axis=0), np.linalg.norm(columns, axis=0)
     unit = own * np.where(size > NOTHING_OWN * whole, 1 / np.maximum(size, 1e-300), 0.0)
 
@@ -102,7 +103,7 @@ def stable_terms(
 
 def _freed(target: Array, basis: Array) -> Array:
     """What nuisances cannot make of a target, of length 1."""
-    left = target - basis @ (basis.T @ target)
+    left = taken_off(target, basis)
     return left / max(float(np.linalg.norm(left)), 1e-300)
 
 

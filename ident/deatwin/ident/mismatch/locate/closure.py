@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from deatwin.ident.greybox.filter_linear import Linear
+from deatwin.ident.greybox.tangent import taken_off, tangent_basis
 from deatwin.ident.mismatch.locate.features import features
 
 __all__ = ["Closure", "Regression", "closure", "closure_p_value", "regressions"]
@@ -172,8 +173,8 @@ def closure_p_value(regressions_: Sequence[Regression], rng: np.random.Generator
 
 def _pursuit(residual: Array, parameters: Array, answers: Array) -> list[int]:
     """Features in the order in which each takes most from what is left."""
-    across = np.linalg.qr(parameters)[0]
-    left, new = residual - across @ (across.T @ residual), answers - across @ (across.T @ answers)
+    across = tangent_basis(parameters)
+    left, new = taken_off(residual, across), taken_off(answers, across)
     lengths = np.linalg.norm(answers, axis=0)
     chosen: list[int] = []
     for _ in range(MOST_FEATURES):

@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Calibration, FitStatus
+from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.floor import floor_of
 from deatwin.ident.mismatch.naming.candidate import Candidate, noise_seen
@@ -260,7 +260,7 @@ class _Search:
         found: list[Names] = []
         for old in before:
             rest = tuple(name for name in best if name != old)
-            if rest not in self.tried or self.tried[rest].calibration.status is FitStatus.GIVEN_UP:
+            if rest not in self.tried or self.tried[rest].calibration.given_up:
                 self._fit_some(best, rest)
             if rest in self.tried:
                 found += self.beside(rest)

@@ -9,13 +9,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from deatwin.ident.greybox.fit import Calibration, Part, simulated
+from deatwin.ident.greybox.tangent import taken_off, tangent_basis
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.contribution import readings_of_fit
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant.effects.base import Effect, Place
 from deatwin.plant.parameters import Scale
 
-__all__ = ["Footprint", "Lead", "detectable_size", "footprints", "leads", "off_jacobian"]
+__all__ = ["Footprint", "Lead", "detectable_size", "footprints", "leads"]
 
 SHAPES = 3
 """Values of each shape parameter at which an effect is screened,"""
@@ -114,7 +115,7 @@ def leads(known: Sequence[Footprint], fit: Calibration) -> tuple[Lead, ...]:
     ----------
     Rao's score test, Proc. Camb. Phil. Soc. 44 (1948) 50, doi:10.1017/S0305004100023987.
     """
-    basis = _basis(fit)
+    basis = tangent_basis(fit.jacobian)
     best: dict[str, Lead] = {}
     for footprint in known:
         lead = _lead(footprint, fit.residuals, basis)
@@ -141,34 +142,17 @@ def detectable_size(known: Sequence[Footprint], base: Calibration, name: str) ->
         SI; what the refit leaves of it equals the model error, to first order, at the shape that is seen best.
         None where the refit absorbs it all, or the plant cannot be simulated.
     """
-    basis = _basis(base)
+    basis = tangent_basis(base.jacobian)
     sizes = [np.linalg.norm(f.change) for f in known if f.effect.name == name]
-    lefts = [np.linalg.norm(_off(f.change, basis)) for f in known if f.effect.name == name]
+    lefts = [np.linalg.norm(taken_off(f.change, basis)) for f in known if f.effect.name == name]
     share = max((float(left / size) for left, size in zip(lefts, sizes, strict=True) if size > 0), default=0.0)
     return base.plant.rig.model_error / share if share > 1e-6 else None
-
-
-def off_jacobian(signal: np.ndarray, fit: Calibration) -> np.ndarray:
-    """What is left of a signal when a plant's parameters take up all they can, to first order.
-
-    Parameters
-    ----------
-    signal : ndarray, shape (m,)
-        Along the fitted part, SI.
-    fit : Calibration
-        Of the plant.
-
-    Returns
-    -------
-    ndarray, shape (m,)
-    """
-    return _off(signal, _basis(fit))
 
 
 def _lead(footprint: Footprint, residual: np.ndarray, basis: np.ndarray) -> Lead:
     effect = footprint.effect
     strength = next(p for p in effect.describe() if p.name == effect.strength)
-    direction = _off(footprint.change, basis)
+    direction = taken_off(footprint.change, basis)
     length = float(np.linalg.norm(direction))
     along = float(direction @ residual) / length if length > 1e-9 * np.linalg.norm(footprint.change) else 0.0
     if along < 0.0 and strength.lower >= 0.0:
@@ -178,18 +162,6 @@ def _lead(footprint: Footprint, residual: np.ndarray, basis: np.ndarray) -> Lead
         for value in (np.copysign(strength.value, along), along / length if along else 0.0)
     )
     return Lead(effect=start, share=along**2 / float(residual @ residual), estimate=estimate)
-
-
-def _basis(fit: Calibration) -> np.ndarray:
-    """What the plant's parameters can do to the readings, orthonormal."""
-    sizes = np.linalg.norm(fit.jacobian, axis=0)
-    acting = sizes > 0.0  # a parameter on a bound at which it does nothing takes up nothing
-    return np.linalg.qr(fit.jacobian[:, acting] / sizes[acting])[0]
-
-
-def _off(direction: np.ndarray, basis: np.ndarray) -> np.ndarray:
-    """What is left of a direction when the plant's parameters take up all they can."""
-    return direction - basis @ (basis.T @ direction)
 
 
 def _of_effect(
@@ -212,7 +184,7 @@ def _at_its_time(
     found: Sequence[Footprint], fit: Calibration, times: np.ndarray, footprint: Callable[[Effect], Footprint | None]
 ) -> Footprint:
     """The event where it explains most: no fit can move it, since only a sample or two know of its time."""
-    basis, event = _basis(fit), found[0].effect.event
+    basis, event = tangent_basis(fit.jacobian), found[0].effect.event
     best = max(found, key=lambda f: _lead(f, fit.residuals, basis).share)
     step, near = (share * float(np.ptp(times)) for share in (EVENT_STEP, EVENT_ERROR))
     while step > max(near, fit.plant.rig.sample_time / 2):

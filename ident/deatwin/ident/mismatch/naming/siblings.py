@@ -8,9 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from deatwin.ident.greybox.fit import Calibration, Problem, simulated
+from deatwin.ident.greybox.tangent import taken_off, tangent_basis
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.contribution import contribution, readings_of_fit
-from deatwin.ident.mismatch.naming.screen import Footprint, Lead, footprints, leads, off_jacobian
+from deatwin.ident.mismatch.naming.screen import Footprint, Lead, footprints, leads
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant.effects.base import Effect
 
@@ -51,7 +52,7 @@ def siblings(bench: Bench, explanation: Calibration, added: Sequence[str], effec
     bare, does = _bare(bench, explanation), contribution(bench, explanation, added)
     if bare is None or not effects or not np.isfinite(does).all():
         return []
-    done = replace(bare, residuals=off_jacobian(does, bare))
+    done = replace(bare, residuals=taken_off(does, tangent_basis(bare.jacobian)))
     weak = [replace(e, **{e.strength: WEAK * getattr(e, e.strength)}) for e in effects]
     rough = leads(footprints(bench, bare, weak, done), done)
     found = run_jobs(_at_its_strength, [(bench, bare, lead, done) for lead in rough[:LOOKED_AT]], workers=bench.jobs)

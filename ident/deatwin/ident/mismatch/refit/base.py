@@ -11,7 +11,7 @@ import numpy as np
 from deatwin.ident.greybox.fit import Calibration, Part
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.candidate import Candidate, free_run_residuals, judge, noise_seen
-from deatwin.ident.mismatch.refit.search import OPENING_SAMPLES, approach, finish, opening, settle
+from deatwin.ident.mismatch.refit.search import OPENING_SAMPLES, approach, finish, opening, roughly, settle
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant.errors import SimulationError
 from deatwin.plant.model import Plant
@@ -148,7 +148,7 @@ def _fitted_well(bench: Bench, form: Plant) -> Candidate | None:
     usable = [fit for fit in openings if fit.status.ok]
     if not usable:
         return None
-    rough = settle(min(usable, key=lambda fit: fit.rms).plant, bench.fitted, form.rig.noise)
+    rough = roughly(min(usable, key=lambda fit: fit.rms).plant, bench.fitted)
     return _judged(bench, finish(rough, bench.fitted)) if rough.status.ok else None
 
 

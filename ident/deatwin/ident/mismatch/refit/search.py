@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Calibration, FitStatus, Part, calibrate, simulated
+from deatwin.ident.greybox.fit import Calibration, Part, calibrate, simulated
 from deatwin.plant.model import Plant
 
 __all__ = [
@@ -187,7 +187,7 @@ def at_its_time(fit: Calibration, parts: Sequence[Part], hopeless: float = np.in
     Calibration
         The same one where the plant has no event or none that moves, or the fit was given up.
     """
-    if fit.status is FitStatus.GIVEN_UP:
+    if fit.given_up:
         return fit
     plant = fit.plant
     for effect in plant.effects:

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import FitStatus
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.datasets import table
 from deatwin.ident.mismatch.losses import block_losses, bootstrap_gain
@@ -290,7 +289,7 @@ def _reduced(
     base: Candidate, amended: Candidate, bench: Bench | None, tried: Sequence[Candidate]
 ) -> dict[str, Candidate]:
     """The explanation without each of its effects, fitted; without those that cannot be had."""
-    carried = (c for c in tried if c.calibration.status is not FitStatus.GIVEN_UP)
+    carried = (c for c in tried if not c.calibration.given_up)
     known = {frozenset(c.effects): c for c in (*carried, base)}
     found = {}
     for name in amended.effects:

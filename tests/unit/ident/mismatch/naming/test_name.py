@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from deatwin.ident.greybox.fit import FitStatus
+from deatwin.ident.greybox import FitStatus
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import cannot_rule_out, decide, suffices, with_distances
 from deatwin.ident.mismatch.naming.name import _best_form, _Search

@@ -7,7 +7,7 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 
-from deatwin.ident.greybox.fit import Calibration, FitStatus
+from deatwin.ident.greybox import Calibration, FitStatus
 from deatwin.ident.mismatch import Candidate, Naming
 from deatwin.ident.mismatch.naming.decide import nothing_tried
 from deatwin.plant import Diaphragm, Plant, ReadingTime, Rig

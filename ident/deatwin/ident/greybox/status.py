@@ -1,0 +1,21 @@
+"""How a calibration ended."""
+
+from __future__ import annotations
+
+from enum import Enum
+
+__all__ = ["FitStatus"]
+
+
+class FitStatus(Enum):
+    """How a calibration ended; the text is the advice."""
+
+    SETTLED = "the fit settled"
+    STOPPED = "the fit used up its evaluations: its parameters may still move"
+    GIVEN_UP = "the fit was given up: even its linearised minimum leaves far more than another fit does"
+    IMPOSSIBLE = "the plant cannot be simulated at its starting values: it pulls in or finds no state of rest"
+
+    @property
+    def ok(self) -> bool:
+        """Whether the fit can be used."""
+        return self is not FitStatus.IMPOSSIBLE
