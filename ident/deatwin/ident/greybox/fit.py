@@ -18,6 +18,9 @@ from deatwin.plant.recording import Experiment
 
 __all__ = ["Calibration", "Part", "Problem", "calibrate", "simulated"]
 
+NOTHING = 1e-100
+"""Length of a Jacobian's column below which its parameter does nothing: the reciprocal's square is no number soon."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Part:
@@ -331,7 +334,7 @@ def _covariance(residuals: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
     taken to be less than under white noise.
     """
     scale = np.linalg.norm(jacobian, axis=0)
-    scale[scale == 0] = 1.0
+    scale[scale < NOTHING] = 1.0
     scaled = jacobian / scale
     bread = np.linalg.pinv(scaled.T @ scaled, rcond=1e-12)
     scores = scaled * residuals[:, None]

@@ -31,6 +31,8 @@ from deatwin.ident.mismatch.detect.leftover import Leftover
 __all__ = ["Refit", "colour", "error_terms", "null_residuals"]
 
 ORDERS = (0, 1, 2, 3)
+STABLE = 1.0 - 1e-4
+"""Largest partial correlation of the noise: at 1, to which a hyperbolic tangent rounds, it would ring for ever."""
 MOVING = 0.995
 """Share of the simulated readings' power below the frequency from which the residual tells the noise's colour,"""
 QUIET_BAND = 0.6
@@ -204,7 +206,7 @@ def _whittle(reflections: np.ndarray, frequency: np.ndarray, density: np.ndarray
 def _autoregression(reflections: np.ndarray) -> np.ndarray:
     """Coefficients from partial correlations, which any numbers give by their hyperbolic tangents (Levinson)."""
     found = np.ones(1)
-    for k in np.tanh(reflections):
+    for k in STABLE * np.tanh(reflections):
         padded = np.append(found, 0.0)
         found = padded + k * padded[::-1]
     return found

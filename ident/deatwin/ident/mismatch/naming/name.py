@@ -168,13 +168,18 @@ class _Search:
         return max(stage, key=lambda names: self.tried[names].evidence, default=None)
 
     def with_one_more(self, stage: Sequence[Names], finished: Finished | None = None) -> list[Names]:
-        """Sets of one more effect beside the best of a stage, and in its place; none where none helps."""
-        before = self.best_of(stage)
-        if before is None or self.leaves_a_trifle(before):
+        """Sets of one more effect beside the best of a stage, and in its place; none where none helps.
+
+        Beside what leaves a trifle none could count. But it may only imitate two others: then the best of those that
+        leave more is gone on with.
+        """
+        before = self.best_of([names for names in stage if not self.leaves_a_trifle(names)])
+        if before is None:
             return []
         found = self.beside(before, finished)
-        best = self.best_of(found)
-        if best is None or not self.each_counts(best):
+        ranked = sorted(found, key=lambda names: -self.tried[names].evidence)
+        best = next((names for names in ranked if self.each_counts(names)), None)
+        if best is None:
             return []  # a further effect does not help: another one beside it would not be understood
         return found + self.replacing(before, best)
 

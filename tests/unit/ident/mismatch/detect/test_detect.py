@@ -12,7 +12,7 @@ from deatwin.ident.greybox.fit import Part, calibrate
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.detect import Leftover, Origin, detect, detect_in, leftover_of, origin_of
 from deatwin.ident.mismatch.detect.law import LEVEL, Law
-from deatwin.ident.mismatch.detect.null import Refit, colour
+from deatwin.ident.mismatch.detect.null import Refit, _autoregression, colour
 from deatwin.ident.mismatch.detect.power import Power
 from deatwin.ident.mismatch.detect.statistics import Scores
 from deatwin.ident.mismatch.gate.repeats import find_repeats
@@ -127,6 +127,13 @@ def test_the_colour_of_the_noise_is_found_above_the_motion(pole):
     # 6000 samples tell the correlation of neighbours to 0.013; half of the spectrum to twice that
     assert lag_one == pytest.approx(pole, abs=0.08)
     assert deviation**2 * (impulse @ impulse) == pytest.approx(1.0, rel=1e-3)
+
+
+@pytest.mark.parametrize("reflections", [(40.0,), (-40.0, 40.0), (40.0, -40.0, 40.0)])
+def test_no_colour_rings_without_end(reflections):
+    """A search may go where a hyperbolic tangent is 1 to the last digit: the response must stay finite there."""
+    poles = np.roots(_autoregression(np.array(reflections)))
+    assert (np.abs(poles) < 1.0).all()
 
 
 # --- false alarms and power ----------------------------------------------------------------------------------------

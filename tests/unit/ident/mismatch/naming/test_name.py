@@ -207,3 +207,21 @@ def test_a_further_effect_is_looked_for_beside_the_best_and_must_count():
     assert search.with_one_more([slew.effects, creep.effects]) == [idle.effects, pair.effects, ("replaced", "creep")]
     search.beside = lambda names, finished=None: [idle.effects]
     assert search.with_one_more([slew.effects, creep.effects]) == []
+    search.beside = lambda names, finished=None: [pair.effects, idle.effects]
+    search.tried["creep", "delay"] = candidate("creep", "delay", rms=2.1)  # more evidence, but beside 2.15 with delay
+    search.tried["delay",] = candidate("delay", rms=2.15)
+    assert search.with_one_more([slew.effects, creep.effects])[-1] == ("replaced", "creep")
+
+
+def test_what_leaves_a_trifle_may_imitate_two_others():
+    """Beside it nothing counts; beside the next best one something may, which together leave less."""
+    base, near = candidate(rms=30.0), candidate("thermal_stiffness", rms=3.2)
+    slow, fast = candidate("prestretch_relaxation", rms=9.0), candidate("charge_injection", rms=20.0)
+    pair = candidate("charge_injection", "prestretch_relaxation", rms=2.0)
+    search = search_over(base, near, slow, fast, pair)
+    asked = []
+    search.beside = lambda names, finished=None: asked.append(names) or [pair.effects]
+    search.replacing = lambda before, best: []
+    assert search.with_one_more([near.effects, slow.effects, fast.effects]) == [pair.effects]
+    assert asked == [("prestretch_relaxation",)]
+    assert search.with_one_more([near.effects]) == [] and len(asked) == 1
