@@ -93,7 +93,7 @@ def name_causes(
     stage = search.beside((), partial(tell, 0))
     search.judge_by_the_best(stage)
     naming = search.decided(stage)
-    others = [rival for rival in rivals if naming.best is None or search.is_clearly_worse_than(rival)]
+    others = [rival for rival in rivals if search.may_be_misread(stage, naming, rival)]
     if others:
         search, stage, naming = _best_form([(search, stage), *(search.in_form(rival, stage) for rival in others)])
     for number in range(1, MOST_CAUSES):
@@ -171,10 +171,10 @@ class _Search:
         """Sets of one more effect beside the best of a stage, and in its place; none where none helps.
 
         Beside what leaves a trifle none could count. But it may only imitate two others: then the best of those that
-        leave more is gone on with.
+        leave more is gone on with. Two that do not take most of the mismatch are no beginning of three.
         """
         before = self.best_of([names for names in stage if not self.leaves_a_trifle(names)])
-        if before is None:
+        if before is None or (len(before) > 1 and not self._takes_most(self.tried[before])):
             return []
         found = self.beside(before, finished)
         ranked = sorted(found, key=lambda names: -self.tried[names].evidence)
@@ -232,6 +232,16 @@ class _Search:
     def leaves_a_trifle(self, names: Names) -> bool:
         """Whether no further effect could count."""
         return explained(self.tried[names], self.tried[()]) > 1.0 - TRIFLE
+
+    def may_be_misread(self, stage: Sequence[Names], naming: Naming, rival: Candidate) -> bool:
+        """Whether another form of the plant could be what is missing, or what single effects lack.
+
+        What is missing beside a wrong form takes most of the mismatch in this one, or the other form does by itself.
+        """
+        if self.is_clearly_worse_than(rival):
+            return True
+        best = self.best_of(stage)
+        return naming.best is None and best is not None and self._takes_most(self.tried[best])
 
     def is_clearly_worse_than(self, rival: Candidate) -> bool:
         """Whether another form of the plant without effects leaves clearly less than this one."""

@@ -225,3 +225,30 @@ def test_what_leaves_a_trifle_may_imitate_two_others():
     assert search.with_one_more([near.effects, slow.effects, fast.effects]) == [pair.effects]
     assert asked == [("prestretch_relaxation",)]
     assert search.with_one_more([near.effects]) == [] and len(asked) == 1
+
+
+@pytest.mark.parametrize("left, goes_on", [(7.4, False), (5.0, True)])
+def test_two_that_do_not_take_most_are_no_beginning_of_three(left, goes_on):
+    """Of a mismatch of 8.7² - 2² µm² a pair that leaves 7.4 µm takes 29 %, one that leaves 5.0 µm 70 %."""
+    base, pair = candidate(rms=8.7), candidate("amplifier_slew", "end_stop", rms=left)
+    search = search_over(base, pair, candidate("amplifier_slew", rms=7.8), candidate("end_stop", rms=8.1))
+    asked = []
+    search.beside = lambda names, finished=None: asked.append(names) or []
+    assert search.with_one_more([pair.effects]) == []
+    assert asked == [pair.effects] * goes_on
+
+
+@pytest.mark.parametrize(
+    "left, bare, read_otherwise",
+    [
+        (7.8, 8.6, False),  # neither the effect nor the other form takes much
+        (5.0, 8.6, True),  # an effect does: with it the other form may leave nothing
+        (7.8, 6.0, True),  # the other form does, and hides what the effect could do
+    ],
+)
+def test_another_form_is_tried_where_it_or_an_effect_takes_much(left, bare, read_otherwise):
+    delay = candidate("delay", rms=left)
+    search = search_over(candidate(rms=8.7), delay)
+    naming = search.decided([])
+    assert naming.best is None
+    assert search.may_be_misread([delay.effects], naming, candidate(rms=bare)) is read_otherwise
