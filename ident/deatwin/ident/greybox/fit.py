@@ -19,7 +19,8 @@ from deatwin.plant.recording import Experiment
 __all__ = ["Calibration", "Part", "Problem", "calibrate", "simulated"]
 
 NOTHING = 1e-100
-"""Length of a Jacobian's column below which its parameter does nothing: the reciprocal's square is no number soon."""
+"""Length of a Jacobian's column below which its parameter does nothing: a variance is the square of its reciprocal,
+which must be a number."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -128,3 +128,12 @@ def test_the_covariance_is_that_of_newey_and_west():
     white = residuals @ residuals / 397 * np.diag(bread)
     assert np.all(np.diag(expected) > white)
     np.testing.assert_allclose(_covariance(residuals, jacobian), expected, rtol=1e-9)
+
+
+def test_a_parameter_that_all_but_does_nothing_is_like_one_that_does_nothing():
+    rng = np.random.default_rng(3)
+    jacobian, residuals = rng.standard_normal((500, 3)), rng.standard_normal(500)
+    none, hardly = (_covariance(residuals, np.hstack([jacobian, np.full((500, 1), size)])) for size in (0.0, 1e-156))
+    assert np.isfinite(hardly).all()
+    np.testing.assert_allclose(hardly, none, rtol=1e-12, atol=1e-100)
+    assert (np.diag(hardly)[:3] > 0.0).all()

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from deatwin.ident.greybox.tangent import taken_off
 from deatwin.ident.mismatch.detect.leftover import Leftover
 from deatwin.ident.mismatch.detect.null import error_terms
 from deatwin.ident.mismatch.gate.repeats import Repeats, repeatability
@@ -158,7 +159,7 @@ def without_forms(left: Leftover) -> np.ndarray:
     slow, farthest = _slow(left), _farthest(left)
     forms = [slow, slow * moves[:, None], farthest, farthest * moves[:, None]]
     basis = _orthonormal(np.concatenate(forms, axis=1))
-    rest = left.residual - basis @ (basis.T @ left.residual)
+    rest = taken_off(left.residual, basis)
     for _ in range(STEPS):
         basis, rest = _less(rest, basis, _best_step(left, rest, basis, moves))
     for _ in range(TONES):
@@ -198,7 +199,7 @@ def _best_step(left: Leftover, rest: np.ndarray, basis: np.ndarray, moves: np.nd
         after = np.zeros(rest.size)
         after[position:] = left.experiment[position:] == left.experiment[position]
         step = np.stack([after, after * moves], axis=1)
-        explained = float(np.sum((_orthonormal(step - basis @ (basis.T @ step)).T @ rest) ** 2))
+        explained = float(np.sum((_orthonormal(taken_off(step, basis)).T @ rest) ** 2))
         if explained > gain:
             best, gain = step, explained
     return best
@@ -215,8 +216,8 @@ def _best_tone(left: Leftover, rest: np.ndarray) -> np.ndarray:
 
 def _less(rest: np.ndarray, basis: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """A wider basis, and what is left of a residual by its new columns."""
-    added = _orthonormal(columns - basis @ (basis.T @ columns))
-    return np.concatenate([basis, added], axis=1), rest - added @ (added.T @ rest)
+    added = _orthonormal(taken_off(columns, basis))
+    return np.concatenate([basis, added], axis=1), taken_off(rest, added)
 
 
 def _orthonormal(columns: np.ndarray) -> np.ndarray:

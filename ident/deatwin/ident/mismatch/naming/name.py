@@ -58,10 +58,10 @@ def name_causes(
     """Look for the smallest set of effects that explains the recordings.
 
     Each promising effect is built into the base plant alone, then into its rival forms, since another reading of what
-    the rig file leaves open costs less than a further effect; where one suffices, only into those that fit clearly
-    better without any, lest it explain a wrong form away. Where none suffices, each further one beside the best,
-    and so on to three. The effects that were there before a step are replaced in turn: the best single effect may only
-    imitate two others, and it has rivals beside the new one, too.
+    the rig file leaves open costs less than a further effect; where one suffices, or none takes most of the mismatch,
+    only into those that fit clearly better without any, lest it explain a wrong form away. Where none suffices, each
+    further one beside the best, and so on to three. The effects that were there before a step are replaced in turn:
+    the best single effect may only imitate two others, and it has rivals beside the new one, too.
 
     Parameters
     ----------
@@ -177,6 +177,7 @@ class _Search:
         if before is None or (len(before) > 1 and not self._takes_most(self.tried[before])):
             return []
         found = self.beside(before, finished)
+        # In their order, not all at once: to know whether a set counts may take a fit.
         ranked = sorted(found, key=lambda names: -self.tried[names].evidence)
         best = next((names for names in ranked if self.each_counts(names)), None)
         if best is None:
