@@ -37,6 +37,8 @@ STUDIES = (
     "scenarios", "story", "story run", "shown run", "former run",
 )  # fmt: skip
 """JSON that studies keep."""
+BINARY = ("mat", "mat73", "tdms", "netcdf", "netcdf4", "case", "public mat", "public hdf5", "pull")
+"""No text."""
 NEEDS = {
     "public hdf5": ["h5py"],
     "mat73": ["h5py"], "tdms": ["nptdms"], "netcdf": ["xarray"], "netcdf4": ["xarray", "h5netcdf", "h5py"],
@@ -105,6 +107,28 @@ def test_spoilt_files_give_a_sound_object_or_one_clear_error(
 def test_any_bytes_give_one_clear_error(kind: str, fuzz: dict[str, ModuleType], content: bytes) -> None:
     require_packages(kind)
     fuzz["readers"].probe(kinds(fuzz)[kind], content)
+
+
+def lengthened(content: bytes, spoilt: int) -> Iterator[bytes]:
+    """A text file with one of its words of thousands of characters, alone and with what ends the word lost.
+
+    So long that Python makes no number of it, and shorter; of as many words as asked for, spread over the text.
+    """
+    words = [match.span() for match in re.finditer(rb"[-+.\w]+", content)]
+    for first, last in words[:: max(1, -(-len(words) // spoilt))]:
+        for word in (content[first:last] + b"9" * 4000, b"9" * 4000, b"9" * 5000, content[first:last] + b"x" * 4000):
+            yield content[:first] + word + content[last:]
+            yield content[:first] + word + content[last + 1 :]
+
+
+@pytest.mark.parametrize("kind", [name for name in KINDS if name not in BINARY])
+def test_files_with_a_word_of_thousands_of_characters_give_a_short_error(
+    kind: str, fuzz: dict[str, ModuleType]
+) -> None:
+    chosen = kinds(fuzz)[kind]
+    for seed in chosen.seeds():
+        for content in lengthened(seed, 20):
+            fuzz["readers"].probe(chosen, content)
 
 
 def places(value: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:

@@ -112,9 +112,10 @@ def read_json(path: str | os.PathLike[str]) -> Any:
     count = sum(map(content.count, (b",", b"[", b"{")))
     if count > DOCUMENT_VALUES:
         raise ModelError(f"{path}: it holds {count} numbers, texts and lists; at most {DOCUMENT_VALUES} can be read")
-    parse_float = _finite if _PERHAPS_HUGE.search(content) else None
+    huge = _PERHAPS_HUGE.search(content)
+    real, whole = (_finite, _whole) if huge else (None, None)
     try:
-        return json.loads(content.decode("utf-8-sig"), parse_float=parse_float, parse_constant=_finite)
+        return json.loads(content.decode("utf-8-sig"), parse_float=real, parse_int=whole, parse_constant=_finite)
     except RecursionError:
         raise ModelError(f"{path}: not a readable JSON file (lists in lists, too deep)") from None
     except ValueError as error:  # no UTF-8, or no JSON
@@ -126,3 +127,8 @@ def _finite(text: str) -> float:
     if not math.isfinite(value):
         raise ValueError(f"{clipped(text, 20)} is not a finite number")
     return value
+
+
+def _whole(text: str) -> int:
+    _finite(text)
+    return int(text)

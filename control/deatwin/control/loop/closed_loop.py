@@ -62,7 +62,7 @@ class ClosedLoop:
     status : RunStatus
         How it ended; its text is the advice. After a failure only the valid samples are here.
     timepts : ndarray, shape (n,)
-        Time since the loop was closed, s.
+        Time since the loop was closed, ascending, s.
     reference : ndarray, shape (n,)
         In the output's unit.
     output : ndarray, shape (n,)
@@ -94,6 +94,12 @@ class ClosedLoop:
             object.__setattr__(self, name, values)
             if values.shape != (self.timepts.size,):
                 raise ControlError(f"{name} of a run has the shape {values.shape}: it must be ({self.timepts.size},)")
+        late = np.flatnonzero(~(np.diff(self.timepts) > 0.0))
+        if late.size:
+            at = int(late[0]) + 1
+            raise ControlError(
+                f"timepts[{at}] of a run is {self.timepts[at]:g} s: it must be later than {self.timepts[at - 1]:g} s"
+            )
 
     @property
     def error(self) -> Array:

@@ -12,15 +12,17 @@ _END = r"\s*(?:#.*)?"
 _KEY = re.compile(r"\s*([A-Za-z0-9_-]+)\s*=\s*(.*?)\s*")
 _BARE = re.compile(r"\s*([A-Za-z0-9_-]+)\s+([^=\[\]#]+?)\s*(?:#.*)?")
 _SECTION = re.compile(r"\s*\[([A-Za-z0-9_-]+)\s*\]?" + _END)
-_SLIPS: tuple[tuple[re.Pattern[str], Callable[[re.Match[str]], str]], ...] = (
-    (re.compile(rf"([+-]?\d+),(\d+){_END}"), lambda m: f"a number has a decimal point: write {m[1]}.{m[2]}"),
-    (re.compile(rf"([+-]?)(\.\d+){_END}"), lambda m: f"a number begins with a digit: write {m[1]}0{m[2]}"),
-    (re.compile(rf"([+-]?\d+)\.{_END}"), lambda m: f"a number ends with a digit: write {m[1]}.0"),
-    (re.compile(rf"({_NUMBER})\s*[A-Za-zµμ%°]+{_END}"), lambda m: f"the key has the unit in its name: write {m[1]}"),
+_SLIPS: tuple[tuple[re.Pattern[str], Callable[..., str]], ...] = (
+    (re.compile(rf"([+-]?\d+),(\d+){_END}"), lambda whole, part: f"a number has a decimal point: write {whole}.{part}"),
+    (re.compile(rf"([+-]?)(\.\d+){_END}"), lambda sign, part: f"a number begins with a digit: write {sign}0{part}"),
+    (re.compile(rf"([+-]?\d+)\.{_END}"), lambda whole: f"a number ends with a digit: write {whole}.0"),
+    (re.compile(rf"({_NUMBER})\s*[A-Za-zµμ%°]+{_END}"),
+     lambda number: f"the key has the unit in its name: write {number}"),
     (re.compile(r"(?!true\b|false\b|inf\b|nan\b)([^\W\d][^\"'#\[\]{}]*?)" + _END),
-     lambda m: f'a text stands in quotes: write "{clipped(m[1])}"'),
-    (re.compile(_END), lambda m: "there is no value"),
+     lambda word: f'a text stands in quotes: write "{word}"'),
+    (re.compile(_END), lambda: "there is no value"),
 )  # fmt: skip
+"""What a value looks like, and what is said of it, from what stands in its groups."""
 
 
 def slip_of(text: str) -> str:
@@ -45,12 +47,13 @@ def slip_of(text: str) -> str:
     for number, line in enumerate(text.split("\n"), start=1):
         if section := _SECTION.fullmatch(line):
             if "]" not in line.split("#")[0]:
-                return f"line {number}: a section stands in brackets: write [{section[1]}]"
+                return f"line {number}: a section stands in brackets: write [{clipped(section[1])}]"
             seen = {}
         elif entry := _KEY.fullmatch(line):
             key, value = entry.groups()
-            if said := next((say(found) for slip, say in _SLIPS if (found := slip.fullmatch(value))), ""):
-                return f"line {number}, {clipped(key)}: {said}"
+            for slip, say in _SLIPS:
+                if found := slip.fullmatch(value):
+                    return f"line {number}, {clipped(key)}: {say(*map(clipped, found.groups()))}"
             if key in seen:
                 return f"line {number}, {clipped(key)}: the key stands in line {seen[key]} already: keep one of them"
             seen[key] = number

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from deatwin.control import ClosedLoop, step_reference
+from deatwin.control import ClosedLoop, ControlError, step_reference
 from deatwin.plant import RunStatus
 
 H = 0.02
@@ -95,3 +95,13 @@ def test_plain_data_come_back():
     again = ClosedLoop.from_dict(run.to_dict())
     assert again.to_dict() == run.to_dict()
     assert not again.output.flags.writeable
+
+
+@pytest.mark.parametrize("late", [0.02, 0.01, np.nan])
+def test_times_of_a_run_ascend(late):
+    runs = dict.fromkeys(("reference", "output", "measured", "command"), np.zeros(4))
+    with pytest.raises(ControlError, match=r"timepts\[2\] of a run is (0.02|0.01|nan) s: it must be later than 0.02 s"):
+        ClosedLoop(
+            status=RunStatus.DONE, timepts=[0.0, 0.02, late, 0.06], command_limits=(-1.0, 1.0), input_unit="V",
+            output_unit="mm", **runs,
+        )  # fmt: skip

@@ -163,6 +163,7 @@ def test_what_unpacks_to_too_much_is_refused_within_little_memory(tmp_path: Path
     (tmp_path / "deep.json").write_text("[" * 100_000)
     (tmp_path / "list.json").write_bytes(b'{"schema": "deatwin/narx/1", "terms": [' + b"[]," * 10_000_000 + b"[]]}")
     (tmp_path / "digits.json").write_text('{"schema": "deatwin/narx/1", "sample_time_s": ' + "9" * 5000 + "}")
+    (tmp_path / "whole.json").write_text('{"schema": "deatwin/narx/1", "sample_time_s": ' + "9" * 310 + "}")
     (tmp_path / "infinite.json").write_text('{"schema": "deatwin/narx/1", "sample_time_s": 1e400}')
     (tmp_path / "array.toml").write_text("a = [" + "0," * 499_990 + "]")
     (tmp_path / "digits.toml").write_text("a = " + "9" * 5000)
@@ -179,7 +180,8 @@ def test_what_unpacks_to_too_much_is_refused_within_little_memory(tmp_path: Path
         "same.nc": "it declares more samples than it holds; it is damaged",
         "deep.json": "not a readable JSON file (lists in lists, too deep)",
         "list.json": "it holds 20000004 numbers, texts and lists; at most 20000000 can be read",
-        "digits.json": "not a readable JSON file (Exceeds the limit",
+        "digits.json": f"not a readable JSON file ({'9' * 20}… is not a finite number)",
+        "whole.json": f"not a readable JSON file ({'9' * 20}… is not a finite number)",
         "infinite.json": "not a readable JSON file (1e400 is not a finite number)",
         "array.toml": "5 mistakes: (1) line 1: unknown section [a]; known are film, load, drive, sensor",
         "digits.toml": "not TOML: Exceeds the limit",

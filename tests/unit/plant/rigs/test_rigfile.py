@@ -118,6 +118,8 @@ def test_round_trip_through_json(tmp_path: Path, text: str) -> None:
         ("gain = 800.0", "gain =", r"line 13, gain: there is no value"),
         ("gain = 800.0", "gain = 800.0\ngain = 900.0", r"line 14, gain: the key stands in line 13 already"),
         ("[drive]", "[drive", r"line 12: a section stands in brackets: write \[drive\]"),
+        ("[drive]", "[drive" + "9" * 4000, r"a section stands in brackets: write \[drive9{0,75}…\]$"),
+        ("gain = 800.0", f"gain = {'8' * 4000},5", r"line 13, gain: a number has a decimal point: write 8{0,80}….5$"),
         ("gain = 800.0", "gain = high", r'line 13, gain: a text stands in quotes: write "high"'),
         ("gain = 800.0", "gain = [800.0", r"not TOML: .*line 1"),
     ],
