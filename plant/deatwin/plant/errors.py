@@ -3,6 +3,8 @@
 import difflib
 from collections.abc import Iterable
 
+from deatwin.plant.intake import clipped
+
 
 class DeatwinError(Exception):
     """Base of every error that deatwin raises on purpose; its text is one clear line for the user."""
@@ -50,4 +52,4 @@ def nearest(name: str, known: Iterable[str], *, likeness: float = 0.6) -> str:
     """
     lowered = {candidate.lower(): candidate for candidate in known}
     found = difflib.get_close_matches(name.lower(), lowered, n=1, cutoff=likeness)
-    return f'; did you mean "{lowered[found[0]]}"?' if found else ""
+    return f'; did you mean "{clipped(lowered[found[0]])}"?' if found else ""

@@ -1,5 +1,6 @@
 """The keys of a rig file: one table that reads them, writes them, and is their JSON Schema (rigschema.py)."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -85,7 +86,7 @@ class NumberKey:
         return ""
 
     def to_file(self, value: float) -> float:
-        """Return an SI value as the file has it.
+        """Return an SI value as the file has it: the shortest number that `to_si` makes into this value.
 
         Parameters
         ----------
@@ -94,8 +95,12 @@ class NumberKey:
         Returns
         -------
         float
+            Where no number does, which cannot be for what was read, the nearest one.
         """
-        return float(f"{value * self.per_si:.12g}")  # 12 digits drop what the conversion added
+        near = value * self.per_si  # within two roundings of what the file had
+        shortened = [float(f"{near:.{digits}g}") for digits in range(12, 17)]
+        beside = [near, *(math.nextafter(near, end) for end in (-math.inf, math.inf))]
+        return next((number for number in (*shortened, *beside) if self.to_si(number) == value), near)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -307,6 +307,11 @@ class TestFaults:
         with pytest.raises(DataError, match=r"no column #4; the file has 3 columns"):
             read_recording(path, output_column="#4")
 
+    def test_the_near_column_is_shown_as_can_be_printed(self, write) -> None:
+        path = write(["time_s,c\x1b[31mommand,displacement_mm", *rows()])
+        with pytest.raises(DataError, match=r'did you mean "c\\x1b\[31mommand"\?'):
+            read_recording(path)
+
     def test_film_volts_in_the_command_column(self, write) -> None:
         body = [f"{0.02 * k:.2f},{2400 + k},0.1" for k in range(50)]
         with pytest.raises(DataError, match=r"rec.csv: command 2449 V.*look like film volts"):

@@ -65,7 +65,11 @@ def test_optional_keys(tmp_path: Path) -> None:
     assert rig.sensor.resolution == pytest.approx(1.2e-6)
 
 
-@pytest.mark.parametrize("text", [RIG, OPTIONAL])
+FINE = RIG.replace("hold_s = 3.0", "hold_s = 3.9223372036854776").replace("noise_um = 2.0", "noise_um = 0.1")
+"""A number of 17 digits, and one whose conversion to SI and back rounds."""
+
+
+@pytest.mark.parametrize("text", [RIG, OPTIONAL, FINE])
 def test_round_trip_through_json(tmp_path: Path, text: str) -> None:
     rig = read(tmp_path, text)
     data = json.loads(json.dumps(rig.to_dict()))
