@@ -35,12 +35,12 @@ def require_excitation(recordings: Sequence[Recording]) -> None:
     raise DataError(f"{files}: the input is constant throughout; at least one recording must move it")
 
 
-def require_samples(recording: Recording, needed: int, what: str) -> None:
-    """Refuse a recording that is too short for a model.
+def require_samples(recordings: Sequence[Recording], needed: int, what: str) -> None:
+    """Refuse recordings that are too short for a model, all of them together.
 
     Parameters
     ----------
-    recording : Recording
+    recordings : sequence of Recording
     needed : int
         The least number of samples.
     what : str
@@ -51,10 +51,10 @@ def require_samples(recording: Recording, needed: int, what: str) -> None:
     ModelError
         If there are fewer.
     """
-    if recording.n_samples < needed:
-        raise ModelError(
-            f"{label(recording)}: {recording.n_samples} samples, but {what} needs at least {needed}"
-        )
+    found = sum(recording.n_samples for recording in recordings)
+    if found < needed:
+        names = ", ".join(dict.fromkeys(label(recording) for recording in recordings))
+        raise ModelError(f"{names}: {found} samples, but {what} needs at least {needed}")
 
 
 def check_command_range(recording: Recording, drive: DriveSpec) -> None:

@@ -139,9 +139,10 @@ class TestChecks:
             require_excitation([rest()])
 
     def test_too_few_samples(self) -> None:
-        require_samples(ramp(100), 100, "a NARX model")
+        require_samples([ramp(100)], 100, "a NARX model")
+        require_samples([ramp(60), ramp(41)], 101, "a NARX model")
         with pytest.raises(ModelError, match="100 samples, but a NARX model needs at least 101"):
-            require_samples(ramp(100), 101, "a NARX model")
+            require_samples([ramp(60), ramp(40)], 101, "a NARX model")
 
     @pytest.mark.parametrize("drive", [DRIVE, DRIVE_WITHOUT_RANGE])
     def test_film_volts_as_command(self, drive: DriveSpec) -> None:

@@ -171,9 +171,10 @@ def _bench(
 
 
 def _motion(checked: Gate) -> float:
-    """Standard deviation of the sound readings within each record, SI."""
+    """Standard deviation of the sound readings within each experiment, SI, into however many records it is cut."""
     pairs = zip(checked.experiments, checked.usable, strict=True)
-    pieces = [r.outputs[0, m] for e, masks in pairs for r, m in zip(e.recordings, masks, strict=True) if m.any()]
+    whole = [np.concatenate([r.outputs[0, m] for r, m in zip(e.recordings, masks, strict=True)]) for e, masks in pairs]
+    pieces = [piece for piece in whole if piece.size]
     return float(np.sqrt(sum(p.var() * p.size for p in pieces) / sum(p.size for p in pieces)))
 
 

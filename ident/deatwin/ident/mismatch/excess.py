@@ -48,8 +48,11 @@ class Excess:
 
     @property
     def within_floor(self) -> bool:
-        """Whether noise and model error account for the residual in size."""
-        return self.rms**2 <= self.noise**2 + self.model_error**2
+        """Whether noise and model error account for the residual in size; a part of the noise's power does not count.
+
+        What is not large enough to be a mismatch is not too large for an explanation either.
+        """
+        return self.size <= self.practical
 
     @property
     def mismatch(self) -> bool:
@@ -92,7 +95,8 @@ def excess_over_floor(residuals: np.ndarray, noise: float, model_error: float) -
     -------
     Excess
     """
+    floor = noise**2 + practical_size(noise, model_error) ** 2
     return Excess(
         rms=float(np.sqrt(np.mean(residuals**2))), noise=noise, model_error=model_error,
-        p_value=exceeds(block_losses(residuals), noise**2 + model_error**2),
+        p_value=exceeds(block_losses(residuals), floor),
     )  # fmt: skip

@@ -7,7 +7,7 @@ and every test of the mismatch engine counts blocks, never samples.
 from __future__ import annotations
 
 import numpy as np
-from scipy.special import ndtr
+from scipy.special import stdtr
 
 __all__ = ["BLOCK_SAMPLES", "block_losses", "bootstrap_gain", "evidence", "exceeds"]
 
@@ -46,7 +46,13 @@ def exceeds(losses: np.ndarray, floor: float) -> float:
     Returns
     -------
     float
-        One-sided p-value of a mean of correlated blocks (Newey-West with the cube root of b lags).
+        One-sided p-value of a mean of correlated blocks: its variance is Newey and West's with the cube root of b lags,
+        whose scatter leaves Student's law with as many degrees of freedom as Bartlett's window has.
+
+    References
+    ----------
+    Newey & West, Econometrica 55 (1987) 703, doi:10.2307/1913610; degrees of freedom, at frequency 0 half of
+    3 b over the width: Priestley, Spectral Analysis and Time Series (1981), 6.2.4.
     """
     centred = losses - losses.mean()
     lags = round(losses.size ** (1 / 3))
@@ -54,7 +60,7 @@ def exceeds(losses: np.ndarray, floor: float) -> float:
     for lag in range(1, lags + 1):
         variance += 2 * (1 - lag / (lags + 1)) * np.mean(centred[lag:] * centred[:-lag])
     deviation = np.sqrt(max(variance, 1e-300) / losses.size)
-    return float(ndtr((floor - losses.mean()) / deviation))
+    return float(stdtr(1.5 * losses.size / (lags + 1), (floor - losses.mean()) / deviation))
 
 
 def evidence(losses: np.ndarray, parameters: int) -> float:

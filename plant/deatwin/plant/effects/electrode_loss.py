@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from deatwin.plant.effects.base import Effect, Family, Place
-from deatwin.plant.effects.onset import steps_of
+from deatwin.plant.effects.onset import LATEST, steps_of
 from deatwin.plant.effects.smooth import smooth_step
 from deatwin.plant.parameters import Parameter
 
@@ -56,7 +56,7 @@ class ElectrodeLoss(Effect):
     def describe(self) -> tuple[Parameter, ...]:
         return (
             Parameter(name="share", value=self.share, unit="1", lower=0.0, upper=0.9),
-            Parameter(name="at", value=self.at, unit="s", lower=0.0, upper=1e4),
+            Parameter(name="at", value=self.at, unit="s", lower=0.0, upper=LATEST),
         )
 
     def rewrite(self, signal: Any, build: Builder) -> Any:
@@ -64,4 +64,5 @@ class ElectrodeLoss(Effect):
         return signal * (1 - self.own("share", build) * smooth_step((build.time - self.own("at", build)) / width))
 
     def starts(self, timepts: np.ndarray, residual: np.ndarray) -> tuple[Effect, ...]:
-        return tuple(replace(self, at=time) for time, height in steps_of(timepts, residual) if height < 0 < time)
+        steps = steps_of(timepts, residual)
+        return tuple(replace(self, at=time) for time, height in steps if height < 0 and 0 < time < LATEST)

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-__all__ = ["steps_of"]
+__all__ = ["LATEST", "steps_of"]
 
+LATEST = 3e4
+"""Latest time of an event on the clock of the recordings, s: a day in the laboratory."""
 APART = 0.02
 """Share of the samples by which two candidates differ at least."""
 

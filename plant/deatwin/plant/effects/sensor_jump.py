@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from deatwin.plant.effects.base import Effect, Family, Place
-from deatwin.plant.effects.onset import steps_of
+from deatwin.plant.effects.onset import LATEST, steps_of
 from deatwin.plant.effects.smooth import smooth_step
 from deatwin.plant.parameters import Parameter
 
@@ -52,7 +52,7 @@ class SensorJump(Effect):
     def describe(self) -> tuple[Parameter, ...]:
         return (
             Parameter(name="change", value=self.change, unit="m", lower=-2e-3, upper=2e-3),
-            Parameter(name="at", value=self.at, unit="s", lower=0.0, upper=1e4),
+            Parameter(name="at", value=self.at, unit="s", lower=0.0, upper=LATEST),
         )
 
     def rewrite(self, signal: Any, build: Builder) -> Any:
@@ -64,5 +64,5 @@ class SensorJump(Effect):
         return tuple(
             replace(self, at=time, change=float(np.clip(height, -limit, limit)))
             for time, height in steps_of(timepts, residual)
-            if time > 0
+            if 0 < time < LATEST
         )

@@ -221,7 +221,7 @@ def _split(record: Recording) -> tuple[Recording, Recording]:
     """The part that is fitted and the part that is held out."""
     from deatwin.plant.checks import require_samples
 
-    require_samples(record, 10, "identification with a held-out part")
+    require_samples([record], 10, "identification with a held-out part")
     cut = round(record.n_samples * (1 - HELD_OUT))
     return record.section(0, cut), record.section(cut, record.n_samples)
 

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from deatwin.ident.mismatch import Diagnosis, Verdict, diagnose
+from deatwin.ident.mismatch.diagnose import _motion
+from deatwin.ident.mismatch.gate.gate import gate
 from deatwin.plant import (
     Creep,
     DataError,
@@ -43,6 +45,17 @@ def recorded(*effects, seed: int = 0, values=WRONG_PARAMETERS) -> Experiment:
         )
     )
     return NOMINAL.with_values(values).with_effects(*effects).record(blank, rng)
+
+
+def test_the_motion_is_the_same_into_however_many_records_it_is_cut():
+    """By it the plant's own error is expected: a share of what moves."""
+    timepts = 0.02 * np.arange(6000)
+    staircase = 1e-4 * np.floor(timepts / 5.0) + 1e-6 * np.sin(timepts)
+    whole = Recording.from_arrays(np.sin(timepts), staircase, 0.02)
+    pieces = tuple(whole.section(first, first + 250) for first in range(0, 6000, 250))
+    cut = _motion(gate(NOMINAL, [Experiment(recordings=pieces)]))
+    assert cut == pytest.approx(_motion(gate(NOMINAL, [Experiment(recordings=(whole,))])), rel=1e-6)
+    assert cut == pytest.approx(np.std(staircase), rel=1e-3)
 
 
 @pytest.fixture(scope="module")

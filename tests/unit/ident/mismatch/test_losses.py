@@ -34,6 +34,14 @@ def test_a_residual_at_the_floor_is_rarely_called_a_mismatch():
     assert 0.35 < (p_values < 0.5).mean() < 0.65
 
 
+@pytest.mark.parametrize("n", [60, 120, 300, 900])
+def test_a_short_record_at_the_floor_is_rarely_called_a_mismatch(n):
+    rng = np.random.default_rng(n)
+    p_values = np.array([exceeds(block_losses(rng.standard_normal(n)), 1.0) for _ in range(1000)])
+    # at a level of 1 %; few skewed blocks are allowed three times that, where the normal law makes five to seven
+    assert (p_values < 0.01).sum() <= 30
+
+
 def test_a_residual_above_the_floor_is_found():
     rng = np.random.default_rng(1)
     p_values = [exceeds(block_losses(coloured(rng, 6000)), 1.5) for _ in range(50)]

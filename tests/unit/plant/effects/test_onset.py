@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from deatwin.plant.effects.onset import steps_of
+from deatwin.plant import effect_named
+from deatwin.plant.effects.onset import LATEST, steps_of
 
 
 def test_a_step_is_found_at_its_sample_whatever_the_scale():
@@ -37,3 +38,11 @@ def test_the_best_step_is_the_one_that_least_squares_takes():
 @pytest.mark.parametrize("residual", [np.zeros(0), np.ones(1), np.zeros(50)])
 def test_nothing_steps_in_nothing(residual):
     assert steps_of(np.arange(residual.size, dtype=float), residual) == ()
+
+
+@pytest.mark.parametrize("name", ["sensor_jump", "electrode_loss"])
+def test_an_event_that_no_clock_allows_is_no_start(name):
+    """A recording may begin days after the clock; what its effect cannot hold must not end the diagnosis."""
+    times, residual = 0.02 * np.arange(3000), -1e-5 * (np.arange(3000) >= 1700)
+    assert effect_named(name).starts(times, residual)
+    assert effect_named(name).starts(times + LATEST, residual) == ()

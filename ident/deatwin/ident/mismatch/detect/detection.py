@@ -31,7 +31,9 @@ __all__ = ["Curves", "Detection", "Statistic", "detect", "detect_in"]
 DRAWS = 400
 CERTAIN = 1.5
 """An excess this many times the practical size is looked into whatever its scatter: on 59 clean rigs the largest was
-1.2, and 0.8 but for one."""
+1.2, and 0.8 but for one,"""
+SCATTER = 3.0
+"""beyond so many standard deviations of the power of white noise, which are much in a short record."""
 POINTS = 400
 """Of a curve that is drawn."""
 
@@ -113,6 +115,8 @@ class Detection:
         Rms from which an excess counts, SI.
     noise, model_error : float
         Rms, SI.
+    certain : bool
+        Whether the size alone leaves no doubt, whatever the scatter.
     sensor : NoiseFloor
         What each source says of the noise.
     repeatability : Repeatability or None
@@ -138,6 +142,7 @@ class Detection:
     practical: float
     noise: float
     model_error: float
+    certain: bool
     sensor: NoiseFloor
     repeatability: Repeatability | None
     evidence: OriginEvidence
@@ -153,7 +158,7 @@ class Detection:
 
         Model errors are slow, so that few independent ones are in a short record, and chance allows them much.
         """
-        return _counts(self.p_value, self.size, self.practical)
+        return (self.p_value < LEVEL and self.size >= self.practical) or self.certain
 
     @property
     def testable(self) -> bool:
@@ -284,10 +289,11 @@ def detect_in(
     repeats = find_repeats(commands, left.sample_time)
     smallest, visible = _seen(law, left, known, practical)
     p_value, size = law.p_value(float(groups.max())), _size(left)
-    counts = _counts(p_value, size, practical)
+    certain = _is_certain(left, law.refit.white, practical)
+    counts = (p_value < LEVEL and size >= practical) or certain
     return Detection(
         p_value=p_value, statistics=_statistics(law, left, scores, groups), size=size, practical=practical,
-        noise=left.noise, model_error=left.model_error,
+        noise=left.noise, model_error=left.model_error, certain=certain,
         sensor=noise_level(pieces, left.sample_time, left.sheet, commands, repeats),
         repeatability=None if repeats is None else repeatability(left.residual, repeats, left.noise),
         evidence=origin_of(left, repeats, practical) if counts else OriginEvidence.none(size),
@@ -296,14 +302,20 @@ def detect_in(
     )  # fmt: skip
 
 
-def _counts(p_value: float, size: float, practical: float) -> bool:
-    return (p_value < LEVEL and size >= practical) or size > CERTAIN * practical
-
-
 def _size(left: Leftover) -> float:
     """Rms beyond the noise of the fitted or the unseen part, whichever is larger."""
     powers = [np.mean(left.residual[p] ** 2) for p in (left.fitted, ~left.fitted) if p.any()]
     return float(np.sqrt(max(max(powers) - left.noise**2, 0.0)))
+
+
+def _is_certain(left: Leftover, white: np.ndarray, practical: float) -> bool:
+    """Whether the fitted or the unseen part is too large for any noise that the refit left or brought there."""
+    for part in (left.fitted, ~left.fitted):
+        if part.any():
+            noise = left.noise**2 * white[part].mean() * (1.0 + SCATTER * np.sqrt(2.0 / part.sum()))
+            if np.mean(left.residual[part] ** 2) > noise + (CERTAIN * practical) ** 2:
+                return True
+    return False
 
 
 def _statistics(law: Law, left: Leftover, scores: Scores, groups: np.ndarray) -> tuple[Statistic, ...]:

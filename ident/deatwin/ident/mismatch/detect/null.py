@@ -57,6 +57,11 @@ class Refit:
     ----------
     left : Leftover
         Its Jacobian and fitted part count.
+
+    Attributes
+    ----------
+    white : ndarray, shape (n,)
+        Variance that white noise of unit variance has after it: less where it was fitted, more where it was not.
     """
 
     def __init__(self, left: Leftover) -> None:
@@ -64,7 +69,10 @@ class Refit:
         self._jacobian = left.jacobian / np.where(scale > 0, scale, 1.0)
         self._fitted = left.fitted
         tall, small = np.linalg.qr(self._jacobian[left.fitted])
-        self._inverse = np.linalg.pinv(small, rcond=1e-10) @ tall.T
+        inverse = np.linalg.pinv(small, rcond=1e-10)
+        self._inverse = inverse @ tall.T
+        leverage = np.sum((self._jacobian @ inverse) ** 2, axis=1)
+        self.white = np.where(left.fitted, 1.0 - leverage, 1.0 + leverage)
 
     def __call__(self, residuals: np.ndarray) -> np.ndarray:
         """Residuals after the refit.

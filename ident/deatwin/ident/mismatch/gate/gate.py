@@ -12,7 +12,8 @@ import numpy as np
 
 from deatwin.ident.greybox.fit import Part
 from deatwin.ident.mismatch.datasets import samples
-from deatwin.ident.soundness import at_limit, neighbours_deviation, noise_of_bends, resolution, runs
+from deatwin.ident.mismatch.gate import suspects
+from deatwin.ident.soundness import noise_of_bends, resolution
 from deatwin.plant.amplitudes import written_amplitude
 from deatwin.plant.checks import require_excitation, require_samples
 from deatwin.plant.datasets import dataset
@@ -29,26 +30,11 @@ __all__ = ["Gate", "Soundness", "confirm", "gate", "split"]
 Masks = tuple[tuple[np.ndarray, ...], ...]
 UNSEEN_SHARE = 0.3
 """The last part of each record that no fit sees until verification."""
-STUCK_SECONDS = 1.0
-MOVES = 0.02
-"""Share of the command's range that is motion, over which a reading cannot stay the same."""
-SPIKE_DEVIATIONS = 12.0
-"""A normal reading this far from its neighbours' cubic comes once in 10^32 samples."""
-STILL = 1e-9
-"""Share of the readings' range by which a reading that stands still lies beside its neighbours, for rounding."""
-STILL_SAMPLES = 10
-"""So many in a row stand still for a cause; fewer may by chance, where readings come in coarse steps."""
-QUIET_SECONDS = 1.0
-"""After a jump of the command the film rings: readings are not called spikes for this long."""
 FEWEST_PER_PARAMETER = 20
 FEWEST_SOUND = 0.1
 """Share of sound samples below which nothing is left out: the verdict is on the recordings, whatever the fit."""
-FROZEN = 0.9
-"""Share of the command's range over which a reading that stays the same is stuck even at its limit."""
 COARSE = 0.1
 """Share of the noise's variance that steps of the readings add (their square over 12) before they are reported."""
-STEP_BENDS_LESS = 0.85
-"""Beside the bend of a step those of its neighbours are two thirds as large; beside that of a spike, as large."""
 
 
 class Soundness(Enum):
@@ -198,7 +184,9 @@ def gate(plant: Plant, experiments: Sequence[Experiment]) -> Gate:
     Raises
     ------
     DataError
-        If there is nothing to diagnose: no recording, no output, a constant input, too few samples.
+        If there is nothing to diagnose: no recording, no output, a constant input.
+    ModelError
+        If there are too few samples for the plant's parameters.
     """
     if not experiments:
         raise DataError("no recording was given: a diagnosis needs at least one")
@@ -207,14 +195,15 @@ def gate(plant: Plant, experiments: Sequence[Experiment]) -> Gate:
         if record.outputs.shape[0] == 0:
             raise DataError("a recording has no output column: there is nothing to compare the plant with")
     require_excitation(records)
-    longest = max(records, key=lambda r: r.n_samples)
-    require_samples(longest, FEWEST_PER_PARAMETER * len(plant.parameters.free), "a diagnosis")
+    require_samples(records, FEWEST_PER_PARAMETER * len(plant.parameters.free), "a diagnosis")
     return Gate(
         experiments=tuple(experiments),
-        stuck=tuple(tuple(_stuck(r) for r in e.recordings) for e in experiments),
-        outliers=tuple(tuple(_spikes(r.outputs[0]) & _quiet(r) for r in e.recordings) for e in experiments),
-        clipped=tuple(tuple(_clipped(r) for r in e.recordings) for e in experiments),
-        jumps=tuple(tuple(_jumps(r.outputs[0]) & _quiet(r) for r in e.recordings) for e in experiments),
+        stuck=tuple(tuple(suspects.stuck(r) | suspects.lost(r) for r in e.recordings) for e in experiments),
+        outliers=tuple(
+            tuple(suspects.spikes(r.outputs[0]) & suspects.quiet(r) for r in e.recordings) for e in experiments
+        ),
+        clipped=tuple(tuple(suspects.clipped(r) for r in e.recordings) for e in experiments),
+        jumps=tuple(tuple(suspects.jumps(r.outputs[0]) & suspects.quiet(r) for r in e.recordings) for e in experiments),
     )
 
 
@@ -235,8 +224,8 @@ def confirm(checked: Gate, readings: Sequence[Sequence[np.ndarray]]) -> Gate:
     outliers, jumps = [], []
     for k, (experiment, simulated) in enumerate(zip(checked.experiments, readings, strict=True)):
         residuals = [r.outputs[0] - y for r, y in zip(experiment.recordings, simulated, strict=True)]
-        outliers.append(tuple(m & _spikes(e) for m, e in zip(checked.outliers[k], residuals, strict=True)))
-        jumps.append(tuple(m & _jumps(e) for m, e in zip(checked.jumps[k], residuals, strict=True)))
+        outliers.append(tuple(m & suspects.spikes(e) for m, e in zip(checked.outliers[k], residuals, strict=True)))
+        jumps.append(tuple(m & suspects.jumps(e) for m, e in zip(checked.jumps[k], residuals, strict=True)))
     return replace(checked, outliers=tuple(outliers), jumps=tuple(jumps))
 
 
@@ -258,12 +247,14 @@ def split(
     Returns
     -------
     fitted, unseen, everything : tuple of Part
-        One part for each experiment.
+        One part for each experiment that has sound samples to be fitted.
     """
     fitted, unseen, everything = [], [], []
     for experiment, sound in zip(checked.experiments, checked.usable, strict=True):
         cuts = [_cut(record, mask, onset) for record, mask in zip(experiment.recordings, sound, strict=True)]
         early = tuple(np.arange(m.size) < cut for m, cut in zip(sound, cuts, strict=True))
+        if not any((s & e).any() for s, e in zip(sound, early, strict=True)):
+            continue
         fitted.append(Part(experiment=experiment, masks=tuple(s & e for s, e in zip(sound, early, strict=True))))
         unseen.append(Part(experiment=experiment, masks=tuple(s & ~e for s, e in zip(sound, early, strict=True))))
         everything.append(Part(experiment=experiment, masks=sound))
@@ -286,60 +277,6 @@ def _first_late(samples: np.ndarray) -> int:
     return int(samples[min(round((1 - UNSEEN_SHARE) * samples.size), samples.size - 1)])
 
 
-def _stuck(record: Recording) -> np.ndarray:
-    """Runs of one and the same reading, longer than a second, while the command moves."""
-    reading, command = record.outputs[0], record.inputs[0]
-    mask = np.zeros(reading.size, dtype=bool)
-    shortest = max(3, round(STUCK_SECONDS / record.sample_time))
-    for same in runs(np.diff(reading) == 0.0):
-        first, last = same[0], same[-1] + 2
-        # A reading at the end of its range is clipped, not stuck: that is physics, and an effect of the catalogue. But
-        # nothing clips under high commands and low ones alike.
-        at_end = reading[first] in (reading.max(), reading.min())
-        moved = np.ptp(command[first:last]) / (np.ptp(command) or 1.0)
-        if last - first >= shortest and moved > (FROZEN if at_end else MOVES):
-            mask[first:last] = True
-    return mask
-
-
-def _spikes(signal: np.ndarray) -> np.ndarray:
-    """Single values far from the cubic through their four neighbours."""
-    padded = np.pad(signal, 2, mode="edge")
-    deviation = np.abs(neighbours_deviation(padded)[2:-2])
-    # A spike bends its neighbours' cubics too, by two thirds of its size: only the peak is the outlier.
-    around = np.pad(deviation, 1)
-    peak = (deviation >= around[:-2]) & (deviation >= around[2:])
-    return peak & (deviation > SPIKE_DEVIATIONS * _typical(deviation, signal))
-
-
-def _jumps(signal: np.ndarray) -> np.ndarray:
-    """First values after a step that takes no longer than a sample."""
-    # The bend changes by the step's size at the step, and by two thirds of it, the other way, on either side.
-    step = np.abs(np.diff(neighbours_deviation(signal), prepend=0.0))
-    beside = np.pad(step, 1)
-    lone = np.maximum(beside[:-2], beside[2:]) < STEP_BENDS_LESS * step
-    return lone & (step > SPIKE_DEVIATIONS * _typical(step, signal))
-
-
-def _typical(deviation: np.ndarray, signal: np.ndarray) -> float:
-    """Standard deviation of normal values with the median absolute deviation seen; half a step of coarse readings.
-
-    Where the readings stand still they say nothing of it.
-    """
-    moves = np.ones(deviation.size, dtype=bool)
-    for still in runs(deviation <= STILL * np.ptp(signal)):
-        moves[still] = still.size < STILL_SAMPLES
-    median = float(np.median(deviation[moves])) if moves.any() else 0.0
-    return max(1.4826 * median, resolution(signal) / 2) + 1e-15
-
-
-def _clipped(record: Recording) -> np.ndarray:
-    mask = np.zeros(record.n_samples, dtype=bool)
-    for rows in at_limit(record.outputs[0]).values():
-        mask[np.concatenate(rows)] = True
-    return mask
-
-
 def _coarse(name: str, record: Recording) -> list[str]:
     step, noise = resolution(record.outputs[0]), noise_of_bends(record.outputs[0])
     if step**2 / 12.0 <= COARSE * noise**2:
@@ -350,18 +287,3 @@ def _coarse(name: str, record: Recording) -> list[str]:
 
 def _called(record: Recording, number: int) -> str:
     return record.provenance.get("file", f"record {number + 1}")
-
-
-def _quiet(record: Recording) -> np.ndarray:
-    """Samples away from jumps and corners of the command, after which the film rings."""
-    command = record.inputs[0]
-    step = np.diff(command, prepend=command[0])
-    bend = np.diff(step, prepend=0.0)
-    quiet = np.ones(command.size, dtype=bool)
-    ring = round(QUIET_SECONDS / record.sample_time)
-    for change in (np.abs(step), np.abs(bend)):
-        # Holds jump by less than noise wanders in a sample or two, so the size is relative to the usual step.
-        for sudden in np.flatnonzero(change > max(0.005 * np.ptp(command), 5 * float(np.median(change)))):
-            quiet[max(0, sudden - 2) : sudden + ring] = False
-    quiet[:ring] = quiet[-2:] = False  # the record before this one may have ended at another command
-    return quiet

@@ -8,6 +8,7 @@ from enum import Enum
 
 import numpy as np
 
+from deatwin.ident.mismatch.excess import PRACTICAL_SHARE
 from deatwin.ident.mismatch.gate.repeats import Repeats
 from deatwin.ident.soundness import runs
 
@@ -15,7 +16,12 @@ __all__ = ["NoiseFloor", "NoiseSource", "noise_level", "rests"]
 
 TOP_OF_SPECTRUM = 0.8
 """Share of the Nyquist frequency above which a residual is taken to be sensor noise."""
-SHEET_TOLERANCE = 1.3
+SHEET_TOLERANCE = float(np.sqrt(1.0 + PRACTICAL_SHARE))
+"""Nothing that counts as a mismatch may be left of a noise that is said to be as the sheet has it,"""
+SCATTER = 4.4
+"""but for two standard errors of the spectrum's top: each is 2.2 over the root of the samples, of white noise."""
+FEWEST_OF_A_PIECE = 8
+"""Samples of a record from which its spectrum tells anything."""
 SEGMENT_SAMPLES = 64
 """So short that what rings after a step or a reversal is in few of the segments."""
 REST_SECONDS = 4.0
@@ -103,7 +109,8 @@ def noise_level(
     # Where readings come in steps, none may be seen to change in a rest.
     seen = {source: level for source, level in found.items() if level > 0.0} or found
     best = min(seen, key=lambda source: seen[source])
-    if sheet == 0.0 or found[best] > SHEET_TOLERANCE * sheet:
+    samples = sum(residual.size for residual in residuals)
+    if sheet == 0.0 or found[best] > (SHEET_TOLERANCE + SCATTER / np.sqrt(samples)) * sheet:
         return NoiseFloor(level=found[best], source=best, estimates=found)
     return NoiseFloor(level=sheet, source=NoiseSource.SHEET, estimates={NoiseSource.SHEET: sheet, **found})
 
@@ -143,7 +150,7 @@ def _white(pieces: Sequence[np.ndarray], above: float) -> float:
     from scipy.signal import welch
 
     powers, weights = [], []
-    for piece in pieces:
+    for piece in [piece for piece in pieces if piece.size >= FEWEST_OF_A_PIECE] or [np.concatenate(pieces)]:
         frequency, density = welch(piece, 1.0, nperseg=min(SEGMENT_SAMPLES, piece.size), average="median")
         asked = density[1:][frequency[1:] >= above * frequency[-1]]
         powers.append(np.median(asked) * frequency[-1])

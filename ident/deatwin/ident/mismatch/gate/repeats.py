@@ -16,6 +16,10 @@ SETTLING_SECONDS = 1.0
 """of which the first part still shows what came before."""
 SAME = 1e-6
 """Share of the command's range by which two commands may differ: they are meant to be equal."""
+SUMS = 4.0
+"""Standard deviations by which sums of equal commands with normal weights may differ."""
+MOST_RETURNS = 2000
+"""Of one window, that are looked through for the next."""
 MOVES = 0.02
 """Share of the command's range that a window must use: a hold repeats at every shift of itself."""
 SHORTEST_SECONDS = 4.0
@@ -111,19 +115,19 @@ def find_repeats(commands: Sequence[np.ndarray], sample_time: float) -> Repeats 
 def _next_returns(windows: np.ndarray, starts: np.ndarray) -> np.ndarray:
     """For each window the number of the next one with the same values, -1 if there is none."""
     # Equal windows have equal sums with any weights, and others hardly ever have.
-    weights = np.random.default_rng(0).standard_normal((windows.shape[1], 2))
-    marks = windows @ weights
-    tolerance = SAME * windows.shape[1]
+    width = windows.shape[1]
+    marks = windows @ np.random.default_rng(0).standard_normal((width, 2))
+    tolerance = SUMS * SAME * np.sqrt(width)
     order = np.argsort(marks[:, 0], kind="stable")
-    near = np.diff(marks[order, 0]) < tolerance
-    group = np.empty(order.size, dtype=int)
-    group[order] = np.concatenate([[0], np.cumsum(~near)])
-    order = np.lexsort((starts, group))
-    here, there = order[:-1], order[1:]
-    same = (group[here] == group[there]) & (np.abs(marks[here, 1] - marks[there, 1]) < tolerance)
-    again = np.full(starts.size, -1)
-    again[here[same]] = there[same]
-    return again
+    again = np.full(starts.size, starts.size)
+    for apart in range(1, min(starts.size, MOST_RETURNS)):
+        here, there = order[:-apart], order[apart:]
+        near = marks[there, 0] - marks[here, 0] < tolerance
+        if not near.any():
+            break
+        same = near & (np.abs(marks[here, 1] - marks[there, 1]) < tolerance)
+        np.minimum.at(again, np.minimum(here[same], there[same]), np.maximum(here[same], there[same]))
+    return np.where(again < starts.size, again, -1)
 
 
 def _pairs(first: np.ndarray, second: np.ndarray, width: int, sample_time: float) -> Repeats | None:

@@ -2,49 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.mismatch.bench import Bench
-from deatwin.ident.mismatch.floor import floor_of
-from deatwin.ident.mismatch.naming.candidate import Candidate, noise_seen
-from deatwin.ident.mismatch.naming.decide import Naming, cannot_rule_out, decide, explained, suffices, with_distances
-from deatwin.ident.mismatch.naming.limits import with_limits
-from deatwin.ident.mismatch.naming.screen import Footprint, Lead, footprints, leads
-from deatwin.ident.mismatch.naming.shortlist import shortlist
-from deatwin.ident.mismatch.naming.siblings import siblings
-from deatwin.ident.mismatch.naming.trial import Fitted, Trial, run_trials, with_fitted
-from deatwin.ident.mismatch.naming.whole import judged_on_everything
-from deatwin.plant.model import Plant
+from deatwin.ident.mismatch.naming.candidate import Candidate
+from deatwin.ident.mismatch.naming.decide import Naming, cannot_rule_out
+from deatwin.ident.mismatch.naming.screen import Footprint
+from deatwin.ident.mismatch.naming.sets import CLEARLY_BETTER, MOST_CAUSES, Finished, Names, Search
+from deatwin.ident.mismatch.naming.trial import Fitted
 
 __all__ = ["name_causes"]
-
-MOST_CAUSES = 3
-"""More effects at once are not told apart."""
-BESIDE = 6
-"""Effects that are tried beside others."""
-ALONE = 3
-"""Of the effects that were tried alone, those that are tried beside others whatever their score."""
-AGAIN = 4
-"""The best single effects of the nominal form, that are tried in a rival one."""
-CLEARLY_BETTER = 0.8
-"""A rival form is gone on with where its best single effect leaves less than this share of the mean square."""
-TRIFLE = 0.05
-"""Share of the mismatch's energy below which a further effect mends what another one does to the plant's own error."""
-MOST = 0.5
-"""Share of the mismatch's energy that an explanation takes away: a base plant that is nearly adequate becomes so with
-any effect."""
-ACTING = 0.5
-"""Share of the fall of the rms residual, that the effects of an explanation must do by themselves at least; where the
-fit without them has found its minimum it is all, by the triangle inequality."""
-BENT = 1.5
-"""Largest ratio by which an explanation may raise the model error by which all are judged."""
-Finished = Callable[[float], None]
-Names = tuple[str, ...]
 
 
 def name_causes(
@@ -89,7 +60,7 @@ def name_causes(
         if finished is not None:
             finished((number + share) / MOST_CAUSES)
 
-    search = _Search(bench, base, known, fitted)
+    search = Search(bench, base, known, fitted)
     stage = search.beside((), partial(tell, 0))
     search.judge_by_the_best(stage)
     naming = search.decided(stage)
@@ -102,11 +73,11 @@ def name_causes(
         stage = search.with_one_more(stage, partial(tell, number))
         if not stage:
             break
-        naming = search.decided(stage)
+        naming = search.decided_surely(stage)
     return replace(search.on_everything(naming), failed=tuple(search.failed))
 
 
-def _best_form(forms: Sequence[tuple[_Search, list[Names]]]) -> tuple[_Search, list[Names], Naming]:
+def _best_form(forms: Sequence[tuple[Search, list[Names]]]) -> tuple[Search, list[Names], Naming]:
     """The form in which one effect suffices with the most evidence, or else leaves clearly less; or else the first.
 
     What suffices in other forms and cannot be ruled out is a rival.
@@ -126,267 +97,3 @@ def _best_form(forms: Sequence[tuple[_Search, list[Names]]]) -> tuple[_Search, l
     seen = {best.effects, *(rival.effects for rival in naming.rivals)}
     further = [c for c in elsewhere if c.effects not in seen and cannot_rule_out(c, best)]
     return search, stage, naming.beside(further)
-
-
-def _trials(unbent: Plant, fit: Calibration, chosen: Iterable[Lead]) -> list[Trial]:
-    """Each effect built into a plant that was fitted without it, from where no fit has bent that and from there."""
-    return [
-        Trial(start=unbent.with_effects(lead.effect), bent=fit.plant.with_effects(lead.estimate), without=fit)
-        for lead in chosen
-    ]
-
-
-class _Search:
-    """Everything tried so far; sets of effects are known by their names.
-
-    Parameters
-    ----------
-    bench : Bench
-        Effects and recordings.
-    base : Candidate
-        Without further effects.
-    known : sequence of Footprint
-        Of all effects in the base plant.
-    fitted : callable or None
-        Called with each fit.
-    """
-
-    def __init__(
-        self, bench: Bench, base: Candidate, known: Sequence[Footprint], fitted: Fitted | None = None
-    ) -> None:
-        self.bench, self.known, self.fitted = bench, known, fitted
-        self.tried: dict[Names, Candidate] = {(): base}
-        self.leads: dict[str, Lead] = {}
-        seen = {footprint.effect.name for footprint in known}
-        self.failed = [e.name for e in bench.effects if e.name not in seen]
-
-    @property
-    def noise(self) -> float:
-        return self.tried[()].noise
-
-    def best_of(self, stage: Sequence[Names]) -> Names | None:
-        return max(stage, key=lambda names: self.tried[names].evidence, default=None)
-
-    def with_one_more(self, stage: Sequence[Names], finished: Finished | None = None) -> list[Names]:
-        """Sets of one more effect beside the best of a stage, and in its place; none where none helps.
-
-        Beside what leaves a trifle none could count. But it may only imitate two others: then the best of those that
-        leave more is gone on with. Two that do not take most of the mismatch are no beginning of three.
-        """
-        before = self.best_of([names for names in stage if not self.leaves_a_trifle(names)])
-        if before is None or (len(before) > 1 and not self._takes_most(self.tried[before])):
-            return []
-        found = self.beside(before, finished)
-        # In their order, not all at once: to know whether a set counts may take a fit.
-        ranked = sorted(found, key=lambda names: -self.tried[names].evidence)
-        best = next((names for names in ranked if self.each_counts(names)), None)
-        if best is None:
-            return []  # a further effect does not help: another one beside it would not be understood
-        return found + self.replacing(before, best)
-
-    def beside(self, names: Names, finished: Finished | None = None) -> list[Names]:
-        """Try each promising effect beside those of a candidate."""
-        fit = self.tried[names].calibration
-        unbent = with_fitted(self.bench.nominal.with_rig(fit.plant.rig), fit.plant)
-        found = self._leads(names)
-        promising = (*self._good_alone(names), *found[:BESIDE]) if names else shortlist(self.bench, unbent, found)
-        chosen = {lead.effect.name: lead for lead in promising}
-        self.leads = chosen | self.leads
-        stage = self._new(_trials(unbent, fit, chosen.values()), finished)
-        return stage + self._siblings(names, stage)
-
-    def _siblings(self, names: Names, stage: Sequence[Names]) -> list[Names]:
-        """Try what acts as the best of a stage does, and was not tried; unless that is not the best of its size."""
-        best = self.best_of(stage)
-        if best is None or not self._takes_most(self.tried[best]):
-            return []
-        if best != self.best_of([other for other in self.tried if len(other) == len(best)]):
-            return []
-        found, fit = self.tried[best].calibration, self.tried[names].calibration
-        tried = {name for other in stage for name in other}
-        others = [e for e in self.bench.effects if e.name not in tried and e.name not in fit.plant.effect_names]
-        added = tuple(name for name in best if name not in names)
-        alike = siblings(self.bench, found, added, others)
-        self.leads = {lead.effect.name: lead for lead in alike} | self.leads
-        bare, unbent = found.plant.without_effects(*added), fit.plant
-        return self._new([
-            Trial(start=bare.with_effects(lead.estimate), bent=unbent.with_effects(lead.effect), without=fit)
-            for lead in alike
-        ])  # fmt: skip
-
-    def _new(self, trials: Sequence[Trial], finished: Finished | None = None) -> list[Names]:
-        """Try what was not tried, against the best of the sets of as many effects."""
-        new = [t for t in trials if self._names(t) not in self.tried]
-        size = len(self._names(new[0])) if new else 0
-        return self._try(new, finished, self._rms([names for names in self.tried if len(names) == size]))
-
-    def _rms(self, stage: Sequence[Names]) -> float:
-        """The least that a fit of a stage leaves, SI."""
-        return min((self.tried[names].calibration.rms for names in stage), default=float(np.inf))
-
-    def _good_alone(self, names: Names) -> list[Lead]:
-        """What explained most by itself: the score is blind to what the plant is still bent to imitate."""
-        alone = [single for single in self.tried if len(single) == 1 and single[0] not in names]
-        best = sorted(alone, key=lambda single: -self.tried[single].evidence)[:ALONE]
-        return [self.leads[single[0]] for single in best if single[0] in self.leads]
-
-    def leaves_a_trifle(self, names: Names) -> bool:
-        """Whether no further effect could count."""
-        return explained(self.tried[names], self.tried[()]) > 1.0 - TRIFLE
-
-    def may_be_misread(self, stage: Sequence[Names], naming: Naming, rival: Candidate) -> bool:
-        """Whether another form of the plant could be what is missing, or what single effects lack.
-
-        What is missing beside a wrong form takes most of the mismatch in this one, or the other form does by itself.
-        """
-        if self.is_clearly_worse_than(rival):
-            return True
-        best = self.best_of(stage)
-        return naming.best is None and best is not None and self._takes_most(self.tried[best])
-
-    def is_clearly_worse_than(self, rival: Candidate) -> bool:
-        """Whether another form of the plant without effects leaves clearly less than this one."""
-        own, other = (max(float(c.losses.mean()) - self.noise**2, 0.0) for c in (self.tried[()], rival))
-        return other < CLEARLY_BETTER * own
-
-    def in_form(self, rival: Candidate, stage: Sequence[Names]) -> tuple[_Search, list[Names]]:
-        """A search in another form of the plant, begun with the best single effects of this one.
-
-        Where that form leaves clearly less, what promises most there is tried as well.
-        """
-        fit, known = rival.calibration, self.known
-        unbent = self.bench.nominal.with_rig(fit.plant.rig)
-        best = sorted(stage, key=lambda names: -self.tried[names].evidence)[:AGAIN]
-        chosen = {name: self.leads[name] for names in best for name in names}
-        if self.is_clearly_worse_than(rival):
-            known = footprints(self.bench, fit, self.bench.effects, fit)
-            chosen |= {lead.effect.name: lead for lead in leads(known, fit)[:BESIDE]}
-        other = _Search(self.bench, rival, known, self.fitted)
-        other.leads = chosen
-        found = other._try(_trials(unbent, fit, chosen.values()), rival=self._rms(stage))
-        other.judge_by_the_best(found)
-        return other, found
-
-    def least(self, stage: Sequence[Names]) -> float:
-        """Mean square that the best of a stage leaves."""
-        return min((float(self.tried[names].losses.mean()) for names in stage), default=float(np.inf))
-
-    def replacing(self, before: Names, best: Names) -> list[Names]:
-        """Try the best of a stage with each effect that was there before the stage replaced by others."""
-        found: list[Names] = []
-        for old in before:
-            rest = tuple(name for name in best if name != old)
-            if rest not in self.tried or self.tried[rest].calibration.given_up:
-                self._fit_some(best, rest)
-            if rest in self.tried:
-                found += self.beside(rest)
-        return found
-
-    def each_counts(self, names: Names) -> bool:
-        """Whether what returns when any of the effects is taken out is more than the model error, and no trifle."""
-        full, base = self.tried[names], self.tried[()]
-        floor = full.calibration.plant.rig.model_error**2
-        least = max(floor, TRIFLE * float(base.losses.mean() - base.noise**2))
-        rests = [tuple(name for name in names if name != old) for old in names]
-        for rest in sorted(rests, key=lambda rest: rest not in self.tried):  # what is known already may spare a fit
-            without = self._reduced(names, rest)
-            if without is not None and without.losses.mean() - full.losses.mean() < least:
-                return False
-        return True
-
-    def judge_by_the_best(self, stage: Sequence[Names]) -> None:
-        """The base plant was bent to imitate what is missing; the best explanation knows the plant's error better."""
-        best = self.best_of(stage)
-        if best is None:
-            return
-        known = self.bench.nominal.rig.model_error
-        found = floor_of(self.tried[best].calibration.plant, self.bench)
-        # A wrong effect may bend the plant to where its equations hold no more.
-        error = float(np.clip(found, known, BENT * known))
-        for names in stage:
-            self.tried[names] = self.tried[names].with_floor(error)
-
-    def decided(self, stage: Sequence[Names]) -> Naming:
-        """The decision over sets of one size, of which all explain the recordings."""
-        return self._decided(stage, lambda c: c.adequate and self._counts(c))
-
-    def nearly(self) -> Naming:
-        """The decision over the smallest sets that suffice as far as anybody knows the plant's own error."""
-        naming = self.decided(())
-        for size in range(1, MOST_CAUSES + 1):
-            stage = [names for names in self.tried if len(names) == size]
-            naming = self._decided(stage, lambda c: suffices(c, self.tried[()]) and self._counts(c))
-            if naming.best is not None:
-                break
-        return naming
-
-    def on_everything(self, naming: Naming) -> Naming:
-        """The decision, or the one that suffices, with the rivals that all recordings together bring back.
-
-        And those that the best one has become.
-        """
-        decided = naming if naming.best is not None else self.nearly()
-        return with_limits(judged_on_everything(decided, self.bench, self._takes_most), self._takes_most)
-
-    def _counts(self, candidate: Candidate) -> bool:
-        """Whether a candidate takes away most of what is more than noise, and its effects act.
-
-        A fit with an effect may be better than one without for no merit of the effect: the fit without it had not found
-        its minimum. Then the effect does less by itself than the residual fell; from a minimum it cannot. An interval
-        of its strength would not tell, since a strength may be tied to a time of the effect.
-        """
-        fell = self.tried[()].fitted_test.rms - candidate.fitted_test.rms
-        does = float(np.sqrt(np.mean(candidate.contribution**2)))
-        return self._takes_most(candidate) and does > ACTING * fell
-
-    def _takes_most(self, candidate: Candidate) -> bool:
-        base = self.tried[()]
-        missing, gained = float(base.losses.mean() - self.noise**2), float((base.losses - candidate.losses).mean())
-        return gained > MOST * missing
-
-    def _is_padded(self, names: Names) -> bool:
-        """Whether what would be an explanation has an effect that adds nothing to it."""
-        return len(names) > 1 and self._takes_most(self.tried[names]) and not self.each_counts(names)
-
-    def _decided(self, stage: Sequence[Names], good: Callable[[Candidate], bool]) -> Naming:
-        competing = [self.tried[n] for n in stage if not self._is_padded(n)]
-        naming = decide(tuple(self.tried.values()), competing, self.noise, good, self._takes_most)
-        return with_distances(naming, competing, self.bench, self._takes_most)
-
-    def _try(
-        self, trials: Sequence[Trial], finished: Finished | None = None, rival: float = np.inf
-    ) -> list[Names]:
-        found = run_trials(self.bench, trials, self.noise, finished, self.fitted, rival)
-        self.tried.update({candidate.effects: candidate for candidate in found})
-        self.failed += ["+".join(self._names(t)) for t in trials if self._names(t) not in self.tried]
-        # What a wrong plant leaves at the top of the spectrum is no noise: the best explanation shows the least.
-        noise = min([self.noise, *(noise_seen(c.calibration, self.bench.fitted) for c in found)])
-        self.tried = {names: replace(candidate, noise=noise) for names, candidate in self.tried.items()}
-        return [candidate.effects for candidate in found]
-
-    def _reduced(self, full: Names, rest: Names) -> Candidate | None:
-        """A candidate with some of its effects only, fitted if nobody has tried it yet."""
-        if rest not in self.tried:
-            self._fit_some(full, rest)
-        return self.tried.get(rest)
-
-    def _fit_some(self, full: Names, rest: Names) -> None:
-        """Fit some of the effects of a candidate."""
-        plant = self.tried[full].calibration.plant.without_effects(*(name for name in full if name not in rest))
-        unbent = with_fitted(self.bench.nominal.with_rig(plant.rig), plant)
-        self._try([Trial(start=unbent, bent=plant, without=self.tried[()].calibration)])
-
-    def _names(self, trial: Trial) -> Names:
-        return tuple(name for name in trial.start.effect_names if name not in self.bench.nominal.effect_names)
-
-    def _leads(self, names: Names) -> tuple[Lead, ...]:
-        """What each further effect could explain of what a candidate leaves."""
-        fit, base = self.tried[names].calibration, self.tried[()].calibration
-        if not names:
-            return leads(self.known, fit)
-        free = [effect for effect in self.bench.effects if effect.name not in fit.plant.effect_names]
-        times = np.concatenate([part.timepts for part in self.bench.fitted])
-        looking = [effect for effect in free if effect.starts(times, fit.residuals)]
-        again = footprints(self.bench, base, looking, fit)
-        others = {e.name for e in free} - {e.name for e in looking}
-        return leads([*(f for f in self.known if f.effect.name in others), *again], fit)

@@ -185,11 +185,12 @@ def _at_its_time(
 ) -> Footprint:
     """The event where it explains most: no fit can move it, since only a sample or two know of its time."""
     basis, event = tangent_basis(fit.jacobian), found[0].effect.event
+    first, last = next((p.lower, p.upper) for p in found[0].effect.describe() if p.name == event)
     best = max(found, key=lambda f: _lead(f, fit.residuals, basis).share)
     step, near = (share * float(np.ptp(times)) for share in (EVENT_STEP, EVENT_ERROR))
     while step > max(near, fit.plant.rig.sample_time / 2):
         at = getattr(best.effect, event)
-        tried = [footprint(replace(best.effect, **{event: at + s})) for s in (-step, step) if at + s > 0]
+        tried = [footprint(replace(best.effect, **{event: at + s})) for s in (-step, step) if first < at + s < last]
         better = max([best, *(f for f in tried if f is not None)], key=lambda f: _lead(f, fit.residuals, basis).share)
         step, best = (step, better) if better is not best else (step / 2, best)
     return best

@@ -84,7 +84,7 @@ def _bare(bench: Bench, explanation: Calibration) -> Calibration | None:
 
 def _at_its_strength(bench: Bench, bare: Calibration, lead: Lead, done: Calibration) -> Lead | None:
     """The same at the strength at which it is most alike."""
-    strength = abs(getattr(lead.estimate, lead.estimate.strength))
+    strength = getattr(lead.estimate, lead.estimate.strength)
     readings = simulated(bare.plant.with_effects(lead.estimate), [part.until_last() for part in bench.fitted])
     if strength == 0.0 or readings is None:
         return None

@@ -111,15 +111,15 @@ def calibrate_base(bench: Bench) -> Base:
     near = run_jobs(approach, [(form, bench.fitted) for form in forms], workers=bench.jobs)
     limit = np.inf if first is None else OPENS_AS_WELL * _opening_rms(first.calibration.plant, bench)
     running = [fit.plant for fit in near if fit.status.ok and fit.rms < limit]
-    fits = run_jobs(settle, [(form, bench.fitted, bench.nominal.rig.noise) for form in running], workers=bench.jobs)
+    floor = bench.nominal.rig.noise if first is None else first.noise
+    fits = run_jobs(settle, [(form, bench.fitted, floor) for form in running], workers=bench.jobs)
     known = [first, *(_judged(bench, fit) for fit in fits)]
     usable = [candidate for candidate in known if candidate is not None]
     if not usable:
         raise _cannot_simulate(bench.nominal, bench.everything)
     noise = min(candidate.noise for candidate in usable)
     usable = [replace(candidate, noise=noise) for candidate in usable]
-    sound = [c for c in usable if c.adequate] or [c for c in usable if not c.mismatch]
-    chosen = sound[0] if sound else usable[0]
+    chosen = _preferred(usable)
     rivals = sorted((c for c in usable if c is not chosen), key=lambda c: -c.evidence)
     return Base(chosen=chosen, rivals=tuple(rivals), noise=noise)
 
@@ -171,6 +171,14 @@ def _same_form(one: Candidate, other: Candidate) -> bool:
 
 def _judged(bench: Bench, fit: Calibration) -> Candidate | None:
     return judge(bench, fit, noise_seen(fit, bench.fitted)) if fit.status.ok else None
+
+
+def _preferred(usable: Sequence[Candidate]) -> Candidate:
+    """The nominal form, unless it certainly leaves a mismatch and another one does not: first one that is adequate."""
+    if not usable[0].mismatch:
+        return usable[0]
+    sound = [c for c in usable if c.adequate] or [c for c in usable if not c.mismatch]
+    return sound[0] if sound else usable[0]
 
 
 def _opening_rms(plant: Plant, bench: Bench) -> float:

@@ -200,9 +200,10 @@ def _moved(plant: Plant, name: str, parts: Sequence[Part]) -> Plant:
     """The plant with one event where the squared residual is least, found by steps that are halved."""
     times = np.concatenate([part.timepts for part in parts])
     step, best, least = EVENT_STEP * float(np.ptp(times)), plant, _squares(plant, parts)
+    first, last = max(times.min(), plant.parameters[name].lower), min(times.max(), plant.parameters[name].upper)
     while step > plant.rig.sample_time / 2:
         at = best.parameters[name].value
-        tried = [best.with_values({name: at + s}) for s in (-step, step) if times.min() < at + s < times.max()]
+        tried = [best.with_values({name: at + s}) for s in (-step, step) if first < at + s < last]
         losses = [_squares(other, parts) for other in tried]
         if losses and min(losses) < least:
             least, best = min(losses), tried[int(np.argmin(losses))]

@@ -164,6 +164,18 @@ def test_coloured_noise_is_no_alarm():
     assert alarms <= 1  # at one in a hundred, two of eight come three times in a thousand
 
 
+def test_a_short_loud_record_is_no_alarm_by_its_size():
+    """Of 300 samples 90 are unseen, whose power scatters by 15 %: a fifth more than the noise's is nothing there."""
+    alarms = 0
+    for seed in range(8):
+        left, rng = film(300, 40 + seed), np.random.default_rng(seed)
+        for _ in range(25):
+            alarms += detect_in(left.with_residual(after_fit(left, white(rng, 300))), rng, draws=100).certain
+    # Three standard deviations of a chi-squared law with 90 degrees of freedom are exceeded 4 times in 1000, and the
+    # refit's own error, of seven parameters, has fewer: five times that are allowed.
+    assert alarms <= 4
+
+
 def test_power_grows_with_size():
     """A cubic with memory, 0.3, 1 and 3 times the noise after the fit; the plant's own error a tenth of the noise."""
     left = film(1500, 30, model_error=0.1 * NOISE)

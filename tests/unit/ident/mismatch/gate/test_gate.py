@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from deatwin.ident.mismatch.gate.gate import Soundness, confirm, gate, split
-from deatwin.plant import DataError, Diaphragm, Experiment, Plant, Recording
+from deatwin.plant import DataError, Diaphragm, Experiment, ModelError, Plant, Recording
 from deatwin.plant.excitation import band_limited_noise, random_holds
 
 PLANT = Plant(rig=Diaphragm())
@@ -155,6 +155,67 @@ def test_a_dead_sensor_is_a_fault_and_not_a_limit(sound):
 def test_a_reading_that_is_clipped_half_of_the_time_is_not_stuck(sound):
     clipped = [replace(r, outputs=np.minimum(r.outputs, np.median(r.outputs))) for r in sound.recordings]
     assert gate(PLANT, [Experiment(recordings=tuple(clipped))]).soundness is Soundness.SOUND
+
+
+def test_a_spike_beyond_a_limit_makes_no_clipped_reading_stuck(sound):
+    outputs = sound.recordings[0].outputs[0]
+    clipped = np.minimum(outputs, np.quantile(outputs, 0.8))
+    clipped[700] += 1e-4
+    assert not gate(PLANT, [with_outputs(sound, clipped)]).stuck[0][0].any()
+
+
+def coarse(step: float) -> Experiment:
+    """A slow triangle of the command, whose square moves the readings by 250 µm, read in steps."""
+    timepts = 0.02 * np.arange(12_000)
+    command = 3.2 * np.abs(timepts / 30.0 % 2.0 - 1.0)
+    reading = 250e-6 * (command / 3.2) ** 2 + 0.5e-6 * np.random.default_rng(2).standard_normal(timepts.size)
+    return Experiment(recordings=(Recording.from_arrays(command, step * np.round(reading / step), 0.02),))
+
+
+@pytest.mark.parametrize("step", [1e-6, 5e-6, 10e-6])
+def test_readings_in_coarse_steps_are_not_stuck_over_slow_commands(step):
+    assert gate(PLANT, [coarse(step)]).soundness is Soundness.SOUND
+
+
+def test_coarse_readings_can_be_stuck_too():
+    sound = coarse(5e-6)
+    outputs = sound.recordings[0].outputs[0].copy()
+    outputs[2200:2700] = outputs[2200]
+    checked = gate(PLANT, [with_outputs(sound, outputs)])
+    assert checked.stuck[0][0][2200:2700].all()
+    assert checked.stuck[0][0].sum() < 600
+
+
+@pytest.mark.parametrize("value", [0.0, 5e-4])
+def test_readings_that_are_lost_for_a_moment_are_left_out(sound, value):
+    outputs = sound.recordings[0].outputs[0].copy()
+    outputs[700:720] = value
+    checked = gate(PLANT, [with_outputs(sound, outputs)])
+    assert checked.stuck[0][0][700:720].all()
+    assert checked.stuck[0][0].sum() == 20
+
+
+def test_a_film_that_is_sent_away_and_back_is_not_lost():
+    """A square wave, read in coarse steps: the command says where the leaps come from."""
+    command = 1.5 + (np.arange(6000) // 40 % 2)
+    reading = 5e-6 * np.round(1e-4 * command**2 / 5e-6)
+    jumpy = Experiment(recordings=(Recording.from_arrays(command, reading, 0.02),))
+    assert not gate(PLANT, [jumpy]).stuck[0][0].any()
+
+
+def test_a_dead_recording_beside_a_sound_one_is_left_out(sound):
+    dead = Experiment(recordings=tuple(replace(r, outputs=np.full_like(r.outputs, 1e-4)) for r in sound.recordings))
+    checked = gate(PLANT, [sound, dead])
+    assert checked.soundness is Soundness.FAULTY
+    for parts in split(checked):
+        assert [part.experiment for part in parts] == [sound]
+
+
+def test_a_recording_in_many_pieces_is_taken_as_a_whole(sound):
+    pieces = tuple(sound.recordings[0].section(start, start + 149) for start in range(0, 1900, 150))
+    assert len(gate(PLANT, [Experiment(recordings=pieces)]).usable[0]) == len(pieces)
+    with pytest.raises(ModelError, match="100 samples, but a diagnosis needs at least 140"):  # 20 for each of 7
+        gate(PLANT, [Experiment(recordings=(pieces[0].section(0, 100),))])
 
 
 def test_the_sound_part_beside_a_long_freeze_has_no_outliers(sound):

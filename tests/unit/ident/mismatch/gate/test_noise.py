@@ -63,5 +63,15 @@ def test_the_data_sheet_is_said_to_be_the_source():
     found = noise_level([residual(4, 3e-6)], 0.02, NOISE)
     assert found.source is NoiseSource.SHEET
     assert "data sheet" in found.sentence
+    louder = noise_level([1.25 * residual(4, 0.0)], 0.02, NOISE)  # 56 % more power: no rig is said to be clean with it
+    assert louder.source is NoiseSource.TOP_OF_SPECTRUM
+    assert louder.level == pytest.approx(1.25 * NOISE, rel=0.1)
     # without a data sheet the recordings alone speak
     assert noise_level([residual(4, 3e-6)], 0.02, 0.0).level == pytest.approx(NOISE, rel=0.15)
+
+
+def test_a_piece_of_a_few_samples_says_nothing():
+    whole = residual(6, 0.0)
+    alone = noise_level([whole], 0.02, 0.0).level
+    assert noise_level([whole, whole[:1], whole[:5]], 0.02, 0.0).level == alone
+    assert np.isfinite(noise_level([whole[:3], whole[:5]], 0.02, 0.0).level)

@@ -9,7 +9,9 @@ import pytest
 from deatwin.ident.greybox import FitStatus
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import cannot_rule_out, decide, suffices, with_distances
-from deatwin.ident.mismatch.naming.name import _best_form, _Search
+from deatwin.ident.mismatch.naming.name import _best_form
+from deatwin.ident.mismatch.naming.sets import Search
+from deatwin.ident.mismatch.refit.base import _preferred
 
 NOISE, MODEL_ERROR = 2.0, 1.2
 RIG = SimpleNamespace(model_error=MODEL_ERROR)
@@ -50,13 +52,26 @@ def test_nothing_adequate_is_no_explanation():
     assert decided.best is None
 
 
+def test_another_form_replaces_the_nominal_one_only_where_that_leaves_a_mismatch():
+    right, wrong = candidate(rms=2.1), candidate(rms=3.1)
+    rough, calibration = np.random.default_rng(0).standard_normal(7000), right.calibration
+    rough *= 2.36 / np.sqrt(np.mean(rough**2))
+    nearly = replace(right, calibration=SimpleNamespace(**{**vars(calibration), "residuals": rough}))
+    # 2.36² - 2² is 1.25², and the floor is 1.2²: too much by a hair, which no test calls a mismatch
+    assert not nearly.adequate and not nearly.mismatch
+    assert _preferred([nearly, right]) is nearly
+    assert _preferred([wrong, nearly, right]) is right
+    assert _preferred([wrong, nearly]) is nearly
+    assert _preferred([wrong, wrong]) is wrong
+
+
 def test_good_on_the_fitted_part_alone_is_not_enough():
     assert not candidate("creep", rms=2.1, unseen=5.0).adequate
 
 
-def search_over(*candidates: Candidate) -> _Search:
+def search_over(*candidates: Candidate) -> Search:
     """A search in which these were tried, the base plant first."""
-    search = _Search(SimpleNamespace(effects=(), jobs=1), candidates[0], ())
+    search = Search(SimpleNamespace(effects=(), jobs=1), candidates[0], ())
     search.tried.update({c.effects: c for c in candidates})
     return search
 
@@ -70,6 +85,23 @@ def test_an_effect_of_a_pair_must_count_for_more_than_the_model_error():
     near = candidate("permittivity_drift", rms=2.2)
     # taking creep out of this pair costs 2.2² - 2.05² = 0.64 only
     assert not search_over(base, near, creep, pair).each_counts(pair.effects)
+
+
+def test_a_pair_gives_way_to_one_effect_whose_rough_fit_was_far_from_its_minimum(monkeypatch):
+    base, drift, stuck = candidate(rms=5.7), candidate("permittivity_drift", rms=4.0), candidate("creep", rms=3.6)
+    pair, settled = candidate("creep", "permittivity_drift", rms=2.05), candidate("creep", rms=2.07)
+    search = search_over(base, drift, stuck, pair)
+    assert search.decided([pair.effects]).best is pair
+
+    def fit(full, rest):
+        assert full == pair.effects
+        if rest == ("creep",):
+            search.tried[rest] = settled
+
+    monkeypatch.setattr(search, "_fit_from", fit)
+    assert search.decided_surely([pair.effects]).best is settled
+    search.tried[("creep",)], settled = stuck, stuck  # where the second look finds nothing better, both stay
+    assert search.decided_surely([pair.effects]).best is pair
 
 
 def test_an_idle_second_effect_does_not_become_a_cause():

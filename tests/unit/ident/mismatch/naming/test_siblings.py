@@ -70,13 +70,15 @@ def lagged(commands: np.ndarray, time: float) -> np.ndarray:
     return np.array(found)
 
 
-def explained() -> tuple[Any, Any]:
-    readings = GAIN * lagged(COMMANDS, LAG)
-    record = Recording.from_arrays(
+def measured(readings: np.ndarray) -> Recording:
+    return Recording.from_arrays(
         COMMANDS, readings, STEP, input_names=("command",), input_units=("V",), output_names=("displacement",),
         output_units=("m",),
     )  # fmt: skip
-    part = Part.whole(Experiment(recordings=(record,)))
+
+
+def explained() -> tuple[Any, Any]:
+    part = Part.whole(Experiment(recordings=(measured(GAIN * lagged(COMMANDS, LAG)),)))
     fit = calibrate(Plant(rig=Mirror()).with_effects(SensorLag(time=0.02)), [part], tolerance=1e-10)
     return SimpleNamespace(fitted=(part,), jobs=1, nominal=Plant(rig=Mirror())), fit
 
@@ -101,6 +103,20 @@ def test_a_delay_acts_as_a_lag_does_and_a_drift_does_not():
     share = (change @ wanted) ** 2 / (change @ change) / (wanted @ wanted)
     assert share > 0.5
     assert found.share == pytest.approx(share, rel=0.02)  # the start from rest, one sample, is not quite the same
+
+
+@pytest.mark.parametrize("curvature", [20.0, -20.0])
+def test_a_sibling_begins_on_its_own_side(curvature):
+    """Readings bent the other way are explained by a negative strength, and by no positive one."""
+    bent = Plant(rig=Mirror()).with_effects(SensorCurvature(curvature=curvature))
+    blank = Recording.from_arrays(COMMANDS, np.zeros_like(COMMANDS), STEP)
+    readings = bent.simulate(Experiment(recordings=(blank,))).require().outputs[0][0]
+    part = Part.whole(Experiment(recordings=(measured(readings),)))
+    plant = Plant(rig=Mirror()).with_effects(SensorCurvature(curvature=0.1))
+    fit = calibrate(plant, [part], tolerance=1e-10)
+    bench = SimpleNamespace(fitted=(part,), jobs=1, nominal=Plant(rig=Mirror()))
+    (found,) = siblings(bench, fit, ("sensor_curvature",), [SensorCurvature(curvature=1.0)])
+    assert np.sign(found.estimate.curvature) == np.sign(curvature)
 
 
 def test_what_an_effect_does_by_itself_is_the_difference_without_it():

@@ -1,0 +1,122 @@
+"""What single readings can be at fault with: stuck, lost, spiked, stepped; and where a command lets nothing be said."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from deatwin.ident.soundness import at_limit, neighbours_deviation, resolution, runs
+from deatwin.plant.recording import Recording
+
+__all__ = ["clipped", "jumps", "lost", "quiet", "spikes", "stuck"]
+
+STUCK_SECONDS = 1.0
+MOVES = 0.02
+"""Share of the command's range that is motion, over which a reading cannot stay the same."""
+SPIKE_DEVIATIONS = 12.0
+"""A normal reading this far from its neighbours' cubic comes once in 10^32 samples."""
+STILL = 1e-9
+"""Share of the readings' range by which a reading that stands still lies beside its neighbours, for rounding."""
+STILL_SAMPLES = 10
+"""So many in a row stand still for a cause; fewer may by chance, where readings come in coarse steps."""
+QUIET_SECONDS = 1.0
+"""After a jump of the command the film rings: readings are not called spikes for this long."""
+FROZEN = 0.9
+"""Share of the command's range over which a reading that stays the same is stuck even at its limit."""
+NEAR_STEPS = 3
+"""Steps of coarse readings by which neighbours differ that follow one another."""
+STEP_BENDS_LESS = 0.85
+"""Beside the bend of a step those of its neighbours are two thirds as large; beside that of a spike, as large."""
+LOST_SAMPLES = 3
+"""So many equal readings in a row are not those of a film in motion."""
+
+
+def stuck(record: Recording) -> np.ndarray:
+    """Runs of one and the same reading, longer than a second, while the command moves.
+
+    Readings in coarse steps stay the same over slow commands, too, but then go on by a step or two.
+    """
+    reading, command = record.outputs[0], record.inputs[0]
+    sound = reading[~spikes(reading)]
+    ends, near = (sound.max(), sound.min()), NEAR_STEPS * resolution(sound)
+    mask = np.zeros(reading.size, dtype=bool)
+    shortest = max(3, round(STUCK_SECONDS / record.sample_time))
+    for same in runs(np.diff(reading) == 0.0):
+        first, last = same[0], same[-1] + 2
+        # A reading at the end of its range is clipped, not stuck: that is physics, and an effect of the catalogue. But
+        # nothing clips under high commands and low ones alike.
+        gradual = np.ptp(reading[max(first - 1, 0) : last + 1]) <= near
+        moved = np.ptp(command[first:last]) / (np.ptp(command) or 1.0)
+        if last - first >= shortest and moved > (FROZEN if gradual or reading[first] in ends else MOVES):
+            mask[first:last] = True
+    return mask
+
+
+def lost(record: Recording) -> np.ndarray:
+    """Short runs of one and the same reading, far from the readings before and after: the sensor had no film to see.
+
+    No film leaps away and back by itself, each time within a sample, and stands still in between.
+    """
+    reading = record.outputs[0]
+    mask, still = np.zeros(reading.size, dtype=bool), quiet(record)
+    far = SPIKE_DEVIATIONS * _typical(np.abs(neighbours_deviation(reading)), reading)
+    for same in runs(np.diff(reading) == 0.0):
+        first, last = same[0], same[-1] + 2
+        if last - first < LOST_SAMPLES or first == 0 or last == reading.size or not (still[first] and still[last]):
+            continue
+        before, after = reading[first - 1] - reading[first], reading[last] - reading[first]
+        if before * after > 0.0 and min(abs(before), abs(after)) > far:
+            mask[first:last] = True
+    return mask
+
+
+def spikes(signal: np.ndarray) -> np.ndarray:
+    """Single values far from the cubic through their four neighbours."""
+    padded = np.pad(signal, 2, mode="edge")
+    deviation = np.abs(neighbours_deviation(padded)[2:-2])
+    # A spike bends its neighbours' cubics too, by two thirds of its size: only the peak is the outlier.
+    around = np.pad(deviation, 1)
+    peak = (deviation >= around[:-2]) & (deviation >= around[2:])
+    return peak & (deviation > SPIKE_DEVIATIONS * _typical(deviation, signal))
+
+
+def jumps(signal: np.ndarray) -> np.ndarray:
+    """First values after a step that takes no longer than a sample."""
+    # The bend changes by the step's size at the step, and by two thirds of it, the other way, on either side.
+    step = np.abs(np.diff(neighbours_deviation(signal), prepend=0.0))
+    beside = np.pad(step, 1)
+    lone = np.maximum(beside[:-2], beside[2:]) < STEP_BENDS_LESS * step
+    return lone & (step > SPIKE_DEVIATIONS * _typical(step, signal))
+
+
+def _typical(deviation: np.ndarray, signal: np.ndarray) -> float:
+    """Standard deviation of normal values with the median absolute deviation seen; half a step of coarse readings.
+
+    Where the readings stand still they say nothing of it.
+    """
+    moves = np.ones(deviation.size, dtype=bool)
+    for still in runs(deviation <= STILL * np.ptp(signal)):
+        moves[still] = still.size < STILL_SAMPLES
+    median = float(np.median(deviation[moves])) if moves.any() else 0.0
+    return max(1.4826 * median, resolution(signal) / 2) + 1e-15
+
+
+def clipped(record: Recording) -> np.ndarray:
+    mask = np.zeros(record.n_samples, dtype=bool)
+    for rows in at_limit(record.outputs[0]).values():
+        mask[np.concatenate(rows)] = True
+    return mask
+
+
+def quiet(record: Recording) -> np.ndarray:
+    """Samples away from jumps and corners of the command, after which the film rings."""
+    command = record.inputs[0]
+    step = np.diff(command, prepend=command[0])
+    bend = np.diff(step, prepend=0.0)
+    quiet = np.ones(command.size, dtype=bool)
+    ring = round(QUIET_SECONDS / record.sample_time)
+    for change in (np.abs(step), np.abs(bend)):
+        # Holds jump by less than noise wanders in a sample or two, so the size is relative to the usual step.
+        for sudden in np.flatnonzero(change > max(0.005 * np.ptp(command), 5 * float(np.median(change)))):
+            quiet[max(0, sudden - 2) : sudden + ring] = False
+    quiet[:ring] = quiet[-2:] = False  # the record before this one may have ended at another command
+    return quiet
