@@ -30,10 +30,13 @@ __all__ = ["Curves", "Detection", "Statistic", "detect", "detect_in"]
 
 DRAWS = 400
 CERTAIN = 1.5
-"""An excess this many times the practical size is looked into whatever its scatter: on 59 clean rigs the largest was
-1.2, and 0.8 but for one,"""
+"""An excess this many times the practical size is looked into though chance may make it with a probability of"""
+LIKELY = 0.5
+"""instead of a hundredth: rather not than so,"""
+BEYOND_CHANCE = 3.0
+"""and one of so many times whatever its probability: on some 90 clean rigs the largest was 1.8."""
 SCATTER = 3.0
-"""beyond so many standard deviations of the power of white noise, which are much in a short record."""
+"""Standard deviations of the power of white noise that such an excess has besides: they are much in a short record."""
 POINTS = 400
 """Of a curve that is drawn."""
 
@@ -289,7 +292,8 @@ def detect_in(
     repeats = find_repeats(commands, left.sample_time)
     smallest, visible = _seen(law, left, known, practical)
     p_value, size = law.p_value(float(groups.max())), _size(left)
-    certain = _is_certain(left, law.refit.white, practical)
+    least = practical * (CERTAIN if p_value < LIKELY else BEYOND_CHANCE)
+    certain = _is_certain(left, law.refit.white, least)
     counts = (p_value < LEVEL and size >= practical) or certain
     return Detection(
         p_value=p_value, statistics=_statistics(law, left, scores, groups), size=size, practical=practical,
@@ -308,12 +312,12 @@ def _size(left: Leftover) -> float:
     return float(np.sqrt(max(max(powers) - left.noise**2, 0.0)))
 
 
-def _is_certain(left: Leftover, white: np.ndarray, practical: float) -> bool:
+def _is_certain(left: Leftover, white: np.ndarray, least: float) -> bool:
     """Whether the fitted or the unseen part is too large for any noise that the refit left or brought there."""
     for part in (left.fitted, ~left.fitted):
         if part.any():
             noise = left.noise**2 * white[part].mean() * (1.0 + SCATTER * np.sqrt(2.0 / part.sum()))
-            if np.mean(left.residual[part] ** 2) > noise + (CERTAIN * practical) ** 2:
+            if np.mean(left.residual[part] ** 2) > noise + least**2:
                 return True
     return False
 

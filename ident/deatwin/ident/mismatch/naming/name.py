@@ -78,16 +78,21 @@ def name_causes(
 
 
 def _best_form(forms: Sequence[tuple[Search, list[Names]]]) -> tuple[Search, list[Names], Naming]:
-    """The form in which one effect suffices with the most evidence, or else leaves clearly less; or else the first.
+    """The form in which one effect suffices with the most evidence, or else leaves clearly less.
 
-    What suffices in other forms and cannot be ruled out is a rival.
+    Or else one that by itself leaves hardly more than the first form does with an effect: another reading of the rig
+    costs less than physics. Or else the first. What suffices in other forms and cannot be ruled out is a rival.
     """
     decided = [(search, stage, search.decided(stage)) for search, stage in forms]
     sufficing = [(naming.best, k) for k, (_, _, naming) in enumerate(decided) if naming.best is not None]
     if not sufficing:
         least = [search.least(stage) for search, stage in forms]
         lowest = int(np.argmin(least))
-        return decided[lowest if least[lowest] < CLEARLY_BETTER * least[0] else 0]
+        if least[lowest] < CLEARLY_BETTER * least[0]:
+            return decided[lowest]
+        missing = [search.missing([()]) for search, _ in forms]
+        simplest = int(np.argmin(missing))
+        return decided[simplest if CLEARLY_BETTER * missing[simplest] < forms[0][0].missing(forms[0][1]) else 0]
     best, number = max(sufficing, key=lambda pair: pair[0].evidence)
     first, k = sufficing[0]
     if k == 0 and cannot_rule_out(first, best):

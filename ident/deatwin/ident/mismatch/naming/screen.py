@@ -39,7 +39,7 @@ class Footprint:
     Parameters
     ----------
     effect : Effect
-        With its shape, at its typical strength.
+        With its shape, at its typical strength, or a weaker one at which the plant can be simulated.
     change : ndarray, shape (m,)
         Change of the fitted part's readings per unit of strength, SI.
     """
@@ -55,7 +55,7 @@ class Lead:
     Parameters
     ----------
     effect : Effect
-        With the shape and the sign that promise most, at its typical strength.
+        With the shape and the sign that promise most, at the strength at which the plant was simulated.
     share : float
         Of the squared residual, what it could explain to first order.
     estimate : Effect
@@ -96,8 +96,8 @@ def leads(known: Sequence[Footprint], fit: Calibration) -> tuple[Lead, ...]:
     """Order effects by what they could explain of a fit's residual.
 
     Each footprint is projected off the Jacobian of the fit, since the plant's parameters take up what they can;
-    the residual's share along it is what the effect could explain. The strength starts at its typical size: the
-    fitted plant has absorbed part of the effect.
+    the residual's share along it is what the effect could explain. The strength starts at its typical size, where the
+    plant can be simulated with it: the fitted plant has absorbed part of the effect.
 
     Parameters
     ----------
@@ -172,8 +172,7 @@ def _of_effect(
     times = np.concatenate([part.timepts for part in parts])
 
     def footprint(shape: Effect) -> Footprint | None:
-        change = _change(base, shape, parts, without)
-        return None if change is None else Footprint(effect=shape, change=change)
+        return _footprint(base, shape, parts, without)
 
     shapes = effect.starts(times, fit.residuals) or _shapes(effect, base, parts)
     found = [f for f in map(footprint, shapes) if f is not None]
@@ -196,14 +195,16 @@ def _at_its_time(
     return best
 
 
-def _change(base: Calibration, effect: Effect, parts: Sequence[Part], without: np.ndarray) -> np.ndarray | None:
+def _footprint(
+    base: Calibration, effect: Effect, parts: Sequence[Part], without: np.ndarray
+) -> Footprint | None:
     typical = abs(next(p.value for p in effect.describe() if p.name == effect.strength))
     for share in WEAKER:
         strength = share * typical
-        plant = base.plant.with_effects(replace(effect, **{effect.strength: strength}))
-        readings = simulated(plant, [part.until_last() for part in parts])
+        weaker = replace(effect, **{effect.strength: strength})
+        readings = simulated(base.plant.with_effects(weaker), [part.until_last() for part in parts])
         if readings is not None:
-            return (readings - without) / strength
+            return Footprint(effect=weaker, change=(readings - without) / strength)
     return None
 
 

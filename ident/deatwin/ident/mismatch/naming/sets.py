@@ -24,6 +24,8 @@ __all__ = ["CLEARLY_BETTER", "MOST_CAUSES", "Finished", "Names", "Search"]
 
 MOST_CAUSES = 3
 """More effects at once are not told apart."""
+MOST_NEARLY = 2
+"""More effects at once must explain the recordings to the plant's own error: three can bend to nearly anything."""
 BESIDE = 6
 """Effects that are tried beside others."""
 ALONE = 3
@@ -189,6 +191,10 @@ class Search:
         """Mean square that the best of a stage leaves."""
         return min((float(self.tried[names].losses.mean()) for names in stage), default=float(np.inf))
 
+    def missing(self, stage: Sequence[Names]) -> float:
+        """The same beyond the noise."""
+        return max(self.least(stage) - self.noise**2, 0.0)
+
     def replacing(self, before: Names, best: Names) -> list[Names]:
         """Try the best of a stage with each effect that was there before the stage replaced by others."""
         found: list[Names] = []
@@ -246,7 +252,7 @@ class Search:
     def nearly(self) -> Naming:
         """The decision over the smallest sets that suffice as far as anybody knows the plant's own error."""
         naming = self.decided(())
-        for size in range(1, MOST_CAUSES + 1):
+        for size in range(1, MOST_NEARLY + 1):
             stage = [names for names in self.tried if len(names) == size]
             naming = self._decided(stage, lambda c: suffices(c, self.tried[()]) and self._counts(c))
             if naming.best is not None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,6 +27,8 @@ HOPELESS = 1.5
 a fit to all samples that is mostly within 15 % of where it ends."""
 FIRST = 2
 """Trials that are made before the others, which must come near to the best of them."""
+OTHERWISE = (-1.0, 0.1, 1e-3)
+"""Shares of the strength of the last effect with which a fit begins, where it cannot with all of it."""
 Fitted = Callable[[Calibration, np.ndarray | None], None]
 
 
@@ -126,7 +128,9 @@ def with_fitted(nominal: Plant, fitted: Plant) -> Plant:
 def _tried(bench: Bench, trial: Trial, hopeless: float) -> Calibration:
     """From the unbent plant; where that leads nowhere, from the bent one.
 
-    A plant that was fitted without an effect has been bent to imitate it, and the way back is long.
+    A plant that was fitted without an effect has been bent to imitate it, and the way back is long. Where neither can
+    be simulated, from the unbent plant with the effect the other way or with less of it: a softening spring lets go of
+    the ball, a hardening one or a little of it does not.
     """
     found = search(trial.start, bench.fitted, hopeless)
     # The plant without the effect is a special case of the one with it: a worse fit is a failed search.
@@ -134,4 +138,17 @@ def _tried(bench: Bench, trial: Trial, hopeless: float) -> Calibration:
         again = calibrate(trial.bent, bench.fitted, evaluations=FEW, tolerance=ROUGH, hopeless=hopeless)
         if again.status.ok and (not found.status.ok or again.rms < found.rms):
             found = again
+    for start in _otherwise(trial.start):
+        if found.status.ok:
+            break
+        found = search(start, bench.fitted, hopeless)
     return at_its_time(found, bench.fitted, hopeless) if found.status.ok else found
+
+
+def _otherwise(plant: Plant) -> Iterator[Plant]:
+    """The same with other strengths of its last effect, as far as they are in its range."""
+    last = plant.effects[-1]
+    strength = plant.parameters[f"{last.name}.{last.strength}"]
+    for share in OTHERWISE:
+        if strength.lower <= share * strength.value <= strength.upper:
+            yield plant.with_values({strength.name: share * strength.value})

@@ -176,6 +176,21 @@ def test_a_short_loud_record_is_no_alarm_by_its_size():
     assert alarms <= 4
 
 
+@pytest.mark.parametrize(
+    "size, chance, certain", [(2.0, 0.9, False), (2.0, 0.2, True), (1.4, 0.2, False), (3.5, 0.9, True)]
+)
+def test_what_chance_makes_as_often_as_not_is_no_mismatch_by_its_size(size, chance, certain, monkeypatch):
+    """A model error is what it is said to be on the average: in some records it is nearly twice as large."""
+    left, rng = film(6000, 60, model_error=MODEL_ERROR), np.random.default_rng(6)
+    monkeypatch.setattr(Law, "p_value", lambda law, largest: chance)
+    residual = after_fit(left, white(rng, 6000)) + shape_error(left, rng, size * MODEL_ERROR)
+    for part in (left.fitted, ~left.fitted):  # of exactly the size
+        residual[part] *= np.hypot(NOISE, size * MODEL_ERROR) / np.sqrt(np.mean(residual[part] ** 2))
+    found = detect_in(left.with_residual(residual), rng, draws=20)
+    assert found.size == pytest.approx(size * MODEL_ERROR)
+    assert (found.certain, found.mismatch) == (certain, certain)
+
+
 def test_power_grows_with_size():
     """A cubic with memory, 0.3, 1 and 3 times the noise after the fit; the plant's own error a tenth of the noise."""
     left = film(1500, 30, model_error=0.1 * NOISE)

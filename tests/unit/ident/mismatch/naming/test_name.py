@@ -1,5 +1,6 @@
 """Decisions between explanations, on residuals whose sizes are given."""
 
+import itertools
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -11,7 +12,9 @@ from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import cannot_rule_out, decide, suffices, with_distances
 from deatwin.ident.mismatch.naming.name import _best_form
 from deatwin.ident.mismatch.naming.sets import Search
+from deatwin.ident.mismatch.naming.trial import _otherwise
 from deatwin.ident.mismatch.refit.base import _preferred
+from deatwin.plant import Creep, CubicStiffness, Diaphragm, Plant
 
 NOISE, MODEL_ERROR = 2.0, 1.2
 RIG = SimpleNamespace(model_error=MODEL_ERROR)
@@ -99,6 +102,7 @@ def test_a_pair_gives_way_to_one_effect_whose_rough_fit_was_far_from_its_minimum
             search.tried[rest] = settled
 
     monkeypatch.setattr(search, "_fit_from", fit)
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.with_distances", lambda naming, *_: naming)
     assert search.decided_surely([pair.effects]).best is settled
     search.tried[("creep",)], settled = stuck, stuck  # where the second look finds nothing better, both stay
     assert search.decided_surely([pair.effects]).best is pair
@@ -192,7 +196,10 @@ def test_what_takes_away_little_of_a_small_mismatch_is_no_explanation():
 def form(*explanations: Candidate, least: float = 1.0):
     """A search in one form of the rig, and what it decided."""
     naming = decide(explanations, explanations, NOISE, is_adequate, is_adequate)
-    return SimpleNamespace(decided=lambda stage: naming, least=lambda stage: least), []
+    return SimpleNamespace(
+        decided=lambda stage: naming, least=lambda stage: least,
+        missing=lambda stage: 9.0 if stage == [()] else least,
+    ), []  # fmt: skip
 
 
 def test_the_form_in_which_one_effect_explains_clearly_more_is_taken():
@@ -218,6 +225,36 @@ def test_what_suffices_in_another_form_stays_possible():
 def test_where_nothing_suffices_a_form_must_leave_clearly_less(least, taken):
     forms = [form(candidate("delay", rms=9.0)), form(candidate("creep", rms=8.0), least=least)]
     assert _best_form(forms)[0] is forms[taken][0]
+
+
+@pytest.mark.parametrize("bare, taken", [(3.0, 1), (3.2, 0)])
+def test_another_reading_of_the_rig_costs_less_than_an_effect_that_does_as_much(bare, taken):
+    """A delay of a sample, where the readings were taken at the start of their rows, and something else is missing."""
+    delayed = candidate("delay", rms=2.9)  # 4.4 beyond the noise; 5.0 and 6.2 of the other form: 1.25 times are 5.5
+    nominal = search_over(candidate(rms=18.0), delayed), [delayed.effects]
+    jumped = candidate("sensor_jump", rms=2.8)
+    other = search_over(candidate(rms=bare), jumped), [jumped.effects]
+    search, _, naming = _best_form([nominal, other])
+    assert naming.best is None
+    assert search is (nominal, other)[taken][0]
+
+
+def test_three_effects_must_explain_to_the_plants_own_error():
+    base, sizes = candidate(rms=9.0), {"creep": 8.0, "delay": 7.0, "mullins": 6.0}
+    pairs = [candidate(*pair, rms=5.0) for pair in itertools.combinations(sizes, 2)]
+    three = candidate(*sizes, rms=2.6)  # 1.7 beyond the noise, 1.4 times the plant's own error, of 8.8: 96 %
+    assert suffices(three, base)
+    tried = [candidate(name, rms=rms) for name, rms in sizes.items()]
+    assert search_over(base, *tried, *pairs, three).nearly().best is None
+    two = candidate("creep", "delay", rms=2.6)
+    assert search_over(base, *tried, two).nearly().best is two
+
+
+def test_a_fit_begins_with_an_effect_the_other_way_or_weaker_where_it_must():
+    plant = Plant(rig=Diaphragm()).with_effects(Creep(), CubicStiffness(stiffness=-2e7))
+    assert [p.parameters["cubic_stiffness.stiffness"].value for p in _otherwise(plant)] == [2e7, -2e6, -2e4]
+    one_sided = Plant(rig=Diaphragm()).with_effects(Creep(modulus=1e5))  # negative moduli are out of range
+    assert [p.parameters["creep.modulus"].value for p in _otherwise(one_sided)] == pytest.approx([1e4, 1e2])
 
 
 def test_what_did_well_alone_is_tried_beside_another_whatever_its_score():
