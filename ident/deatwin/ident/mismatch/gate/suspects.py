@@ -31,7 +31,7 @@ LOST_SAMPLES = 3
 
 
 def stuck(record: Recording) -> np.ndarray:
-    """Runs of one and the same reading, longer than a second, while the command moves.
+    """Runs of one and the same reading of a `record`, longer than a second, while the command moves.
 
     Readings in coarse steps stay the same over slow commands, too, but then go on by a step or two.
     """
@@ -52,7 +52,7 @@ def stuck(record: Recording) -> np.ndarray:
 
 
 def lost(record: Recording) -> np.ndarray:
-    """Short runs of one and the same reading, far from the readings before and after: the sensor had no film to see.
+    """Runs of one and the same reading of a `record`, far from those before and after: the sensor had no film to see.
 
     No film leaps away and back by itself, each time within a sample, and stands still in between.
     """
@@ -70,7 +70,7 @@ def lost(record: Recording) -> np.ndarray:
 
 
 def spikes(signal: np.ndarray) -> np.ndarray:
-    """Single values far from the cubic through their four neighbours."""
+    """Single values of a `signal` far from the cubic through their four neighbours."""
     padded = np.pad(signal, 2, mode="edge")
     deviation = np.abs(neighbours_deviation(padded)[2:-2])
     # A spike bends its neighbours' cubics too, by two thirds of its size: only the peak is the outlier.
@@ -80,7 +80,7 @@ def spikes(signal: np.ndarray) -> np.ndarray:
 
 
 def jumps(signal: np.ndarray) -> np.ndarray:
-    """First values after a step that takes no longer than a sample."""
+    """First values of a `signal` after a step that takes no longer than a sample."""
     # The bend changes by the step's size at the step, and by two thirds of it, the other way, on either side.
     step = np.abs(np.diff(neighbours_deviation(signal), prepend=0.0))
     beside = np.pad(step, 1)
@@ -101,6 +101,7 @@ def _typical(deviation: np.ndarray, signal: np.ndarray) -> float:
 
 
 def clipped(record: Recording) -> np.ndarray:
+    """Readings of a `record` that pile up at a limit."""
     mask = np.zeros(record.n_samples, dtype=bool)
     for rows in at_limit(record.outputs[0]).values():
         mask[np.concatenate(rows)] = True
@@ -108,7 +109,7 @@ def clipped(record: Recording) -> np.ndarray:
 
 
 def quiet(record: Recording) -> np.ndarray:
-    """Samples away from jumps and corners of the command, after which the film rings."""
+    """Samples of a `record` away from jumps and corners of the command, after which the film rings."""
     command = record.inputs[0]
     step = np.diff(command, prepend=command[0])
     bend = np.diff(step, prepend=0.0)

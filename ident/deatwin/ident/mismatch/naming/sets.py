@@ -57,7 +57,7 @@ def _trials(unbent: Plant, fit: Calibration, chosen: Iterable[Lead]) -> list[Tri
 
 
 class Search:
-    """Everything tried so far; sets of effects are known by their names.
+    """Everything tried so far; sets of effects are known by their names, a stage is a list of such sets of one size.
 
     Parameters
     ----------
@@ -85,13 +85,15 @@ class Search:
         return self.tried[()].noise
 
     def best_of(self, stage: Sequence[Names]) -> Names | None:
+        """The set of a `stage` with the most evidence; None of none."""
         return max(stage, key=lambda names: self.tried[names].evidence, default=None)
 
     def with_one_more(self, stage: Sequence[Names], finished: Finished | None = None) -> list[Names]:
-        """Sets of one more effect beside the best of a stage, and in its place; none where none helps.
+        """Sets of one more effect beside the best of a `stage`, and in its place; none where none helps.
 
         Beside what leaves a trifle none could count. But it may only imitate two others: then the best of those that
-        leave more is gone on with. Two that do not take most of the mismatch are no beginning of three.
+        leave more is gone on with. Two that do not take most of the mismatch are no beginning of three. `finished` is
+        called with the share that is done.
         """
         before = self.best_of([names for names in stage if not self.leaves_a_trifle(names)])
         if before is None or (len(before) > 1 and not self._takes_most(self.tried[before])):
@@ -105,7 +107,7 @@ class Search:
         return found + self.replacing(before, best)
 
     def beside(self, names: Names, finished: Finished | None = None) -> list[Names]:
-        """Try each promising effect beside those of a candidate."""
+        """Try each promising effect beside those of `names`; `finished` is called with the share that is done."""
         fit = self.tried[names].calibration
         unbent = with_fitted(self.bench.nominal.with_rig(fit.plant.rig), fit.plant)
         found = self._leads(names)
@@ -151,13 +153,14 @@ class Search:
         return [self.leads[single[0]] for single in best if single[0] in self.leads]
 
     def leaves_a_trifle(self, names: Names) -> bool:
-        """Whether no further effect could count."""
+        """Whether no further effect beside `names` could count."""
         return explained(self.tried[names], self.tried[()]) > 1.0 - TRIFLE
 
     def may_be_misread(self, stage: Sequence[Names], naming: Naming, rival: Candidate) -> bool:
-        """Whether another form of the plant could be what is missing, or what single effects lack.
+        """Whether the `rival` form of the plant could be what is missing, or what single effects of a `stage` lack.
 
         What is missing beside a wrong form takes most of the mismatch in this one, or the other form does by itself.
+        `naming` is the decision over the stage.
         """
         if self.is_clearly_worse_than(rival):
             return True
@@ -165,12 +168,12 @@ class Search:
         return naming.best is None and best is not None and self._takes_most(self.tried[best])
 
     def is_clearly_worse_than(self, rival: Candidate) -> bool:
-        """Whether another form of the plant without effects leaves clearly less than this one."""
+        """Whether the `rival` form of the plant leaves clearly less without effects than this one."""
         own, other = (max(float(c.losses.mean()) - self.noise**2, 0.0) for c in (self.tried[()], rival))
         return other < CLEARLY_BETTER * own
 
     def in_form(self, rival: Candidate, stage: Sequence[Names]) -> tuple[Search, list[Names]]:
-        """A search in another form of the plant, begun with the best single effects of this one.
+        """A search in the `rival` form of the plant, begun with the best single effects of this one, of a `stage`.
 
         Where that form leaves clearly less, what promises most there is tried as well.
         """
@@ -188,15 +191,15 @@ class Search:
         return other, found
 
     def least(self, stage: Sequence[Names]) -> float:
-        """Mean square that the best of a stage leaves."""
+        """Mean square that the best of a `stage` leaves."""
         return min((float(self.tried[names].losses.mean()) for names in stage), default=float(np.inf))
 
     def missing(self, stage: Sequence[Names]) -> float:
-        """The same beyond the noise."""
+        """Mean square beyond the noise that the best of a `stage` leaves."""
         return max(self.least(stage) - self.noise**2, 0.0)
 
     def replacing(self, before: Names, best: Names) -> list[Names]:
-        """Try the best of a stage with each effect that was there before the stage replaced by others."""
+        """Try the `best` set of a stage with each effect that was there `before` the stage replaced by others."""
         found: list[Names] = []
         for old in before:
             rest = tuple(name for name in best if name != old)
@@ -207,7 +210,7 @@ class Search:
         return found
 
     def each_counts(self, names: Names) -> bool:
-        """Whether what returns when any of the effects is taken out is more than the model error, and no trifle."""
+        """Whether what returns when any effect of `names` is taken out is more than the model error, and no trifle."""
         full, base = self.tried[names], self.tried[()]
         floor = full.calibration.plant.rig.model_error**2
         least = max(floor, TRIFLE * float(base.losses.mean() - base.noise**2))
@@ -219,7 +222,7 @@ class Search:
         return True
 
     def judge_by_the_best(self, stage: Sequence[Names]) -> None:
-        """The base plant was bent to imitate what is missing; the best explanation knows the plant's error better."""
+        """The base plant was bent to imitate what is missing; the best of a `stage` knows the plant's error better."""
         best = self.best_of(stage)
         if best is None:
             return
@@ -231,11 +234,11 @@ class Search:
             self.tried[names] = self.tried[names].with_floor(error)
 
     def decided(self, stage: Sequence[Names]) -> Naming:
-        """The decision over sets of one size, of which all explain the recordings."""
+        """The decision over a `stage`, among those that explain the recordings."""
         return self._decided(stage, lambda c: c.adequate and self._counts(c))
 
     def decided_surely(self, stage: Sequence[Names]) -> Naming:
-        """The decision; but where fewer of its effects suffice, fitted from where the best set is, that over fewer.
+        """The decision over a `stage`; where fewer effects suffice, fitted from where the best set is, that over fewer.
 
         A fit of fewer effects that was given up or left rough may have been far from its minimum.
         """
@@ -260,7 +263,7 @@ class Search:
         return naming
 
     def on_everything(self, naming: Naming) -> Naming:
-        """The decision, or the one that suffices, with the rivals that all recordings together bring back.
+        """The decision `naming`, or the one that suffices, with the rivals that all recordings together bring back.
 
         And those that the best one has become.
         """
