@@ -64,5 +64,4 @@ class ElectrodeLoss(Effect):
         return signal * (1 - self.own("share", build) * smooth_step((build.time - self.own("at", build)) / width))
 
     def starts(self, timepts: np.ndarray, residual: np.ndarray) -> tuple[Effect, ...]:
-        steps = steps_of(timepts, residual)
-        return tuple(replace(self, at=time) for time, height in steps if height < 0 and 0 < time < LATEST)
+        return tuple(replace(self, at=time) for time, height in steps_of(timepts, residual) if height < 0)

@@ -31,7 +31,7 @@ def steps_of(timepts: np.ndarray, residual: np.ndarray, count: int = 3) -> tuple
     -------
     tuple of (time, height)
         s, halfway between two samples, and the step's height in the unit of the residual; only local maxima of
-        the measure, none where there are fewer than two samples or none that steps.
+        the measure, at times that an event may have, none where there are fewer than two samples or none that steps.
 
     References
     ----------
@@ -51,7 +51,8 @@ def steps_of(timepts: np.ndarray, residual: np.ndarray, count: int = 3) -> tuple
             break
         if _peaks_at(explained, k) and all(abs(k - other) > apart for other in found):
             found.append(int(k))
-    return tuple((float(timepts[k] + timepts[k + 1]) / 2, float(heights[k])) for k in found)
+    steps = ((float(timepts[k] + timepts[k + 1]) / 2, float(heights[k])) for k in found)
+    return tuple((time, height) for time, height in steps if 0.0 < time < LATEST)
 
 
 def _peaks_at(values: np.ndarray, k: int) -> bool:

@@ -64,5 +64,4 @@ class SensorJump(Effect):
         return tuple(
             replace(self, at=time, change=float(np.clip(height, -limit, limit)))
             for time, height in steps_of(timepts, residual)
-            if 0 < time < LATEST
         )

@@ -161,7 +161,7 @@ class Detection:
 
         Model errors are slow, so that few independent ones are in a short record, and chance allows them much.
         """
-        return (self.p_value < LEVEL and self.size >= self.practical) or self.certain
+        return _counts(self.p_value, self.size, self.practical, self.certain)
 
     @property
     def testable(self) -> bool:
@@ -294,7 +294,7 @@ def detect_in(
     p_value, size = law.p_value(float(groups.max())), _size(left)
     least = practical * (CERTAIN if p_value < LIKELY else BEYOND_CHANCE)
     certain = _is_certain(left, law.refit.white, least)
-    counts = (p_value < LEVEL and size >= practical) or certain
+    counts = _counts(p_value, size, practical, certain)
     return Detection(
         p_value=p_value, statistics=_statistics(law, left, scores, groups), size=size, practical=practical,
         noise=left.noise, model_error=left.model_error, certain=certain,
@@ -304,6 +304,10 @@ def detect_in(
         moved=float(np.sqrt(np.mean(left.moved**2))), visible=visible, smallest=smallest,
         output_unit=left.output_unit, curves=_curves(law, left, scores),
     )  # fmt: skip
+
+
+def _counts(p_value: float, size: float, practical: float, certain: bool) -> bool:
+    return (p_value < LEVEL and size >= practical) or certain
 
 
 def _size(left: Leftover) -> float:

@@ -108,26 +108,26 @@ def find_repeats(commands: Sequence[np.ndarray], sample_time: float) -> Repeats 
     starts, windows = starts[moving], windows[moving]
     if starts.size < 2:
         return None
-    again = _next_returns(windows / span, starts)
+    again = _next_returns(windows / span)
     return _pairs(starts[again >= 0], starts[again[again >= 0]], width, sample_time)
 
 
-def _next_returns(windows: np.ndarray, starts: np.ndarray) -> np.ndarray:
+def _next_returns(windows: np.ndarray) -> np.ndarray:
     """For each window the number of the next one with the same values, -1 if there is none."""
     # Equal windows have equal sums with any weights, and others hardly ever have.
-    width = windows.shape[1]
+    count, width = windows.shape
     marks = windows @ np.random.default_rng(0).standard_normal((width, 2))
     tolerance = SUMS * SAME * np.sqrt(width)
     order = np.argsort(marks[:, 0], kind="stable")
-    again = np.full(starts.size, starts.size)
-    for apart in range(1, min(starts.size, MOST_RETURNS)):
+    again = np.full(count, count)
+    for apart in range(1, min(count, MOST_RETURNS)):
         here, there = order[:-apart], order[apart:]
         near = marks[there, 0] - marks[here, 0] < tolerance
         if not near.any():
             break
         same = near & (np.abs(marks[here, 1] - marks[there, 1]) < tolerance)
         np.minimum.at(again, np.minimum(here[same], there[same]), np.maximum(here[same], there[same]))
-    return np.where(again < starts.size, again, -1)
+    return np.where(again < count, again, -1)
 
 
 def _pairs(first: np.ndarray, second: np.ndarray, width: int, sample_time: float) -> Repeats | None:

@@ -12,10 +12,13 @@ from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming, cannot_rule_out
 from deatwin.ident.mismatch.naming.screen import Footprint
-from deatwin.ident.mismatch.naming.sets import CLEARLY_BETTER, MOST_CAUSES, Finished, Names, Search
+from deatwin.ident.mismatch.naming.sets import CLEARLY_BETTER, Finished, Names, Search
 from deatwin.ident.mismatch.naming.trial import Fitted
 
 __all__ = ["name_causes"]
+
+MOST_CAUSES = 3
+"""More effects at once are not told apart."""
 
 
 def name_causes(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -170,10 +171,7 @@ def _of_effect(
     """One for each shape at which the plant can be simulated."""
     without = readings_of_fit(parts, base.residuals)
     times = np.concatenate([part.timepts for part in parts])
-
-    def footprint(shape: Effect) -> Footprint | None:
-        return _footprint(base, shape, parts, without)
-
+    footprint = partial(_footprint, base, parts, without)
     shapes = effect.starts(times, fit.residuals) or _shapes(effect, base, parts)
     found = [f for f in map(footprint, shapes) if f is not None]
     return [_at_its_time(found, fit, times, footprint)] if effect.event and found else found
@@ -196,8 +194,9 @@ def _at_its_time(
 
 
 def _footprint(
-    base: Calibration, effect: Effect, parts: Sequence[Part], without: np.ndarray
+    base: Calibration, parts: Sequence[Part], without: np.ndarray, effect: Effect
 ) -> Footprint | None:
+    """At the typical strength of an effect, or a weaker one; None where the plant can be simulated at none."""
     typical = abs(next(p.value for p in effect.describe() if p.name == effect.strength))
     for share in WEAKER:
         strength = share * typical

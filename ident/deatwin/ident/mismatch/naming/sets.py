@@ -20,10 +20,8 @@ from deatwin.ident.mismatch.naming.trial import Fitted, Trial, run_trials, with_
 from deatwin.ident.mismatch.naming.whole import judged_on_everything
 from deatwin.plant.model import Plant
 
-__all__ = ["CLEARLY_BETTER", "MOST_CAUSES", "Finished", "Names", "Search"]
+__all__ = ["CLEARLY_BETTER", "Finished", "Names", "Search"]
 
-MOST_CAUSES = 3
-"""More effects at once are not told apart."""
 MOST_NEARLY = 2
 """More effects at once must explain the recordings to the plant's own error: three can bend to nearly anything."""
 BESIDE = 6
@@ -56,6 +54,11 @@ def _trials(unbent: Plant, fit: Calibration, chosen: Iterable[Lead]) -> list[Tri
     ]
 
 
+def _each_without_one(names: Names) -> list[Names]:
+    """The sets that are left when each effect in turn is taken out."""
+    return [tuple(name for name in names if name != old) for old in names]
+
+
 class Search:
     """Everything tried so far; sets of effects are known by their names, a stage is a list of such sets of one size.
 
@@ -83,6 +86,9 @@ class Search:
     @property
     def noise(self) -> float:
         return self.tried[()].noise
+
+    def _beyond_noise(self, mean_square: float) -> float:
+        return max(mean_square - self.noise**2, 0.0)
 
     def best_of(self, stage: Sequence[Names]) -> Names | None:
         """The set of a `stage` with the most evidence; None of none."""
@@ -169,8 +175,7 @@ class Search:
 
     def is_clearly_worse_than(self, rival: Candidate) -> bool:
         """Whether the `rival` form of the plant leaves clearly less without effects than this one."""
-        own, other = (max(float(c.losses.mean()) - self.noise**2, 0.0) for c in (self.tried[()], rival))
-        return other < CLEARLY_BETTER * own
+        return self._beyond_noise(float(rival.losses.mean())) < CLEARLY_BETTER * self.missing([()])
 
     def in_form(self, rival: Candidate, stage: Sequence[Names]) -> tuple[Search, list[Names]]:
         """A search in the `rival` form of the plant, begun with the best single effects of this one, of a `stage`.
@@ -196,7 +201,7 @@ class Search:
 
     def missing(self, stage: Sequence[Names]) -> float:
         """Mean square beyond the noise that the best of a `stage` leaves."""
-        return max(self.least(stage) - self.noise**2, 0.0)
+        return self._beyond_noise(self.least(stage))
 
     def replacing(self, before: Names, best: Names) -> list[Names]:
         """Try the `best` set of a stage with each effect that was there `before` the stage replaced by others."""
@@ -214,8 +219,8 @@ class Search:
         full, base = self.tried[names], self.tried[()]
         floor = full.calibration.plant.rig.model_error**2
         least = max(floor, TRIFLE * float(base.losses.mean() - base.noise**2))
-        rests = [tuple(name for name in names if name != old) for old in names]
-        for rest in sorted(rests, key=lambda rest: rest not in self.tried):  # what is known already may spare a fit
+        # What is known already may spare a fit.
+        for rest in sorted(_each_without_one(names), key=lambda rest: rest not in self.tried):
             without = self._reduced(names, rest)
             if without is not None and without.losses.mean() - full.losses.mean() < least:
                 return False
@@ -246,7 +251,7 @@ class Search:
         if naming.best is None:
             return naming
         best = naming.best.effects
-        fewer = [tuple(name for name in best if name != old) for old in best]
+        fewer = _each_without_one(best)
         for rest in fewer:
             self._fit_from(best, rest)
         again = self.decided([rest for rest in fewer if rest in self.tried])
@@ -314,17 +319,20 @@ class Search:
 
     def _fit_some(self, full: Names, rest: Names) -> None:
         """Fit some of the effects of a candidate."""
-        plant = self.tried[full].calibration.plant.without_effects(*(name for name in full if name not in rest))
+        plant = self._plant_of(full, rest)
         unbent = with_fitted(self.bench.nominal.with_rig(plant.rig), plant)
         self._try([Trial(start=unbent, bent=plant, without=self.tried[()].calibration)])
 
     def _fit_from(self, full: Names, rest: Names) -> None:
         """Fit some of the effects of a candidate from its values, and keep the better fit."""
-        before, plant = self.tried.get(rest), self.tried[full].calibration.plant
-        less = plant.without_effects(*(name for name in full if name not in rest))
+        before, less = self.tried.get(rest), self._plant_of(full, rest)
         self._try([Trial(start=less, bent=less, without=self.tried[()].calibration)])
         if before is not None and before.calibration.rms <= self.tried[rest].calibration.rms:
             self.tried[rest] = replace(before, noise=self.noise)
+
+    def _plant_of(self, full: Names, rest: Names) -> Plant:
+        """The plant of a candidate with some of its effects only, not fitted anew."""
+        return self.tried[full].calibration.plant.without_effects(*(name for name in full if name not in rest))
 
     def _names(self, trial: Trial) -> Names:
         return tuple(name for name in trial.start.effect_names if name not in self.bench.nominal.effect_names)
