@@ -23,6 +23,7 @@ __all__ = [
     "cannot_rule_out",
     "decide",
     "explained",
+    "is_as_likely",
     "nothing_tried",
     "suffices",
     "with_distances",
@@ -30,6 +31,8 @@ __all__ = [
 
 STRONG = float(np.log(20.0))
 """An explanation stands alone where no rival's evidence is within this, in nats (Kass & Raftery 1995: strong)."""
+CREDIBLE = 0.95
+"""Together with its rivals it holds at least so much of the probability: many weak rivals make one strong doubt."""
 RIVAL_SHARE = 0.5
 """A rival is also kept while its error differs from the best by less than this share of the model error."""
 SUFFICIENT = ((0.8, 0.95), (1.5, 3.0))
@@ -107,6 +110,26 @@ class Naming:
             self, candidates=(*self.candidates, *rivals.values()), rivals=(*self.rivals, *rivals.values()),
             probabilities={effects: weight / whole for effects, weight in weights.items()},
         )  # fmt: skip
+
+    def led_by(self, first: Candidate) -> Naming:
+        """The same answer with another explanation at its head; the one that was there becomes a rival.
+
+        Parameters
+        ----------
+        first : Candidate
+            The best one or a rival.
+
+        Returns
+        -------
+        Naming
+            With the distances that are known from `first`.
+        """
+        if first is self.best or self.best is None:
+            return self
+        name = "+".join(first.effects)
+        known = tuple(replace(d, effects=(name, d.effects[0])) for d in self.distances if d.effects[1] == name)
+        others = tuple(c for c in (self.best, *self.rivals) if c is not first)
+        return replace(self, best=first, rivals=others, distances=known)
 
     @property
     def base(self) -> Candidate:
@@ -188,9 +211,21 @@ def decide(
     weights = np.exp([c.evidence - ranked[0].evidence for c in ranked])
     probabilities = {c.effects: float(w / weights.sum()) for c, w in zip(ranked, weights, strict=True)}
     best = next((c for c in ranked if good(c)), None)
+    if best is None:
+        return Naming(candidates=tuple(tried), best=None, rivals=(), probabilities=probabilities, noise=noise)
     others = [c for c in ranked if c is not best and (good(c) or possible(c))]
-    rivals = tuple(c for c in others if best is not None and (cannot_rule_out if good(c) else is_as_likely)(c, best))
+    likely = _credible(best, others, probabilities)
+    rivals = tuple(c for c in others if c in likely or (cannot_rule_out if good(c) else is_as_likely)(c, best))
     return Naming(candidates=tuple(tried), best=best, rivals=rivals, probabilities=probabilities, noise=noise)
+
+
+def _credible(
+    best: Candidate, others: Sequence[Candidate], probabilities: Mapping[tuple[str, ...], float]
+) -> list[Candidate]:
+    """The likeliest of `others` that are needed beside the best one to hold enough of the probability of all these."""
+    weights = np.array([probabilities[c.effects] for c in (best, *others)])
+    before = np.cumsum(weights)[:-1]
+    return [c for c, held in zip(others, before, strict=True) if held < CREDIBLE * weights.sum()]
 
 
 def with_distances(

@@ -10,7 +10,7 @@ import numpy as np
 
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.candidate import Candidate
-from deatwin.ident.mismatch.naming.decide import Naming, cannot_rule_out
+from deatwin.ident.mismatch.naming.decide import Naming, cannot_rule_out, is_as_likely
 from deatwin.ident.mismatch.naming.screen import Footprint
 from deatwin.ident.mismatch.naming.sets import CLEARLY_BETTER, Finished, Names, Search
 from deatwin.ident.mismatch.naming.trial import Fitted
@@ -84,7 +84,9 @@ def _best_form(forms: Sequence[tuple[Search, list[Names]]]) -> tuple[Search, lis
     """The form in which one effect suffices with the most evidence, or else leaves clearly less.
 
     Or else one that by itself leaves hardly more than the first form does with an effect: another reading of the rig
-    costs less than physics. Or else the first. What suffices in other forms and cannot be ruled out is a rival.
+    costs less than physics. Or else the first. The rig file's own form is left for strong evidence only, and for the
+    same effects only where the plant's error could not have made it. What suffices in other forms and cannot be ruled
+    out is a rival.
     """
     decided = [(search, stage, search.decided(stage)) for search, stage in forms]
     sufficing = [(naming.best, k) for k, (_, _, naming) in enumerate(decided) if naming.best is not None]
@@ -98,7 +100,8 @@ def _best_form(forms: Sequence[tuple[Search, list[Names]]]) -> tuple[Search, lis
         return decided[simplest if CLEARLY_BETTER * missing[simplest] < forms[0][0].missing(forms[0][1]) else 0]
     best, number = max(sufficing, key=lambda pair: pair[0].evidence)
     first, k = sufficing[0]
-    if k == 0 and cannot_rule_out(first, best):
+    may_lead = cannot_rule_out if first.effects == best.effects else is_as_likely
+    if k == 0 and may_lead(first, best):
         best, number = first, 0
     search, stage, naming = decided[number]
     elsewhere = [c for _, _, n in decided if n is not naming and n.best is not None for c in (n.best, *n.rivals)]

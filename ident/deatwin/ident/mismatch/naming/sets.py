@@ -11,8 +11,9 @@ from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.floor import floor_of
 from deatwin.ident.mismatch.naming.candidate import Candidate, noise_seen
-from deatwin.ident.mismatch.naming.decide import Naming, decide, explained, suffices, with_distances
+from deatwin.ident.mismatch.naming.decide import STRONG, Naming, decide, explained, suffices, with_distances
 from deatwin.ident.mismatch.naming.limits import with_limits
+from deatwin.ident.mismatch.naming.overlap import with_overlap
 from deatwin.ident.mismatch.naming.screen import Footprint, Lead, footprints, leads
 from deatwin.ident.mismatch.naming.shortlist import shortlist
 from deatwin.ident.mismatch.naming.siblings import siblings
@@ -239,8 +240,17 @@ class Search:
             self.tried[names] = self.tried[names].with_floor(error)
 
     def decided(self, stage: Sequence[Names]) -> Naming:
-        """The decision over a `stage`, among those that explain the recordings."""
-        return self._decided(stage, lambda c: c.adequate and self._counts(c))
+        """The decision over a `stage`, among those that explain the recordings.
+
+        It is led by a rival that is likelier by far and suffices as far as anybody knows the plant's own error: what is
+        improbable beside it keeps a limit by luck.
+        """
+        naming = self._decided(stage, lambda c: c.adequate and self._counts(c))
+        if naming.best is None or len(naming.best.effects) > MOST_NEARLY:
+            return naming
+        enough = [c for c in naming.rivals if suffices(c, self.tried[()]) and self._counts(c)]
+        likeliest = max(enough, key=lambda c: c.evidence, default=naming.best)
+        return naming.led_by(likeliest) if likeliest.evidence - naming.best.evidence > STRONG else naming
 
     def decided_surely(self, stage: Sequence[Names]) -> Naming:
         """The decision over a `stage`; where fewer effects suffice, fitted from where the best set is, that over fewer.
@@ -270,10 +280,11 @@ class Search:
     def on_everything(self, naming: Naming) -> Naming:
         """The decision `naming`, or the one that suffices, with the rivals that all recordings together bring back.
 
-        And those that the best one has become.
+        And those that the best one has become, and those that may do what two effects have in common.
         """
         decided = naming if naming.best is not None else self.nearly()
-        return with_limits(judged_on_everything(decided, self.bench, self._takes_most), self._takes_most)
+        judged = judged_on_everything(decided, self.bench, self._takes_most)
+        return with_overlap(with_limits(judged, self._takes_most), self._takes_most)
 
     def _counts(self, candidate: Candidate) -> bool:
         """Whether a candidate takes away most of what is more than noise, and its effects act.

@@ -12,7 +12,7 @@ from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.excess import excess_over_floor
 from deatwin.ident.mismatch.losses import block_losses, evidence
 from deatwin.ident.mismatch.naming.candidate import Candidate
-from deatwin.ident.mismatch.naming.decide import STRONG, Distance, Naming
+from deatwin.ident.mismatch.naming.decide import STRONG, Naming
 from deatwin.ident.mismatch.refit.search import DECIDING
 from deatwin.ident.parallel import run_jobs
 
@@ -61,19 +61,11 @@ def judged_on_everything(naming: Naming, bench: Bench, possible: Callable[[Candi
     weights |= {w.candidate.effects: known * float(np.exp(w.evidence - of_best.evidence)) for w in back}
     total = sum(weights.values())
     first = max((of_best, *(w for w in back if w.adequate)), key=lambda w: w.evidence).candidate
-    further = tuple(w.candidate for w in (of_best, *back) if w.candidate is not first)
-    return replace(
-        naming, best=first, rivals=(*naming.rivals, *further), distances=_from(first, naming),
+    found = replace(
+        naming, rivals=(*naming.rivals, *(w.candidate for w in back)),
         probabilities={effects: weight / total for effects, weight in weights.items()},
     )  # fmt: skip
-
-
-def _from(first: Candidate, naming: Naming) -> tuple[Distance, ...]:
-    """The distances that are known from a candidate, which need not be the best by both parts."""
-    if first is naming.best:
-        return naming.distances
-    name = "+".join(first.effects)
-    return tuple(replace(d, effects=(name, d.effects[0])) for d in naming.distances if d.effects[1] == name)
+    return found.led_by(first)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

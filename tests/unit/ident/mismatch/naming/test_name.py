@@ -9,7 +9,14 @@ import pytest
 
 from deatwin.ident.greybox import FitStatus
 from deatwin.ident.mismatch.naming.candidate import Candidate
-from deatwin.ident.mismatch.naming.decide import cannot_rule_out, decide, suffices, with_distances
+from deatwin.ident.mismatch.naming.decide import (
+    Distance,
+    Naming,
+    cannot_rule_out,
+    decide,
+    suffices,
+    with_distances,
+)
 from deatwin.ident.mismatch.naming.name import _best_form
 from deatwin.ident.mismatch.naming.sets import Search
 from deatwin.ident.mismatch.naming.trial import _otherwise
@@ -48,6 +55,52 @@ def test_equal_explanations_are_rivals():
     decided = decide((one, other), (one, other), NOISE, is_adequate, is_adequate)
     assert decided.rivals == (other,)
     assert cannot_rule_out(other, one)
+
+
+def test_many_that_are_unlikely_one_by_one_are_rivals_together():
+    best = candidate("creep", rms=2.1)
+    # each 25 times less likely, 200 blocks: 100 ln(x) = ln 25; five of them hold a sixth of the probability
+    unlikely = 2.1 * 25 ** (1 / 200)
+    others = [candidate(name, rms=unlikely) for name in ("delay", "end_stop", "hysteresis", "leakage", "mullins")]
+    stage = (best, *others)
+    alone = decide(stage, stage[:2], NOISE, lambda c: c is best, lambda c: True)
+    assert alone.probabilities[best.effects] == pytest.approx(25 / 26, rel=1e-6)
+    assert alone.rivals == ()
+    together = decide(stage, stage, NOISE, lambda c: c is best, lambda c: True)
+    assert together.probabilities[best.effects] == pytest.approx(25 / 30, rel=1e-6)
+    held = together.probabilities[best.effects] + sum(together.probabilities[c.effects] for c in together.rivals)
+    # 28/30 are too few, 29/30 enough
+    assert len(together.rivals) == 4
+    assert held > 0.95
+
+
+def test_what_keeps_a_limit_by_luck_does_not_lead_what_is_likelier_by_far(monkeypatch):
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.with_distances", lambda naming, *_: naming)
+    base, lucky = candidate(rms=9.0), candidate("delay", rms=2.3)
+    # leaves 1.25 µm of the fitted part, the floor is 1.2; less than the other one on both parts taken together
+    likelier = candidate("sensor_drift", rms=2.36, unseen=1.9)
+    assert lucky.adequate
+    assert not likelier.adequate
+    led = search_over(base, lucky, likelier).decided([("delay",), ("sensor_drift",)])
+    assert led.best is likelier
+    assert led.rivals == (lucky,)
+    # what does not suffice by far is no answer, however likely it is
+    bad = candidate("sensor_drift", rms=2.0, unseen=2.9)
+    assert search_over(base, lucky, bad).decided([("delay",), ("sensor_drift",)]).best is lucky
+
+
+def test_another_head_keeps_the_distances_that_are_known_from_it():
+    one, other, third = (candidate(name, rms=2.1) for name in ("creep", "delay", "leakage"))
+    distances = (Distance(effects=("creep", "delay"), d2=9.0), Distance(effects=("creep", "leakage"), d2=4.0))
+    naming = Naming(
+        candidates=(one, other, third), best=one, rivals=(other, third), probabilities={}, noise=NOISE,
+        distances=distances,
+    )  # fmt: skip
+    assert naming.led_by(one) is naming
+    led = naming.led_by(other)
+    assert led.best is other
+    assert led.rivals == (one, third)
+    assert led.distances == (Distance(effects=("delay", "creep"), d2=9.0),)
 
 
 def test_nothing_adequate_is_no_explanation():
@@ -219,6 +272,16 @@ def test_what_suffices_in_another_form_stays_possible():
     assert ("sensor_lag",) in [candidate.effects for candidate in naming.candidates]
     assert sum(naming.probabilities.values()) == pytest.approx(1.0)
     assert 0.3 < naming.probabilities["sensor_lag",] < 0.5  # the residuals are nearly equal
+
+
+@pytest.mark.parametrize("effect, taken", [("delay", 0), ("sensor_drift", 1)])
+def test_another_effect_in_another_form_leads_where_the_evidence_for_it_is_strong(effect, taken):
+    # 2.15² - 2.1² is 0.46², less than half of the plant's error, but 100 ln(2.15/2.1)² are 4.7 nats: a hundred to one
+    forms = [form(candidate("delay", rms=2.15)), form(candidate(effect, rms=2.1))]
+    search, _, naming = _best_form(forms)
+    assert search is forms[taken][0]
+    if taken:
+        assert [rival.effects for rival in naming.rivals] == [("delay",)]
 
 
 @pytest.mark.parametrize("least, taken", [(0.79, 1), (0.81, 0)])
