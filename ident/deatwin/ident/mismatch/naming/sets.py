@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -19,6 +19,7 @@ from deatwin.ident.mismatch.naming.shortlist import shortlist
 from deatwin.ident.mismatch.naming.siblings import siblings
 from deatwin.ident.mismatch.naming.trial import Fitted, Trial, run_trials, with_fitted
 from deatwin.ident.mismatch.naming.whole import judged_on_everything
+from deatwin.ident.mismatch.naming.worth import acts, takes_most
 from deatwin.plant.model import Plant
 
 __all__ = ["CLEARLY_BETTER", "Finished", "Names", "Search"]
@@ -35,12 +36,8 @@ CLEARLY_BETTER = 0.8
 """A rival form is gone on with where its best single effect leaves less than this share of the mean square."""
 TRIFLE = 0.05
 """Share of the mismatch's energy below which a further effect mends what another one does to the plant's own error."""
-MOST = 0.5
-"""Share of the mismatch's energy that an explanation takes away: a base plant that is nearly adequate becomes so with
-any effect."""
-ACTING = 0.5
-"""Share of the fall of the rms residual, that the effects of an explanation must do by themselves at least; where the
-fit without them has found its minimum it is all, by the triangle inequality."""
+BARELY = 0.5
+"""Of the model error's power: a second effect that counts for less is none, and for certain one from the whole on."""
 BENT = 1.5
 """Largest ratio by which an explanation may raise the model error by which all are judged."""
 Finished = Callable[[float], None]
@@ -58,6 +55,11 @@ def _trials(unbent: Plant, fit: Calibration, chosen: Iterable[Lead]) -> list[Tri
 def _each_without_one(names: Names) -> list[Names]:
     """The sets that are left when each effect in turn is taken out."""
     return [tuple(name for name in names if name != old) for old in names]
+
+
+def _returns(full: Candidate, less: Candidate) -> float:
+    """Mean square that returns where effects of a candidate are taken out."""
+    return float(less.losses.mean() - full.losses.mean())
 
 
 class Search:
@@ -217,15 +219,28 @@ class Search:
 
     def each_counts(self, names: Names) -> bool:
         """Whether what returns when any effect of `names` is taken out is more than the model error, and no trifle."""
-        full, base = self.tried[names], self.tried[()]
-        floor = full.calibration.plant.rig.model_error**2
-        least = max(floor, TRIFLE * float(base.losses.mean() - base.noise**2))
-        # What is known already may spare a fit.
+        least = max(self._floor_of(names), TRIFLE * float(self.tried[()].losses.mean() - self.tried[()].noise ** 2))
+        return all(_returns(self.tried[names], less) >= least for less in self._without_one(names))
+
+    def each_counts_barely(self, names: Names) -> bool:
+        """The same of `names` and half of that power, but on the fitted and on the unseen part: no part is luck."""
+        full, least = self.tried[names], BARELY * self._floor_of(names)
+        return all(
+            min(less.fitted_test.rms**2 - full.fitted_test.rms**2, less.unseen_test.rms**2 - full.unseen_test.rms**2)
+            >= least
+            for less in self._without_one(names)
+        )
+
+    def _without_one(self, names: Names) -> Iterator[Candidate]:
+        """The sets without one effect of `names`, those first that are known: each other one takes a fit."""
         for rest in sorted(_each_without_one(names), key=lambda rest: rest not in self.tried):
             without = self._reduced(names, rest)
-            if without is not None and without.losses.mean() - full.losses.mean() < least:
-                return False
-        return True
+            if without is not None:
+                yield without
+
+    def _floor_of(self, names: Names) -> float:
+        """Power of the plant's own error."""
+        return float(self.tried[names].calibration.plant.rig.model_error ** 2)
 
     def judge_by_the_best(self, stage: Sequence[Names]) -> None:
         """The base plant was bent to imitate what is missing; the best of a `stage` knows the plant's error better."""
@@ -257,7 +272,10 @@ class Search:
 
         A fit of fewer effects that was given up or left rough may have been far from its minimum.
         """
-        naming = self.decided(stage)
+        return self._surely(lambda: self.decided(stage))
+
+    def _surely(self, decision: Callable[[], Naming]) -> Naming:
+        naming = decision()
         if naming.best is None:
             return naming
         best = naming.best.effects
@@ -265,17 +283,33 @@ class Search:
         for rest in fewer:
             self._fit_from(best, rest)
         again = self.decided([rest for rest in fewer if rest in self.tried])
-        return self.decided(stage) if again.best is None else again
+        return decision() if again.best is None else again
 
     def nearly(self) -> Naming:
-        """The decision over the smallest sets that suffice as far as anybody knows the plant's own error."""
+        """The decision over the smallest sets that suffice as far as anybody knows the plant's own error, or barely."""
         naming = self.decided(())
         for size in range(1, MOST_NEARLY + 1):
             stage = [names for names in self.tried if len(names) == size]
             naming = self._decided(stage, lambda c: suffices(c, self.tried[()]) and self._counts(c))
             if naming.best is not None:
-                break
-        return naming
+                return naming
+        return self._surely(self.barely)
+
+    def barely(self) -> Naming:
+        """The decision over pairs that explain the recordings, though one of the two counts for less than the floor.
+
+        What is left without that one is too much for the plant's own error, and what it takes away too little to be
+        certain of it: the other one alone stays a rival.
+        """
+        pairs = [names for names, c in self.tried.items() if len(names) == 2 and c.adequate and self._counts(c)]
+        counting = [names for names in pairs if self.each_counts_barely(names)]
+        naming = self._decision([self.tried[names] for names in counting], lambda _: True)
+        if naming.best is None:
+            return naming
+        best = naming.best
+        floor = self._floor_of(best.effects)
+        doubted = [less for less in self._without_one(best.effects) if _returns(best, less) < floor]
+        return replace(naming, rivals=(*naming.rivals, *doubted))
 
     def on_everything(self, naming: Naming) -> Naming:
         """The decision `naming`, or the one that suffices, with the rivals that all recordings together bring back.
@@ -287,27 +321,20 @@ class Search:
         return with_overlap(with_limits(judged, self._takes_most), self._takes_most)
 
     def _counts(self, candidate: Candidate) -> bool:
-        """Whether a candidate takes away most of what is more than noise, and its effects act.
-
-        A fit with an effect may be better than one without for no merit of the effect: the fit without it had not found
-        its minimum. Then the effect does less by itself than the residual fell; from a minimum it cannot. An interval
-        of its strength would not tell, since a strength may be tied to a time of the effect.
-        """
-        fell = self.tried[()].fitted_test.rms - candidate.fitted_test.rms
-        does = float(np.sqrt(np.mean(candidate.contribution**2)))
-        return self._takes_most(candidate) and does > ACTING * fell
+        """Whether a candidate takes away most of the mismatch, and its effects act."""
+        return self._takes_most(candidate) and acts(candidate, self.tried[()])
 
     def _takes_most(self, candidate: Candidate) -> bool:
-        base = self.tried[()]
-        missing, gained = float(base.losses.mean() - self.noise**2), float((base.losses - candidate.losses).mean())
-        return gained > MOST * missing
+        return takes_most(candidate, self.tried[()])
 
     def _is_padded(self, names: Names) -> bool:
         """Whether what would be an explanation has an effect that adds nothing to it."""
         return len(names) > 1 and self._takes_most(self.tried[names]) and not self.each_counts(names)
 
     def _decided(self, stage: Sequence[Names], good: Callable[[Candidate], bool]) -> Naming:
-        competing = [self.tried[n] for n in stage if not self._is_padded(n)]
+        return self._decision([self.tried[n] for n in stage if not self._is_padded(n)], good)
+
+    def _decision(self, competing: Sequence[Candidate], good: Callable[[Candidate], bool]) -> Naming:
         naming = decide(tuple(self.tried.values()), competing, self.noise, good, self._takes_most)
         return with_distances(naming, competing, self.bench, self._takes_most)
 

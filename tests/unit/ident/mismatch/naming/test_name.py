@@ -175,6 +175,21 @@ def test_an_idle_second_effect_does_not_become_a_cause():
     assert search_over(base, better, drift).nearly().best is better
 
 
+@pytest.mark.parametrize("alone, answer", [(2.34, [("creep", "delay"), ("delay",)]), (2.22, [])])
+def test_a_pair_of_which_one_effect_counts_for_less_than_the_floor_is_doubted(monkeypatch, alone, answer):
+    """Nothing else explains the recordings: it is better than no answer, and the other effect alone stays possible."""
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.with_distances", lambda naming, *_: naming)
+    base, creep, delay = candidate(rms=3.2), candidate("creep", rms=2.9), candidate("delay", rms=alone)
+    # 1.2² is 1.44. Without creep 2.34² - 2.06² = 1.23 return, or 0.68 of 2.22²: less than half
+    pair = candidate("creep", "delay", rms=2.06)
+    search = search_over(base, creep, delay, pair)
+    monkeypatch.setattr(Search, "_fit_from", lambda *_: None)
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.suffices", lambda *_: False)
+    naming = search.nearly()
+    found = [] if naming.best is None else [naming.best.effects, *(c.effects for c in naming.rivals)]
+    assert found == answer
+
+
 def test_what_suffices():
     base = candidate(rms=5.7)
     assert suffices(candidate("creep", rms=2.1), base)
