@@ -31,7 +31,7 @@ from deatwin.plant.parameters import Parameter
 
 __all__ = ["advise"]
 
-MOST_RIVALS = 4
+MOST_RIVALS = 8
 SCREENED, SHORTEST, LONGEST = 3000, 1000, 15_000
 """Samples of an input when it is screened, and when it is advised."""
 ROUND = 250
@@ -44,6 +44,8 @@ AMPLE = 10 * WANTED * SCREENED / SHORTEST
 """d² of a screened waveform that promises ten times what is wanted at the shortest length. The first such waveform of
 the repertoire, whose order is from broad and gentle to fast and special, is preferred to one that promises even more:
 what a plant's equations leave out shows most where it is driven to its extremes."""
+TINY = 1e-3
+"""d² of explanations that predict the same."""
 ATTEMPTS = 2
 HEAVIER = 2.0
 """The load after a mass has been added, as a multiple."""
@@ -67,7 +69,7 @@ def advise(
     bench : Bench
         Rig and recordings.
     rivals : sequence of Candidate
-        The explanations that the recordings leave, the best first; of many the first four count.
+        The explanations that the recordings leave, the best first; of many the first eight count.
     rng : numpy.random.Generator
         Source of posterior plants and of what is random in waveforms.
     progress : callable, optional
@@ -137,15 +139,25 @@ def _search(question: Question, tell: Told) -> tuple[dict[str, float], _Input | 
 
 
 def _needed(question: Question, name: str) -> float:
-    """Samples that a waveform needs if d² grows as its length does."""
+    """Samples that a waveform needs if d² goes on to grow as it does to first order; what is slow grows late."""
     commands = question.commands(name, SCREENED)
     if commands is None or not question.is_safe(commands):
         return float(np.inf)
     try:
-        gained = question.refitted(commands) - question.before
+        reached = question.refitted(commands)
     except SimulationError:
         return float(np.inf)
-    return SCREENED * (WANTED - question.before) / gained if gained > 0 else float(np.inf)
+    if reached >= WANTED:
+        gained = reached - question.before
+        return SCREENED * (WANTED - question.before) / gained if gained > 0 else float(np.inf)
+    longest = question.commands(name, LONGEST)
+    if longest is None:
+        return float(np.inf)
+    first, last = question.first_order(commands), question.first_order(longest)
+    if not 0.0 < first < last or last < TOLD_APART:
+        return float(np.inf)
+    growth = np.log(last / first) / np.log(LONGEST / SCREENED)
+    return float(SCREENED * (WANTED / max(reached, TINY)) ** (1 / growth))
 
 
 def _long_enough(question: Question, name: str, needed: float) -> _Input | None:

@@ -23,6 +23,8 @@ DRAWS = 2
 """Plants drawn from each posterior, besides the fitted one."""
 STEPS = 2
 """Steps of a rival's refit with simulations, as there are many refits."""
+NEAREST = 4
+"""Pairs whose rival is refitted with simulations: those that are nearest to first order."""
 PROBE = 100
 """Samples for which a drawn plant must bear the ends of what was recorded, as the real one did."""
 
@@ -210,13 +212,17 @@ class Question:
         float
             0 where an explanation cannot be simulated.
         """
+        return min(self._distances(commands), default=0.0)
+
+    def _distances(self, commands: np.ndarray) -> list[float]:
+        """The same of each pair; of none where an explanation cannot be simulated."""
         parts = self.parts(commands)
         responses = []
         for fit in self.fits:
             problem = Problem(plant=fit.plant, parts=tuple(parts), names=fit.names)
             found = problem.evaluate(problem.start())
             if found is None:
-                return 0.0
+                return []
             responses.append((-found[0], found[1]))  # measured is zero, so the residual is minus the reading
         distances = []
         for (truth, rival), memory in zip(self.pairs, self.memories, strict=True):
@@ -224,10 +230,10 @@ class Question:
             known = Difference.between(self.fits[truth].plant, self.fits[rival].plant, readings, left, parts)
             both = Memory(known=known, jacobian=responses[rival][1]).beside(memory)
             distances.append(both.refitted.squared_distance(self.noise))
-        return min(distances)
+        return distances
 
     def refitted(self, commands: np.ndarray, draw: int = 0) -> float:
-        """d² of the nearest pair after recordings of an input, with each rival refitted to each truth.
+        """d² of the nearest pair after recordings of an input, with the rival refitted to the truth.
 
         Parameters
         ----------
@@ -247,8 +253,10 @@ class Question:
             If a truth cannot be simulated.
         """
         parts = self.parts(commands)
+        rough = self._distances(commands) if len(self.pairs) > NEAREST else []
         least = np.inf
-        for (truth, rival), memory in zip(self.pairs, self.memories, strict=True):
+        for k in np.argsort(rough)[:NEAREST] if rough else range(len(self.pairs)):
+            (truth, rival), memory = self.pairs[k], self.memories[k]
             fit, shift = self.fits[truth], self.shifts[truth][draw % len(self.shifts[truth])]
             change = fit.jacobian @ shift
             known = replace(memory.known, readings=memory.known.readings + change, left=memory.known.left + change)

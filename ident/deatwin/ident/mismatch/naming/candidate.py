@@ -37,6 +37,8 @@ class Candidate:
         Standard deviation of the sensor's noise by which it is judged, SI.
     contribution : ndarray, shape (m,)
         What the effects by themselves do to the readings of the fitted part, SI; may be empty without effects.
+    sizes : tuple of (int, int)
+        Fitted and unseen samples of each experiment; empty where there is one.
     """
 
     effects: tuple[str, ...]
@@ -44,6 +46,7 @@ class Candidate:
     unseen: np.ndarray
     noise: float
     contribution: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    sizes: tuple[tuple[int, int], ...] = ()
 
     @cached_property
     def fitted_test(self) -> Excess:
@@ -90,6 +93,15 @@ class Candidate:
         return np.concatenate([block_losses(self.calibration.residuals), block_losses(self.unseen)])
 
     @property
+    def mean_squares(self) -> np.ndarray:
+        """Mean square of the residuals in each experiment, over both parts."""
+        parts = [
+            np.split(residuals**2, np.cumsum([pair[part] for pair in self.sizes])[:-1])
+            for part, residuals in enumerate((self.calibration.residuals, self.unseen))
+        ]
+        return np.array([np.concatenate(squares).mean() for squares in zip(*parts, strict=True)])
+
+    @property
     def evidence(self) -> float:
         """Logarithm of the evidence over both parts."""
         return evidence(self.losses, len(self.calibration.names))
@@ -119,7 +131,12 @@ def judge(bench: Bench, calibration: Calibration, noise: float) -> Candidate | N
     return Candidate(
         effects=added, calibration=calibration, unseen=residuals, noise=noise,
         contribution=contribution(bench, calibration, added),
+        sizes=tuple((_size(early), _size(late)) for early, late in zip(bench.fitted, bench.unseen, strict=True)),
     )  # fmt: skip
+
+
+def _size(part: Part) -> int:
+    return sum(int(mask.sum()) for mask in part.masks)
 
 
 def free_run_residuals(plant: Plant, parts: Sequence[Part]) -> np.ndarray | None:

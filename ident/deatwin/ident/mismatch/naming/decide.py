@@ -257,7 +257,7 @@ def with_distances(
     alike = [_apart(c, best) <= _model_error(best) for c in others]
     # Of what the recordings have told apart the order of magnitude is enough.
     tasks = [
-        (best.calibration, c.calibration, bench.fitted, naming.noise, STEPS if close else 0)
+        (best.calibration, c.calibration, bench.everything, naming.noise, STEPS if close else 0)
         for c, close in zip(others, alike, strict=True)
     ]
     found = run_jobs(separation, tasks, workers=bench.jobs)
@@ -335,8 +335,11 @@ def cannot_rule_out(rival: Candidate, best: Candidate) -> bool:
 
 
 def _apart(rival: Candidate, best: Candidate) -> float:
-    """Rms by which a rival leaves more than the best, SI; 0 where it does not."""
-    return float(np.sqrt(max(rival.losses.mean() - best.losses.mean(), 0.0)))
+    """Rms by which a rival leaves more than the best in one of the experiments, SI; 0 where it does in none.
+
+    Over all of them together a short one, made to tell the two apart, would count for little.
+    """
+    return float(np.sqrt(max(float((rival.mean_squares - best.mean_squares).max()), 0.0)))
 
 
 def _model_error(best: Candidate) -> float:

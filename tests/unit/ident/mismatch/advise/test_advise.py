@@ -9,6 +9,7 @@ import pytest
 from scipy.stats import binom
 
 from deatwin.ident.greybox.fit import Part, calibrate
+from deatwin.ident.mismatch.advise import distance, question
 from deatwin.ident.mismatch.advise.advise import advise
 from deatwin.ident.mismatch.advise.waveforms import REPERTOIRE, Limits, bears, limits_of, safe_limits, waveform
 from deatwin.ident.mismatch.bench import Bench
@@ -27,6 +28,7 @@ from deatwin.plant import (
     Plant,
     Recording,
     Rig,
+    SensorCurvature,
     SensorLag,
     StartProcedure,
     actuation_curve,
@@ -164,6 +166,31 @@ def test_where_the_reading_cannot_tell_another_signal_is_advised(tmp_path):
     axes = found.plot()
     assert axes.get_xlabel()
     plt.close(axes.figure)
+
+
+@compiled
+def test_of_many_explanations_the_nearest_pairs_are_simulated(monkeypatch):
+    nominal = Plant(rig=Wire())
+    experiment = nominal.with_effects(ElectrodeRC(time=0.1)).record(blank(sine(8.0, 0.5)), np.random.default_rng(0))
+    bench = bench_of(nominal, experiment)
+    rivals = rivals_on(bench, ElectrodeRC(time=0.08), Delay(time=0.05), SensorCurvature())
+    of = [rival.calibration for rival in rivals]
+    asked = question.Question.of(bench, of, nominal.rig.noise, np.random.default_rng(1))
+    commands = asked.commands("steps with long holds", 1000)
+    assert commands is not None
+    assert len(asked.pairs) == 6
+    asked_for: list[Plant] = []
+
+    def counted(truth, *given, **named):
+        asked_for.append(truth)
+        return distance.difference(truth, *given, **named)
+
+    monkeypatch.setattr(question, "difference", counted)
+    nearest = asked.refitted(commands)
+    assert len(asked_for) == question.NEAREST < 6
+    monkeypatch.setattr(question, "NEAREST", 6)
+    assert asked.refitted(commands) == nearest > 0.0
+    assert len(asked_for) == 4 + 6
 
 
 def test_one_explanation_needs_no_advice():

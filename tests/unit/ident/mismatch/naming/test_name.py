@@ -14,6 +14,7 @@ from deatwin.ident.mismatch.naming.decide import (
     Naming,
     cannot_rule_out,
     decide,
+    is_as_likely,
     suffices,
     with_distances,
 )
@@ -101,6 +102,23 @@ def test_another_head_keeps_the_distances_that_are_known_from_it():
     assert led.best is other
     assert led.rivals == (one, third)
     assert led.distances == (Distance(effects=("delay", "creep"), d2=9.0),)
+
+
+def test_a_short_experiment_of_its_own_rules_out_what_a_long_one_cannot():
+    best = candidate("creep", rms=2.1)
+    # 9000 samples tell nothing; in the last 700 fitted and 300 unseen ones the rival leaves 1 more: 1 > (1.2 / 2)²
+    mixed = np.where(np.arange(10_000) % 10 < 9, 2.1**2, 2.1**2 + 1.0)
+    late = np.sqrt(np.sort(mixed))
+    calibration = SimpleNamespace(**{**vars(best.calibration), "residuals": np.r_[late[:6300], late[-700:]]})
+    rival = replace(best, effects=("delay",), calibration=calibration, unseen=np.r_[late[6300:9000], late[-300:]])
+    sizes = ((6300, 2700), (700, 300))
+    best, rival = replace(best, sizes=sizes), replace(rival, sizes=sizes)
+    assert rival.mean_squares - best.mean_squares == pytest.approx([0.0, 1.0])
+    # 100 ln(1 + 0.1 / 2.1²) are 2.2 nats, with a parameter more 4.9: strong. 0.1 in the mean is less than 0.36
+    clear = replace(best, calibration=SimpleNamespace(**{**vars(best.calibration), "names": ("a",) * 7}))
+    assert not is_as_likely(rival, clear)
+    assert not cannot_rule_out(rival, clear)
+    assert cannot_rule_out(replace(rival, sizes=()), replace(clear, sizes=()))
 
 
 def test_nothing_adequate_is_no_explanation():
@@ -233,7 +251,7 @@ def test_what_is_worse_by_more_than_the_model_error_has_been_told_apart(monkeypa
     monkeypatch.setattr("deatwin.ident.mismatch.naming.decide.separation", lambda *given: 9.0)
     decided = decide((best, other), (best, other), NOISE, is_adequate, lambda c: True)
     assert decided.rivals == ()
-    bench = SimpleNamespace(fitted=(), jobs=1)
+    bench = SimpleNamespace(everything=(), jobs=1)
     found = with_distances(decided, (best, other), bench, lambda c: True)
     assert (found.rivals == (other,)) is kept
     assert [d.d2 for d in found.distances] == [9.0]
