@@ -107,10 +107,11 @@ def _ambiguous(diagnosis: Diagnosis) -> str:
     known = {cause.effect for cause in diagnosis.causes}
     guess = ", and ".join(_physics(cause, diagnosis) for cause in diagnosis.causes)
     others = ", ".join(f"perhaps {_plain(name)}" for name in diagnosis.names if name not in known)
-    rivals = f", {others}" if others else ""
+    # Without other names the rivals are fewer of the same effects.
+    rivals, which = (f", {others}", "the first") if others else (", or only some of these", "all of them")
     return (
         f"Something is missing, and these recordings cannot tell what: perhaps {guess}{rivals}; "
-        f"with the first {_gain(diagnosis)}{_next(diagnosis)}."
+        f"with {which} {_gain(diagnosis)}{_next(diagnosis)}."
     )
 
 

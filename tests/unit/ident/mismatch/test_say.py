@@ -183,6 +183,14 @@ def test_each_verdict_says_only_what_it_may():
         assert ("perhaps" in said) is (diagnosis.verdict is Verdict.AMBIGUOUS)
 
 
+def test_two_effects_of_which_one_may_do():
+    alone = replace(made_up(Verdict.AMBIGUOUS, CREEP, JUMP), names=("creep", "sensor_jump"))
+    said = say(alone)
+    assert ", or only some of these; with all of them the error on unseen data falls" in said
+    beside = say(made_up(Verdict.AMBIGUOUS, CREEP, JUMP))
+    assert ", perhaps delay; with the first the error on unseen data falls" in beside
+
+
 def test_the_sentence_of_one_cause():
     assert DIAGNOSES["named"].sentence == (
         "The film keeps creeping with a time constant of 54.1 s (50.2 to 59.3), which the model does not have; "

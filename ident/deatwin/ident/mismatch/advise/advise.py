@@ -147,7 +147,7 @@ def _needed(question: Question, name: str) -> float:
         reached = question.refitted(commands)
     except SimulationError:
         return float(np.inf)
-    if reached >= WANTED:
+    if reached >= TOLD_APART:
         gained = reached - question.before
         return SCREENED * (WANTED - question.before) / gained if gained > 0 else float(np.inf)
     longest = question.commands(name, LONGEST)
@@ -157,7 +157,8 @@ def _needed(question: Question, name: str) -> float:
     if not 0.0 < first < last or last < TOLD_APART:
         return float(np.inf)
     growth = np.log(last / first) / np.log(LONGEST / SCREENED)
-    return float(SCREENED * (WANTED / max(reached, TINY)) ** (1 / growth))
+    with np.errstate(over="ignore"):  # what hardly grows needs for ever
+        return float(SCREENED * (WANTED / max(reached, TINY)) ** (1 / growth))
 
 
 def _long_enough(question: Question, name: str, needed: float) -> _Input | None:

@@ -21,6 +21,11 @@ from deatwin.plant.model import Plant
 __all__ = ["Candidate", "free_run_residuals", "judge", "noise_seen"]
 
 
+LONG_ENOUGH = 250
+"""Samples of an experiment that counts by itself: white noise of 2 µm makes half of a model error of 1.2 µm out of a
+third of it in 0.6 % of so many."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Candidate:
     """A plant with a set of effects, fitted to the fitted part and judged on the unseen one.
@@ -94,12 +99,13 @@ class Candidate:
 
     @property
     def mean_squares(self) -> np.ndarray:
-        """Mean square of the residuals in each experiment, over both parts."""
+        """Mean square of all residuals, and that in each experiment which is long enough to say something by itself."""
         parts = [
             np.split(residuals**2, np.cumsum([pair[part] for pair in self.sizes])[:-1])
             for part, residuals in enumerate((self.calibration.residuals, self.unseen))
         ]
-        return np.array([np.concatenate(squares).mean() for squares in zip(*parts, strict=True)])
+        each = [np.concatenate(squares) for squares in zip(*parts, strict=True)]
+        return np.array([np.mean(np.concatenate(each)), *(e.mean() for e in each if e.size >= LONG_ENOUGH)])
 
     @property
     def evidence(self) -> float:

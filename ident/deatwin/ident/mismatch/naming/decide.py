@@ -71,7 +71,8 @@ class Naming:
     rivals : tuple of Candidate
         Other ones that these recordings cannot rule out.
     probabilities : mapping of tuple of str to float
-        Of each candidate of the size of the best one, by evidence.
+        Of each candidate of the size of the best one, by evidence; of rivals that evidence does not compare with it,
+        the same as of the best one.
     noise : float
         Standard deviation of the sensor's noise, as the best explanation shows it, SI.
     distances : tuple of Distance
@@ -130,6 +131,29 @@ class Naming:
         known = tuple(replace(d, effects=(name, d.effects[0])) for d in self.distances if d.effects[1] == name)
         others = tuple(c for c in (self.best, *self.rivals) if c is not first)
         return replace(self, best=first, rivals=others, distances=known)
+
+    def as_likely(self, others: Sequence[Candidate]) -> Naming:
+        """The same answer with rivals of another size, each as likely as the best one: evidence does not compare them.
+
+        Parameters
+        ----------
+        others : sequence of Candidate
+            Those that are rivals already are left as they are.
+
+        Returns
+        -------
+        Naming
+        """
+        kept = {c.effects for c in self.rivals}
+        further = tuple(c for c in others if c.effects not in kept)
+        if self.best is None or not further:
+            return self
+        weights = {**self.probabilities, **{c.effects: self.probabilities[self.best.effects] for c in further}}
+        whole = sum(weights.values())
+        return replace(
+            self, rivals=(*self.rivals, *further),
+            probabilities={effects: weight / whole for effects, weight in weights.items()},
+        )  # fmt: skip
 
     @property
     def base(self) -> Candidate:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming
@@ -35,7 +34,7 @@ def with_overlap(naming: Naming, possible: Callable[[Candidate], bool]) -> Namin
     best = naming.best
     if best is None or len(best.effects) != 2:
         return naming
-    singles = {c.effects: c for c in naming.candidates if len(c.effects) == 1}
+    singles = {c.effects: c for c in naming.candidates if len(c.effects) == 1 and not c.calibration.given_up}
     alone = [singles.get((name,)) for name in best.effects]
     if any(c is None for c in alone):
         return naming
@@ -43,15 +42,7 @@ def with_overlap(naming: Naming, possible: Callable[[Candidate], bool]) -> Namin
     common = sum(_explained(c, naming) for c in alone if c is not None) - whole
     if common < SHARED * whole:
         return naming
-    kept = {c.effects for c in naming.rivals}
-    further = [c for c in singles.values() if _explained(c, naming) >= common and possible(c) and c.effects not in kept]
-    known = naming.probabilities
-    weights = {**known, **{c.effects: known[best.effects] for c in further}}
-    total = sum(weights.values())
-    return replace(
-        naming, rivals=(*naming.rivals, *further),
-        probabilities={effects: weight / total for effects, weight in weights.items()},
-    )  # fmt: skip
+    return naming.as_likely([c for c in singles.values() if _explained(c, naming) >= common and possible(c)])
 
 
 def _explained(candidate: Candidate, naming: Naming) -> float:

@@ -219,17 +219,22 @@ class Search:
 
     def each_counts(self, names: Names) -> bool:
         """Whether what returns when any effect of `names` is taken out is more than the model error, and no trifle."""
-        least = max(self._floor_of(names), TRIFLE * float(self.tried[()].losses.mean() - self.tried[()].noise ** 2))
+        least = max(self._floor_of(names), self._trifle)
         return all(_returns(self.tried[names], less) >= least for less in self._without_one(names))
 
     def each_counts_barely(self, names: Names) -> bool:
-        """The same of `names` and half of that power, but on the fitted and on the unseen part: no part is luck."""
-        full, least = self.tried[names], BARELY * self._floor_of(names)
+        """The same of `names` and half of that error's power, on the fitted and on the unseen part: none is luck."""
+        full, least = self.tried[names], max(BARELY * self._floor_of(names), self._trifle)
         return all(
             min(less.fitted_test.rms**2 - full.fitted_test.rms**2, less.unseen_test.rms**2 - full.unseen_test.rms**2)
             >= least
             for less in self._without_one(names)
         )
+
+    @property
+    def _trifle(self) -> float:
+        """Mean square that is none of the mismatch's effects."""
+        return TRIFLE * float(self.tried[()].losses.mean() - self.noise**2)
 
     def _without_one(self, names: Names) -> Iterator[Candidate]:
         """The sets without one effect of `names`, those first that are known: each other one takes a fit."""
@@ -272,9 +277,9 @@ class Search:
 
         A fit of fewer effects that was given up or left rough may have been far from its minimum.
         """
-        return self._surely(lambda: self.decided(stage))
+        return self._surely(lambda: self.decided(stage), self.decided)
 
-    def _surely(self, decision: Callable[[], Naming]) -> Naming:
+    def _surely(self, decision: Callable[[], Naming], over: Callable[[Sequence[Names]], Naming]) -> Naming:
         naming = decision()
         if naming.best is None:
             return naming
@@ -282,18 +287,20 @@ class Search:
         fewer = _each_without_one(best)
         for rest in fewer:
             self._fit_from(best, rest)
-        again = self.decided([rest for rest in fewer if rest in self.tried])
+        again = over([rest for rest in fewer if rest in self.tried])
         return decision() if again.best is None else again
 
     def nearly(self) -> Naming:
         """The decision over the smallest sets that suffice as far as anybody knows the plant's own error, or barely."""
-        naming = self.decided(())
         for size in range(1, MOST_NEARLY + 1):
-            stage = [names for names in self.tried if len(names) == size]
-            naming = self._decided(stage, lambda c: suffices(c, self.tried[()]) and self._counts(c))
+            naming = self._sufficing([names for names in self.tried if len(names) == size])
             if naming.best is not None:
                 return naming
-        return self._surely(self.barely)
+        found = self._surely(self.barely, self._sufficing)
+        return naming if found.best is None else found
+
+    def _sufficing(self, stage: Sequence[Names]) -> Naming:
+        return self._decided(stage, lambda c: suffices(c, self.tried[()]) and self._counts(c))
 
     def barely(self) -> Naming:
         """The decision over pairs that explain the recordings, though one of the two counts for less than the floor.
@@ -309,7 +316,7 @@ class Search:
         best = naming.best
         floor = self._floor_of(best.effects)
         doubted = [less for less in self._without_one(best.effects) if _returns(best, less) < floor]
-        return replace(naming, rivals=(*naming.rivals, *doubted))
+        return naming.as_likely(doubted)
 
     def on_everything(self, naming: Naming) -> Naming:
         """The decision `naming`, or the one that suffices, with the rivals that all recordings together bring back.
@@ -332,7 +339,8 @@ class Search:
         return len(names) > 1 and self._takes_most(self.tried[names]) and not self.each_counts(names)
 
     def _decided(self, stage: Sequence[Names], good: Callable[[Candidate], bool]) -> Naming:
-        return self._decision([self.tried[n] for n in stage if not self._is_padded(n)], good)
+        competing = [names for names in stage if not self._is_padded(names)]  # to know that may take fits
+        return self._decision([self.tried[names] for names in competing], good)
 
     def _decision(self, competing: Sequence[Candidate], good: Callable[[Candidate], bool]) -> Naming:
         naming = decide(tuple(self.tried.values()), competing, self.noise, good, self._takes_most)
@@ -343,7 +351,8 @@ class Search:
     ) -> list[Names]:
         found = run_trials(self.bench, trials, self.noise, finished, self.fitted, rival)
         self.tried.update({candidate.effects: candidate for candidate in found})
-        self.failed += ["+".join(self._names(t)) for t in trials if self._names(t) not in self.tried]
+        lost = ["+".join(self._names(t)) for t in trials if self._names(t) not in self.tried]
+        self.failed += [names for names in lost if names not in self.failed]
         # What a wrong plant leaves at the top of the spectrum is no noise: the best explanation shows the least.
         noise = min([self.noise, *(noise_seen(c.calibration, self.bench.fitted) for c in found)])
         self.tried = {names: replace(candidate, noise=noise) for names, candidate in self.tried.items()}
@@ -351,7 +360,7 @@ class Search:
 
     def _reduced(self, full: Names, rest: Names) -> Candidate | None:
         """A candidate with some of its effects only, fitted if nobody has tried it yet."""
-        if rest not in self.tried:
+        if rest not in self.tried and "+".join(rest) not in self.failed:
             self._fit_some(full, rest)
         return self.tried.get(rest)
 

@@ -1,6 +1,7 @@
 """The next experiment: that it is safe, that it decides, and what is advised where no input can."""
 
 from dataclasses import dataclass, replace
+from types import SimpleNamespace
 from typing import Any, ClassVar
 
 import matplotlib.pyplot as plt
@@ -10,7 +11,7 @@ from scipy.stats import binom
 
 from deatwin.ident.greybox.fit import Part, calibrate
 from deatwin.ident.mismatch.advise import distance, question
-from deatwin.ident.mismatch.advise.advise import advise
+from deatwin.ident.mismatch.advise.advise import SCREENED, _needed, advise
 from deatwin.ident.mismatch.advise.waveforms import REPERTOIRE, Limits, bears, limits_of, safe_limits, waveform
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.candidate import Candidate, judge
@@ -191,6 +192,25 @@ def test_of_many_explanations_the_nearest_pairs_are_simulated(monkeypatch):
     monkeypatch.setattr(question, "NEAREST", 6)
     assert asked.refitted(commands) == nearest > 0.0
     assert len(asked_for) == 4 + 6
+
+
+@pytest.mark.parametrize(
+    ("reached", "first", "last", "needed"),
+    [
+        (48.0, 50.0, 60.0, 1500.0),  # it is told already: d² is taken to grow like the length
+        (20.0, 30.0, 29.0, 3600.0),  # to first order hardly anything, but it is told apart as it is
+        (6.0, 4.0, 100.0, 6000.0),  # five times as long, 25 times as far: like the square of the length
+        (6.0, 4.0, 15.0, np.inf),  # at the greatest length not told apart
+        (6.0, 17.2, 17.2 + 1e-6, np.inf),
+        (0.0, 0.0, 100.0, np.inf),
+    ],
+)
+def test_a_length_is_foretold_from_how_the_distance_grows(reached, first, last, needed):
+    asked = SimpleNamespace(
+        commands=lambda _, count: np.zeros(count), is_safe=lambda _: True, before=0.0, refitted=lambda _: reached,
+        first_order=lambda commands: first if commands.size == SCREENED else last,
+    )  # fmt: skip
+    assert _needed(asked, "any") == pytest.approx(needed)
 
 
 def test_one_explanation_needs_no_advice():

@@ -85,9 +85,13 @@ def test_what_keeps_a_limit_by_luck_does_not_lead_what_is_likelier_by_far(monkey
     led = search_over(base, lucky, likelier).decided([("delay",), ("sensor_drift",)])
     assert led.best is likelier
     assert led.rivals == (lucky,)
-    # what does not suffice by far is no answer, however likely it is
-    bad = candidate("sensor_drift", rms=2.0, unseen=2.9)
-    assert search_over(base, lucky, bad).decided([("delay",), ("sensor_drift",)]).best is lucky
+    # of a small mismatch it leaves too much of the unseen part, 1.66 of 2.2 µm: that is no answer, however likely it is
+    base, bad = candidate(rms=3.0), candidate("sensor_drift", rms=2.0, unseen=2.6)
+    assert bad.evidence - lucky.evidence > np.log(20)
+    assert not suffices(bad, base)
+    naming = search_over(base, lucky, bad).decided([("delay",), ("sensor_drift",)])
+    assert naming.best is lucky
+    assert naming.rivals == (bad,)
 
 
 def test_another_head_keeps_the_distances_that_are_known_from_it():
@@ -113,12 +117,14 @@ def test_a_short_experiment_of_its_own_rules_out_what_a_long_one_cannot():
     rival = replace(best, effects=("delay",), calibration=calibration, unseen=np.r_[late[6300:9000], late[-300:]])
     sizes = ((6300, 2700), (700, 300))
     best, rival = replace(best, sizes=sizes), replace(rival, sizes=sizes)
-    assert rival.mean_squares - best.mean_squares == pytest.approx([0.0, 1.0])
+    assert rival.mean_squares - best.mean_squares == pytest.approx([0.1, 0.0, 1.0])
     # 100 ln(1 + 0.1 / 2.1²) are 2.2 nats, with a parameter more 4.9: strong. 0.1 in the mean is less than 0.36
     clear = replace(best, calibration=SimpleNamespace(**{**vars(best.calibration), "names": ("a",) * 7}))
     assert not is_as_likely(rival, clear)
     assert not cannot_rule_out(rival, clear)
     assert cannot_rule_out(replace(rival, sizes=()), replace(clear, sizes=()))
+    few = ((6800, 2960), (200, 40))  # too few samples to say anything by themselves
+    assert cannot_rule_out(replace(rival, sizes=few), replace(clear, sizes=few))
 
 
 def test_nothing_adequate_is_no_explanation():
@@ -206,6 +212,31 @@ def test_a_pair_of_which_one_effect_counts_for_less_than_the_floor_is_doubted(mo
     naming = search.nearly()
     found = [] if naming.best is None else [naming.best.effects, *(c.effects for c in naming.rivals)]
     assert found == answer
+    assert [naming.probabilities[effects] for effects in answer] == [0.5] * len(answer)
+
+
+def test_a_second_effect_that_is_a_trifle_of_the_mismatch_is_none_whatever_it_counts_for(monkeypatch):
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.with_distances", lambda naming, *_: naming)
+    monkeypatch.setattr(Search, "_fit_from", lambda *_: None)
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.suffices", lambda *_: False)
+    # without creep 4.18² - 2.3² = 12.2 return, eight times 1.2², but of 22² - 2² a fortieth
+    base, creep, delay = candidate(rms=22.0), candidate("creep", rms=20.0), candidate("delay", rms=4.18)
+    search = search_over(base, creep, delay, candidate("creep", "delay", rms=2.3))
+    assert search.nearly().best is None
+
+
+def test_a_fit_that_cannot_be_had_is_tried_once(monkeypatch):
+    search = search_over(candidate(rms=5.0), candidate("creep", rms=4.0), candidate("creep", "delay", rms=2.1))
+    asked: list[tuple[str, ...]] = []
+
+    def lost(full, rest):
+        asked.append(rest)
+        search.failed.append("+".join(rest))
+
+    monkeypatch.setattr(search, "_fit_some", lost)
+    assert search.each_counts(("creep", "delay"))  # as far as it is known: without delay much returns
+    assert search.each_counts(("creep", "delay"))
+    assert asked == [("delay",)]
 
 
 def test_what_suffices():

@@ -10,10 +10,10 @@ from deatwin.ident.mismatch.naming.decide import Naming
 from deatwin.ident.mismatch.naming.overlap import with_overlap
 
 
-def candidate(*effects: str, left: float) -> Candidate:
+def candidate(*effects: str, left: float, rough: bool = False) -> Candidate:
     """An explanation that leaves this mean square everywhere."""
     residuals = np.full(1000, np.sqrt(left))
-    calibration = SimpleNamespace(residuals=residuals, names=("a",) * (3 + len(effects)))
+    calibration = SimpleNamespace(residuals=residuals, names=("a",) * (3 + len(effects)), given_up=rough)
     return Candidate(effects=effects, calibration=calibration, unseen=residuals, noise=1.0)
 
 
@@ -40,6 +40,11 @@ def test_what_does_all_that_two_have_in_common_is_possible():
     assert rivals(with_overlap(naming, lambda c: True)) == rivals(naming)  # nobody is brought back twice
     after = with_overlap(naming, lambda c: True).probabilities
     assert after == pytest.approx(dict.fromkeys([PAIR.effects, *rivals(naming)], 0.25))
+
+
+def test_a_rough_fit_is_no_rival():
+    creep, drift = candidate("creep", left=2.0), candidate("permittivity_drift", left=3.0)
+    assert rivals(decided(creep, drift, candidate("delay", left=2.5, rough=True))) == [creep.effects, drift.effects]
 
 
 def test_two_that_do_different_things_stand():
