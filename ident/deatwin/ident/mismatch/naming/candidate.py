@@ -20,7 +20,6 @@ from deatwin.plant.model import Plant
 
 __all__ = ["Candidate", "free_run_residuals", "judge", "noise_seen"]
 
-
 LONG_ENOUGH = 250
 """Samples of an experiment that counts by itself: white noise of 2 µm makes half of a model error of 1.2 µm out of a
 third of it in 0.6 % of so many."""

@@ -24,6 +24,7 @@ __all__ = [
     "decide",
     "explained",
     "is_as_likely",
+    "normalised",
     "nothing_tried",
     "suffices",
     "with_distances",
@@ -106,10 +107,9 @@ class Naming:
         competing = {c.effects: c for c in self.candidates if c.effects in self.probabilities} | rivals
         most = max((c.evidence for c in competing.values()), default=0.0)
         weights = {effects: float(np.exp(c.evidence - most)) for effects, c in competing.items()}
-        whole = sum(weights.values())
         return replace(
             self, candidates=(*self.candidates, *rivals.values()), rivals=(*self.rivals, *rivals.values()),
-            probabilities={effects: weight / whole for effects, weight in weights.items()},
+            probabilities=normalised(weights),
         )  # fmt: skip
 
     def led_by(self, first: Candidate) -> Naming:
@@ -149,11 +149,7 @@ class Naming:
         if self.best is None or not further:
             return self
         weights = {**self.probabilities, **{c.effects: self.probabilities[self.best.effects] for c in further}}
-        whole = sum(weights.values())
-        return replace(
-            self, rivals=(*self.rivals, *further),
-            probabilities={effects: weight / whole for effects, weight in weights.items()},
-        )  # fmt: skip
+        return replace(self, rivals=(*self.rivals, *further), probabilities=normalised(weights))
 
     @property
     def base(self) -> Candidate:
@@ -183,6 +179,23 @@ class Naming:
         from deatwin.ident.mismatch.naming.drawing import draw_naming
 
         return draw_naming(self, ax)
+
+
+def normalised(weights: Mapping[tuple[str, ...], float]) -> dict[tuple[str, ...], float]:
+    """Probabilities of explanations.
+
+    Parameters
+    ----------
+    weights : mapping of tuple of str to float
+        In proportion to them.
+
+    Returns
+    -------
+    dict of tuple of str to float
+        They add up to one.
+    """
+    whole = sum(weights.values())
+    return {effects: weight / whole for effects, weight in weights.items()}
 
 
 def nothing_tried(base: Candidate) -> Naming:

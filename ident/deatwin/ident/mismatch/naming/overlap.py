@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming
+from deatwin.ident.mismatch.naming.worth import gained
 
 __all__ = ["with_overlap"]
 
@@ -38,13 +39,8 @@ def with_overlap(naming: Naming, possible: Callable[[Candidate], bool]) -> Namin
     alone = [singles.get((name,)) for name in best.effects]
     if any(c is None for c in alone):
         return naming
-    whole = _explained(best, naming)
-    common = sum(_explained(c, naming) for c in alone if c is not None) - whole
+    whole = gained(best, naming.base)
+    common = sum(gained(c, naming.base) for c in alone if c is not None) - whole
     if common < SHARED * whole:
         return naming
-    return naming.as_likely([c for c in singles.values() if _explained(c, naming) >= common and possible(c)])
-
-
-def _explained(candidate: Candidate, naming: Naming) -> float:
-    """Mean square that a candidate takes away."""
-    return float(naming.base.losses.mean() - candidate.losses.mean())
+    return naming.as_likely([c for c in singles.values() if gained(c, naming.base) >= common and possible(c)])

@@ -19,7 +19,7 @@ from deatwin.ident.mismatch.naming.shortlist import shortlist
 from deatwin.ident.mismatch.naming.siblings import siblings
 from deatwin.ident.mismatch.naming.trial import Fitted, Trial, run_trials, with_fitted
 from deatwin.ident.mismatch.naming.whole import judged_on_everything
-from deatwin.ident.mismatch.naming.worth import acts, takes_most
+from deatwin.ident.mismatch.naming.worth import acts, gained, takes_most
 from deatwin.plant.model import Plant
 
 __all__ = ["CLEARLY_BETTER", "Finished", "Names", "Search"]
@@ -55,11 +55,6 @@ def _trials(unbent: Plant, fit: Calibration, chosen: Iterable[Lead]) -> list[Tri
 def _each_without_one(names: Names) -> list[Names]:
     """The sets that are left when each effect in turn is taken out."""
     return [tuple(name for name in names if name != old) for old in names]
-
-
-def _returns(full: Candidate, less: Candidate) -> float:
-    """Mean square that returns where effects of a candidate are taken out."""
-    return float(less.losses.mean() - full.losses.mean())
 
 
 class Search:
@@ -220,7 +215,7 @@ class Search:
     def each_counts(self, names: Names) -> bool:
         """Whether what returns when any effect of `names` is taken out is more than the model error, and no trifle."""
         least = max(self._floor_of(names), self._trifle)
-        return all(_returns(self.tried[names], less) >= least for less in self._without_one(names))
+        return all(gained(self.tried[names], less) >= least for less in self._without_one(names))
 
     def each_counts_barely(self, names: Names) -> bool:
         """The same of `names` and half of that error's power, on the fitted and on the unseen part: none is luck."""
@@ -315,7 +310,7 @@ class Search:
             return naming
         best = naming.best
         floor = self._floor_of(best.effects)
-        doubted = [less for less in self._without_one(best.effects) if _returns(best, less) < floor]
+        doubted = [less for less in self._without_one(best.effects) if gained(best, less) < floor]
         return naming.as_likely(doubted)
 
     def on_everything(self, naming: Naming) -> Naming:

@@ -12,7 +12,7 @@ from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.excess import excess_over_floor
 from deatwin.ident.mismatch.losses import block_losses, evidence
 from deatwin.ident.mismatch.naming.candidate import Candidate
-from deatwin.ident.mismatch.naming.decide import STRONG, Naming
+from deatwin.ident.mismatch.naming.decide import STRONG, Naming, normalised
 from deatwin.ident.mismatch.refit.search import DECIDING
 from deatwin.ident.parallel import run_jobs
 
@@ -59,12 +59,9 @@ def judged_on_everything(naming: Naming, bench: Bench, possible: Callable[[Candi
         return naming
     weights, known = dict(naming.probabilities), naming.probabilities[best.effects]
     weights |= {w.candidate.effects: known * float(np.exp(w.evidence - of_best.evidence)) for w in back}
-    total = sum(weights.values())
     first = max((of_best, *(w for w in back if w.adequate)), key=lambda w: w.evidence).candidate
-    found = replace(
-        naming, rivals=(*naming.rivals, *(w.candidate for w in back)),
-        probabilities={effects: weight / total for effects, weight in weights.items()},
-    )  # fmt: skip
+    rivals = (*naming.rivals, *(w.candidate for w in back))
+    found = replace(naming, rivals=rivals, probabilities=normalised(weights))
     return found.led_by(first)
 
 

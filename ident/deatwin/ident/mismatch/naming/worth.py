@@ -6,7 +6,7 @@ import numpy as np
 
 from deatwin.ident.mismatch.naming.candidate import Candidate
 
-__all__ = ["acts", "takes_most"]
+__all__ = ["acts", "gained", "takes_most"]
 
 MOST = 0.5
 """Share of the mismatch's energy that an explanation takes away: a base plant that is nearly adequate becomes so with
@@ -14,6 +14,22 @@ any effect."""
 ACTING = 0.5
 """Share of the fall of the rms residual, that the effects of an explanation must do by themselves at least; where the
 fit without them has found its minimum it is all, by the triangle inequality."""
+
+
+def gained(candidate: Candidate, less: Candidate) -> float:
+    """Mean square by which a candidate leaves less than one with fewer effects.
+
+    Parameters
+    ----------
+    candidate, less : Candidate
+        With and without some effects.
+
+    Returns
+    -------
+    float
+        Square of the residual's unit; what returns where those effects are taken out.
+    """
+    return float(less.losses.mean() - candidate.losses.mean())
 
 
 def takes_most(candidate: Candidate, base: Candidate) -> bool:
@@ -28,8 +44,7 @@ def takes_most(candidate: Candidate, base: Candidate) -> bool:
     -------
     bool
     """
-    missing, gained = float(base.losses.mean() - base.noise**2), float((base.losses - candidate.losses).mean())
-    return gained > MOST * missing
+    return gained(candidate, base) > MOST * float(base.losses.mean() - base.noise**2)
 
 
 def acts(candidate: Candidate, base: Candidate) -> bool:
