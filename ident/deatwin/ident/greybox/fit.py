@@ -344,9 +344,10 @@ def _covariance(residuals: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
     total = np.vstack([np.zeros(scale.size), np.cumsum(scores, axis=0)])
     ends = np.arange(1, residuals.size + window)
     sums = total[np.minimum(ends, residuals.size)] - total[np.maximum(ends - window, 0)]
-    meat = sums.T @ sums / window
     freedom = max(residuals.size - scale.size, 1)
-    robust = residuals.size / freedom * bread @ meat @ bread
+    # A product of a matrix with itself: no rounding error makes an eigenvalue negative, however alike the parameters.
+    half = sums @ bread
+    robust = residuals.size / freedom / window * half.T @ half
     white = float(residuals @ residuals) / freedom * np.diag(bread)
     own = np.diag(robust)
     widen = np.sqrt(np.divide(np.maximum(own, white), own, out=np.ones_like(own), where=own > 0))

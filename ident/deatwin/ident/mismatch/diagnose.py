@@ -23,6 +23,7 @@ from deatwin.ident.mismatch.naming.decide import Naming, nothing_tried
 from deatwin.ident.mismatch.naming.name import name_causes
 from deatwin.ident.mismatch.naming.screen import footprints
 from deatwin.ident.mismatch.refit.base import Base, calibrate_base
+from deatwin.ident.mismatch.refit.search import at_its_time
 from deatwin.ident.mismatch.steps import Step, base_step, fit_step, found_step, gate_step
 from deatwin.ident.mismatch.verify.verify import Verification, verify
 from deatwin.ident.parallel import spawn_generators
@@ -208,6 +209,7 @@ def _nominal_is_off(bench: Bench, base: Base) -> bool:
 
 
 def _refit(bench: Bench, found: Calibration) -> Calibration:
-    """After the judgement the answer is fitted to all sound samples."""
-    final = calibrate(found.plant, bench.everything, evaluations=60, tolerance=SETTLED)
+    """After the judgement the answer is fitted to all sound samples, its events at their times."""
+    placed = at_its_time(found, bench.everything)
+    final = calibrate(placed.plant, bench.everything, evaluations=60, tolerance=SETTLED)
     return final if final.status.ok else found

@@ -137,3 +137,15 @@ def test_a_parameter_that_all_but_does_nothing_is_like_one_that_does_nothing():
     assert np.isfinite(hardly).all()
     np.testing.assert_allclose(hardly, none, rtol=1e-12, atol=1e-100)
     assert (np.diag(hardly)[:3] > 0.0).all()
+
+
+def test_a_covariance_of_parameters_that_are_all_but_one_has_no_negative_eigenvalue():
+    """What rounding leaves of a product of a matrix with itself is below n eps of its diagonal (Higham 2002, 3.12)."""
+    rng = np.random.default_rng(5)
+    one = np.cumsum(rng.standard_normal(3000))
+    jacobian = (one[:, None] + 1e-4 * rng.standard_normal((3000, 6))) * 10.0 ** np.arange(-3, 3)
+    found = _covariance(np.cumsum(rng.standard_normal(3000)), jacobian)
+    scaled = found / np.sqrt(np.outer(np.diag(found), np.diag(found)))
+    rounding = 3000 * np.finfo(float).eps
+    np.testing.assert_allclose(scaled, scaled.T, rtol=0, atol=rounding)
+    assert np.linalg.eigvalsh(scaled).min() > -rounding

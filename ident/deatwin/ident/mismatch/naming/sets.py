@@ -47,7 +47,10 @@ Names = tuple[str, ...]
 def _trials(unbent: Plant, fit: Calibration, chosen: Iterable[Lead]) -> list[Trial]:
     """Each effect built into a plant that was fitted without it, from where no fit has bent that and from there."""
     return [
-        Trial(start=unbent.with_effects(lead.effect), bent=fit.plant.with_effects(lead.estimate), without=fit)
+        Trial(
+            start=unbent.with_effects(lead.effect), bent=fit.plant.with_effects(lead.estimate), without=fit,
+            share=lead.share,
+        )
         for lead in chosen
     ]
 

@@ -10,14 +10,14 @@ import numpy as np
 from deatwin.ident.greybox.fit import Calibration, calibrate
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.candidate import Candidate, judge
-from deatwin.ident.mismatch.refit.search import ROUGH, at_its_time, finish, is_promising, search
+from deatwin.ident.mismatch.refit.search import ROUGH, at_its_time, finish, in_its_gap, is_promising, search
 from deatwin.ident.parallel import run_jobs, stream_jobs
 from deatwin.plant.model import Plant
 
 __all__ = ["Fitted", "Trial", "run_trials", "with_fitted"]
 
 FAILED_SEARCH = 1.02
-"""A fit whose error is larger than the plant's without the effect by more than this has lost its way."""
+"""A fit that leaves more than was promised, by more than this ratio of the rms, has lost its way."""
 FEW = 4
 """Simulations that show whether the way from the bent plant leads anywhere."""
 NEAR = 1.1
@@ -44,11 +44,19 @@ class Trial:
         With the effects, and the values of the best plant without the last of them: another start.
     without : Calibration
         That plant's fit, of which this one is a generalisation.
+    share : float
+        Of that fit's squared residual, what the last effect explains to first order, at the bent plant.
     """
 
     start: Plant
     bent: Plant
     without: Calibration
+    share: float = 0.0
+
+    @property
+    def promised(self) -> float:
+        """Rms that the fit should leave at most, SI: to first order; without the effect, where that says nothing."""
+        return self.without.rms * float(np.sqrt(max(1.0 - self.share, 0.0)))
 
 
 def run_trials(
@@ -96,7 +104,8 @@ def run_trials(
         rival = min([rival, *(fit.rms for fit in fits)])
     near = [k for k, fit in enumerate(fits) if fit.rms < NEAR * rival or is_promising(fit, noise)]
     finished_fits = run_jobs(finish, [(fits[k], bench.fitted) for k in near], workers=bench.jobs)
-    for k, fit in zip(near, finished_fits, strict=True):
+    placed = run_jobs(in_its_gap, [(fit, bench.fitted, bench.everything) for fit in finished_fits], workers=bench.jobs)
+    for k, fit in zip(near, placed, strict=True):
         fits[k] = fit
     judged = run_jobs(judge, [(bench, fit, noise) for fit in fits], workers=bench.jobs)
     candidates = [candidate for candidate in judged if candidate is not None]
@@ -126,15 +135,16 @@ def with_fitted(nominal: Plant, fitted: Plant) -> Plant:
 
 
 def _tried(bench: Bench, trial: Trial, hopeless: float) -> Calibration:
-    """From the unbent plant; where that leads nowhere, from the bent one.
+    """From the unbent plant; where that does not keep what is promised, from the bent one as well.
 
-    A plant that was fitted without an effect has been bent to imitate it, and the way back is long. Where neither can
-    be simulated, from the unbent plant with the effect the other way or with less of it: a softening spring lets go of
-    the ball, a hardening one or a little of it does not.
+    A plant that was fitted without an effect has been bent to imitate it, and the way back is long; but what the score
+    promises is near it, where a search from afar may end elsewhere. Where neither can be simulated, from the unbent
+    plant with the effect the other way or with less of it: a softening spring lets go of the ball, a hardening one or
+    a little of it does not.
     """
     found = search(trial.start, bench.fitted, hopeless)
     # The plant without the effect is a special case of the one with it: a worse fit is a failed search.
-    if not found.status.ok or found.rms > FAILED_SEARCH * trial.without.rms:
+    if not found.status.ok or found.rms > FAILED_SEARCH * trial.promised:
         again = calibrate(trial.bent, bench.fitted, evaluations=FEW, tolerance=ROUGH, hopeless=hopeless)
         if again.status.ok and (not found.status.ok or again.rms < found.rms):
             found = again

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,6 +17,7 @@ __all__ = [
     "approach",
     "at_its_time",
     "finish",
+    "in_its_gap",
     "is_promising",
     "opening",
     "roughly",
@@ -196,11 +198,43 @@ def at_its_time(fit: Calibration, parts: Sequence[Part], hopeless: float = np.in
     return fit if plant is fit.plant else roughly(plant, parts, hopeless)
 
 
-def _moved(plant: Plant, name: str, parts: Sequence[Part]) -> Plant:
+def in_its_gap(fit: Calibration, fitted: Sequence[Part], everything: Sequence[Part]) -> Calibration:
+    """Move events that lie between fitted stretches to where they explain most of all samples.
+
+    The fit cannot tell where in such a gap an event lies, and does not depend on it; what was not fitted can.
+
+    Parameters
+    ----------
+    fit : Calibration
+        Of a plant on `fitted`.
+    fitted : sequence of Part
+        Samples that were fitted.
+    everything : sequence of Part
+        Those and the others.
+
+    Returns
+    -------
+    Calibration
+        The same one where the plant has no such event; its residuals hold for the moved plant too.
+    """
+    times, plant = np.concatenate([part.timepts for part in fitted]), fit.plant
+    for effect in plant.effects:
+        if not effect.event:
+            continue
+        name = f"{effect.name}.{effect.event}"
+        at = plant.parameters[name].value
+        before, after = times[times < at], times[times >= at]
+        if before.size and after.size and after.min() - before.max() > 2 * plant.rig.sample_time:
+            plant = _moved(plant, name, everything, (before.max(), after.min()))
+    return fit if plant is fit.plant else replace(fit, plant=plant)
+
+
+def _moved(plant: Plant, name: str, parts: Sequence[Part], within: tuple[float, float] = (-np.inf, np.inf)) -> Plant:
     """The plant with one event where the squared residual is least, found by steps that are halved."""
     times = np.concatenate([part.timepts for part in parts])
-    step, best, least = EVENT_STEP * float(np.ptp(times)), plant, _squares(plant, parts)
     first, last = max(times.min(), plant.parameters[name].lower), min(times.max(), plant.parameters[name].upper)
+    first, last = max(first, within[0]), min(last, within[1])
+    step, best, least = min(EVENT_STEP * float(np.ptp(times)), (last - first) / 2), plant, _squares(plant, parts)
     while step > plant.rig.sample_time / 2:
         at = best.parameters[name].value
         tried = [best.with_values({name: at + s}) for s in (-step, step) if first < at + s < last]

@@ -1,0 +1,36 @@
+"""Where the fit of a set of effects begins, and when it begins again."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from deatwin.ident.greybox import FitStatus
+from deatwin.ident.mismatch.naming import trial
+from deatwin.ident.mismatch.naming.trial import Trial, _tried
+
+
+def fit_of(rms: float) -> SimpleNamespace:
+    return SimpleNamespace(status=FitStatus.SETTLED, rms=rms, given_up=False)
+
+
+@pytest.mark.parametrize(
+    "share, ended",
+    [
+        (0.0, 3.3),  # better than without the effect, and no more was promised
+        (0.7, 3.3),  # 6.4 sqrt(0.3) = 3.5: kept
+        (0.9, 2.1),  # 2.0 was promised: the search lost its way, and the bent plant is nearer
+    ],
+)
+def test_a_search_that_does_not_keep_what_the_score_promises_is_made_from_the_bent_plant(monkeypatch, share, ended):
+    monkeypatch.setattr(trial, "search", lambda *_: fit_of(3.3))
+    monkeypatch.setattr(trial, "calibrate", lambda *_, **__: fit_of(2.1))
+    monkeypatch.setattr(trial, "at_its_time", lambda fit, *_: fit)
+    strength = SimpleNamespace(name="a.size", value=1.0, lower=0.0, upper=1.0)
+    start = SimpleNamespace(effects=[SimpleNamespace(name="a", strength="size")], parameters={"a.size": strength})
+    start.with_values = lambda _: start
+    task = Trial(start=start, bent=start, without=fit_of(6.4), share=share)
+    assert _tried(SimpleNamespace(fitted=()), task, float("inf")).rms == ended
+
+
+def test_what_is_explained_to_first_order_is_promised():
+    assert Trial(start=None, bent=None, without=fit_of(5.0), share=0.64).promised == pytest.approx(3.0)

@@ -1,0 +1,45 @@
+"""Where a fit looks for the time of an event."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from deatwin.ident.greybox import Part, calibrate
+from deatwin.ident.greybox.fit import simulated
+from deatwin.ident.mismatch.refit.search import in_its_gap
+from deatwin.plant import Diaphragm, Experiment, Plant, Recording, SensorJump
+from deatwin.plant.excitation import band_limited_noise
+from deatwin.plant.integrator.compiled import compiler
+
+pytestmark = pytest.mark.skipif(compiler() is None, reason="a fit: without a C compiler it takes ten times as long")
+JUMP = SensorJump(change=30e-6, at=13.3)
+"""Fifteen times the noise: one sample shows it."""
+
+
+@pytest.fixture(scope="module")
+def parts():
+    """Twenty seconds in which a jump lies between what is fitted."""
+    commands = band_limited_noise(np.random.default_rng(0), 20.0, 0.02)
+    blank = Experiment(recordings=(Recording.from_arrays(commands, np.zeros_like(commands), 0.02),))
+    whole = Part.whole(Plant(rig=Diaphragm()).with_effects(JUMP).record(blank, np.random.default_rng(1)))
+    times = whole.timepts
+    return replace(whole, masks=((times < 10.0) | (times > 16.0),)), whole
+
+
+def test_an_event_between_fitted_stretches_is_placed_by_what_lies_there(parts):
+    fitted, whole = parts
+    wrong = Plant(rig=Diaphragm()).with_effects(replace(JUMP, at=11.0))
+    fit = calibrate(wrong, [fitted], evaluations=4)
+    placed = in_its_gap(fit, [fitted], [whole])
+    assert placed.plant.parameters["sensor_jump.at"].value == pytest.approx(JUMP.at, abs=0.02)  # one sample
+    # the fit knows nothing of it: its readings are the same to a thousandth of the noise
+    readings = [simulated(plant, [fitted]) for plant in (fit.plant, placed.plant)]
+    np.testing.assert_allclose(*readings, rtol=0, atol=2e-9)
+    assert placed.residuals is fit.residuals
+
+
+def test_an_event_among_fitted_samples_stays_where_the_fit_has_it(parts):
+    fitted, whole = parts
+    fit = calibrate(Plant(rig=Diaphragm()).with_effects(replace(JUMP, at=5.0)), [fitted], evaluations=2)
+    assert in_its_gap(fit, [fitted], [whole]) is fit
