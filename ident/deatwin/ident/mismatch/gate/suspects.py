@@ -14,6 +14,8 @@ MOVES = 0.02
 """Share of the command's range that is motion, over which a reading cannot stay the same."""
 SPIKE_DEVIATIONS = 12.0
 """A normal reading this far from its neighbours' cubic comes once in 10^32 samples."""
+LONE = 0.5
+"""Share of a spike by which its neighbours bend at most once it is replaced: a film that rings bends there as well."""
 STILL = 1e-9
 """Share of the readings' range by which a reading that stands still lies beside its neighbours, for rounding."""
 STILL_SAMPLES = 10
@@ -71,12 +73,20 @@ def lost(record: Recording) -> np.ndarray:
 
 def spikes(signal: np.ndarray) -> np.ndarray:
     """Single values of a `signal` far from the cubic through their four neighbours."""
-    padded = np.pad(signal, 2, mode="edge")
-    deviation = np.abs(neighbours_deviation(padded)[2:-2])
+    bend = neighbours_deviation(np.pad(signal, 2, mode="edge"))[2:-2]
+    deviation = np.abs(bend)
     # A spike bends its neighbours' cubics too, by two thirds of its size: only the peak is the outlier.
     around = np.pad(deviation, 1)
     peak = (deviation >= around[:-2]) & (deviation >= around[2:])
-    return peak & (deviation > SPIKE_DEVIATIONS * _typical(deviation, signal))
+    far = deviation > SPIKE_DEVIATIONS * _typical(deviation, signal)
+    return peak & far & (_beside(bend) < LONE * deviation)
+
+
+def _beside(bend: np.ndarray) -> np.ndarray:
+    """How far the neighbours of each value lie off their cubics once it lies on its own: those have it, too."""
+    padded = np.pad(bend, 2)
+    shares = {1: 2 / 3, 3: 2 / 3, 0: -1 / 6, 4: -1 / 6}
+    return np.max([np.abs(padded[k : k + bend.size] + share * bend) for k, share in shares.items()], axis=0)
 
 
 def jumps(signal: np.ndarray) -> np.ndarray:

@@ -10,7 +10,7 @@ import numpy as np
 from deatwin.ident.greybox.fit import Calibration, calibrate
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.candidate import Candidate, judge
-from deatwin.ident.mismatch.refit.search import ROUGH, at_its_time, finish, in_its_gap, is_promising, search
+from deatwin.ident.mismatch.refit.search import ROUGH, at_its_time, finish, in_its_gap, is_promising, roughly, search
 from deatwin.ident.parallel import run_jobs, stream_jobs
 from deatwin.plant.model import Plant
 
@@ -25,6 +25,8 @@ NEAR = 1.1
 HOPELESS = 1.5
 """A fit is given up where its linearised minimum is above the rms of another one by this ratio. At the first point of
 a fit to all samples that is mostly within 15 % of where it ends."""
+MOSTLY = 0.5
+"""A fit is not given up that leaves less than this share of the mean square without its last effect."""
 FIRST = 2
 """Trials that are made before the others, which must come near to the best of them."""
 OTHERWISE = (-1.0, 0.1, 1e-3)
@@ -143,6 +145,8 @@ def _tried(bench: Bench, trial: Trial, hopeless: float) -> Calibration:
     a little of it does not.
     """
     found = search(trial.start, bench.fitted, hopeless)
+    if found.given_up and found.rms**2 < MOSTLY * trial.without.rms**2:
+        found = roughly(found.plant, bench.fitted)  # from afar the linearised minimum errs most
     # The plant without the effect is a special case of the one with it: a worse fit is a failed search.
     if not found.status.ok or found.rms > FAILED_SEARCH * trial.promised:
         again = calibrate(trial.bent, bench.fitted, evaluations=FEW, tolerance=ROUGH, hopeless=hopeless)

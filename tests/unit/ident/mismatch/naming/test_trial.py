@@ -7,6 +7,9 @@ import pytest
 from deatwin.ident.greybox import FitStatus
 from deatwin.ident.mismatch.naming import trial
 from deatwin.ident.mismatch.naming.trial import Trial, _tried
+from deatwin.plant import Creep, Diaphragm, Plant
+
+PLANT = Plant(rig=Diaphragm()).with_effects(Creep())
 
 
 def fit_of(rms: float) -> SimpleNamespace:
@@ -25,11 +28,18 @@ def test_a_search_that_does_not_keep_what_the_score_promises_is_made_from_the_be
     monkeypatch.setattr(trial, "search", lambda *_: fit_of(3.3))
     monkeypatch.setattr(trial, "calibrate", lambda *_, **__: fit_of(2.1))
     monkeypatch.setattr(trial, "at_its_time", lambda fit, *_: fit)
-    strength = SimpleNamespace(name="a.size", value=1.0, lower=0.0, upper=1.0)
-    start = SimpleNamespace(effects=[SimpleNamespace(name="a", strength="size")], parameters={"a.size": strength})
-    start.with_values = lambda _: start
-    task = Trial(start=start, bent=start, without=fit_of(6.4), share=share)
+    task = Trial(start=PLANT, bent=PLANT, without=fit_of(6.4), share=share)
     assert _tried(SimpleNamespace(fitted=()), task, float("inf")).rms == ended
+
+
+@pytest.mark.parametrize("rms, ended", [(4.0, 2.1), (5.0, 5.0)])  # 4.0^2 is less than half of 6.4^2, 5.0^2 more
+def test_a_fit_that_already_takes_most_of_the_mismatch_is_not_given_up(monkeypatch, rms, ended):
+    """As that of a lag whose size is off by a factor of twenty, and whose linearised minimum says little."""
+    given_up = SimpleNamespace(status=FitStatus.GIVEN_UP, rms=rms, given_up=True, plant=None)
+    monkeypatch.setattr(trial, "search", lambda *_: given_up)
+    monkeypatch.setattr(trial, "roughly", lambda *_: fit_of(2.1))
+    monkeypatch.setattr(trial, "at_its_time", lambda fit, *_: fit)
+    assert _tried(SimpleNamespace(fitted=()), Trial(start=PLANT, bent=PLANT, without=fit_of(6.4)), 3.0).rms == ended
 
 
 def test_what_is_explained_to_first_order_is_promised():
