@@ -11,6 +11,7 @@ import numpy as np
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming, cannot_rule_out, is_as_likely
+from deatwin.ident.mismatch.naming.forms import in_form, with_fewer
 from deatwin.ident.mismatch.naming.screen import Footprint
 from deatwin.ident.mismatch.naming.sets import CLEARLY_BETTER, Finished, Names, Search
 from deatwin.ident.mismatch.naming.trial import Fitted
@@ -35,7 +36,8 @@ def name_causes(
     the rig file leaves open costs less than a further effect; where one suffices, or none takes most of the mismatch,
     only into those that fit clearly better without any, lest it explain a wrong form away. Where none suffices, each
     further one beside the best, and so on to three. The effects that were there before a step are replaced in turn:
-    the best single effect may only imitate two others, and it has rivals beside the new one, too.
+    the best single effect may only imitate two others, and it has rivals beside the new one, too. Of several, one is
+    left out where another form does its work.
 
     Parameters
     ----------
@@ -69,7 +71,7 @@ def name_causes(
     naming = search.decided(stage)
     others = [rival for rival in rivals if search.may_be_misread(stage, naming, rival)]
     if others:
-        search, stage, naming = _best_form([(search, stage), *(search.in_form(rival, stage) for rival in others)])
+        search, stage, naming = _best_form([(search, stage), *(in_form(search, rival, stage) for rival in others)])
     for number in range(1, MOST_CAUSES):
         if naming.best is not None:
             break
@@ -77,6 +79,9 @@ def name_causes(
         if not stage:
             break
         naming = search.decided_surely(stage)
+    taken = search.tried[()].calibration
+    others = [rival for rival in rivals if rival.calibration is not taken]
+    search, naming = with_fewer(search, naming if naming.best is not None else search.nearly(), others)
     return replace(search.on_everything(naming), failed=tuple(search.failed))
 
 

@@ -22,7 +22,7 @@ from deatwin.ident.mismatch.naming.whole import judged_on_everything
 from deatwin.ident.mismatch.naming.worth import acts, gained, takes_most
 from deatwin.plant.model import Plant
 
-__all__ = ["CLEARLY_BETTER", "Finished", "Names", "Search"]
+__all__ = ["BESIDE", "CLEARLY_BETTER", "Finished", "Names", "Search", "each_without_one", "trials_of"]
 
 MOST_NEARLY = 2
 """More effects at once must explain the recordings to the plant's own error: three can bend to nearly anything."""
@@ -30,8 +30,6 @@ BESIDE = 6
 """Effects that are tried beside others."""
 ALONE = 3
 """Of the effects that were tried alone, those that are tried beside others whatever their score."""
-AGAIN = 4
-"""The best single effects of the nominal form, that are tried in a rival one."""
 CLEARLY_BETTER = 0.8
 """A rival form is gone on with where its best single effect leaves less than this share of the mean square."""
 TRIFLE = 0.05
@@ -44,8 +42,8 @@ Finished = Callable[[float], None]
 Names = tuple[str, ...]
 
 
-def _trials(unbent: Plant, fit: Calibration, chosen: Iterable[Lead]) -> list[Trial]:
-    """Each effect built into a plant that was fitted without it, from where no fit has bent that and from there."""
+def trials_of(unbent: Plant, fit: Calibration, chosen: Iterable[Lead]) -> list[Trial]:
+    """Each effect of the `chosen` leads built into the `unbent` plant, and into that which the `fit` without it bent."""
     return [
         Trial(
             start=unbent.with_effects(lead.effect), bent=fit.plant.with_effects(lead.estimate), without=fit,
@@ -55,8 +53,8 @@ def _trials(unbent: Plant, fit: Calibration, chosen: Iterable[Lead]) -> list[Tri
     ]
 
 
-def _each_without_one(names: Names) -> list[Names]:
-    """The sets that are left when each effect in turn is taken out."""
+def each_without_one(names: Names) -> list[Names]:
+    """The sets that are left when each effect of `names` in turn is taken out."""
     return [tuple(name for name in names if name != old) for old in names]
 
 
@@ -121,7 +119,7 @@ class Search:
         promising = (*self._good_alone(names), *found[:BESIDE]) if names else shortlist(self.bench, unbent, found)
         chosen = {lead.effect.name: lead for lead in promising}
         self.leads = chosen | self.leads
-        stage = self._new(_trials(unbent, fit, chosen.values()), finished)
+        stage = self._new(trials_of(unbent, fit, chosen.values()), finished)
         return stage + self._siblings(names, stage)
 
     def _siblings(self, names: Names, stage: Sequence[Names]) -> list[Names]:
@@ -147,9 +145,9 @@ class Search:
         """Try what was not tried, against the best of the sets of as many effects."""
         new = [t for t in trials if self._names(t) not in self.tried]
         size = len(self._names(new[0])) if new else 0
-        return self._try(new, finished, self._rms([names for names in self.tried if len(names) == size]))
+        return self.attempt(new, finished, self.least_rms([names for names in self.tried if len(names) == size]))
 
-    def _rms(self, stage: Sequence[Names]) -> float:
+    def least_rms(self, stage: Sequence[Names]) -> float:
         """The least that a fit of a stage leaves, SI."""
         return min((self.tried[names].calibration.rms for names in stage), default=float(np.inf))
 
@@ -177,24 +175,6 @@ class Search:
     def is_clearly_worse_than(self, rival: Candidate) -> bool:
         """Whether the `rival` form of the plant leaves clearly less without effects than this one."""
         return self._beyond_noise(float(rival.losses.mean())) < CLEARLY_BETTER * self.missing([()])
-
-    def in_form(self, rival: Candidate, stage: Sequence[Names]) -> tuple[Search, list[Names]]:
-        """A search in the `rival` form of the plant, begun with the best single effects of this one, of a `stage`.
-
-        Where that form leaves clearly less, what promises most there is tried as well.
-        """
-        fit, known = rival.calibration, self.known
-        unbent = self.bench.nominal.with_rig(fit.plant.rig)
-        best = sorted(stage, key=lambda names: -self.tried[names].evidence)[:AGAIN]
-        chosen = {name: self.leads[name] for names in best for name in names}
-        if self.is_clearly_worse_than(rival):
-            known = footprints(self.bench, fit, self.bench.effects, fit)
-            chosen |= {lead.effect.name: lead for lead in leads(known, fit)[:BESIDE]}
-        other = Search(self.bench, rival, known, self.fitted)
-        other.leads = chosen
-        found = other._try(_trials(unbent, fit, chosen.values()), rival=self._rms(stage))
-        other.judge_by_the_best(found)
-        return other, found
 
     def least(self, stage: Sequence[Names]) -> float:
         """Mean square that the best of a `stage` leaves."""
@@ -236,7 +216,7 @@ class Search:
 
     def _without_one(self, names: Names) -> Iterator[Candidate]:
         """The sets without one effect of `names`, those first that are known: each other one takes a fit."""
-        for rest in sorted(_each_without_one(names), key=lambda rest: rest not in self.tried):
+        for rest in sorted(each_without_one(names), key=lambda rest: rest not in self.tried):
             without = self._reduced(names, rest)
             if without is not None:
                 yield without
@@ -282,7 +262,7 @@ class Search:
         if naming.best is None:
             return naming
         best = naming.best.effects
-        fewer = _each_without_one(best)
+        fewer = each_without_one(best)
         for rest in fewer:
             self._fit_from(best, rest)
         again = over([rest for rest in fewer if rest in self.tried])
@@ -344,9 +324,13 @@ class Search:
         naming = decide(tuple(self.tried.values()), competing, self.noise, good, self._takes_most)
         return with_distances(naming, competing, self.bench, self._takes_most)
 
-    def _try(
+    def attempt(
         self, trials: Sequence[Trial], finished: Finished | None = None, rival: float = np.inf
     ) -> list[Names]:
+        """Fit and judge `trials`, which compete with a `rival` rms; `finished` is called with the share that is done.
+
+        What is returned are the sets that could be fitted.
+        """
         found = run_trials(self.bench, trials, self.noise, finished, self.fitted, rival)
         self.tried.update({candidate.effects: candidate for candidate in found})
         lost = ["+".join(self._names(t)) for t in trials if self._names(t) not in self.tried]
@@ -364,20 +348,21 @@ class Search:
 
     def _fit_some(self, full: Names, rest: Names) -> None:
         """Fit some of the effects of a candidate."""
-        plant = self._plant_of(full, rest)
+        plant = self.plant_of(full, rest)
         unbent = with_fitted(self.bench.nominal.with_rig(plant.rig), plant)
-        self._try([Trial(start=unbent, bent=plant, without=self.tried[()].calibration)])
+        self.attempt([Trial(start=unbent, bent=plant, without=self.tried[()].calibration)])
 
     def _fit_from(self, full: Names, rest: Names) -> None:
         """Fit some of the effects of a candidate from its values, and keep the better fit."""
-        before, less = self.tried.get(rest), self._plant_of(full, rest)
-        self._try([Trial(start=less, bent=less, without=self.tried[()].calibration)])
+        before, less = self.tried.get(rest), self.plant_of(full, rest)
+        self.attempt([Trial(start=less, bent=less, without=self.tried[()].calibration)])
         if before is not None and before.calibration.rms <= self.tried[rest].calibration.rms:
             self.tried[rest] = replace(before, noise=self.noise)
 
-    def _plant_of(self, full: Names, rest: Names) -> Plant:
-        """The plant of a candidate with some of its effects only, not fitted anew."""
-        return self.tried[full].calibration.plant.without_effects(*(name for name in full if name not in rest))
+    def plant_of(self, full: Names, rest: Names) -> Plant:
+        """The plant of the set `full` with the effects of `rest` only, not fitted anew."""
+        plant, gone = self.tried[full].calibration.plant, [name for name in full if name not in rest]
+        return plant.without_effects(*gone) if gone else plant
 
     def _names(self, trial: Trial) -> Names:
         return tuple(name for name in trial.start.effect_names if name not in self.bench.nominal.effect_names)

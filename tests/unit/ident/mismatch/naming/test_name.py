@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from deatwin.ident.greybox import FitStatus
+from deatwin.ident.mismatch.naming import forms
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import (
     Distance,
@@ -18,6 +19,7 @@ from deatwin.ident.mismatch.naming.decide import (
     suffices,
     with_distances,
 )
+from deatwin.ident.mismatch.naming.forms import with_fewer
 from deatwin.ident.mismatch.naming.name import _best_form
 from deatwin.ident.mismatch.naming.sets import Search
 from deatwin.ident.mismatch.naming.trial import _otherwise
@@ -448,3 +450,49 @@ def test_another_form_is_tried_where_it_or_an_effect_takes_much(left, bare, read
     naming = search.decided([])
     assert naming.best is None
     assert search.may_be_misread([delay.effects], naming, candidate(rms=bare)) is read_otherwise
+
+
+@pytest.fixture
+def elsewhere(monkeypatch):
+    """What one effect of a pair, or both, leave in a rival form of the plant, instead of fits."""
+
+    def leave(*found: Candidate, pair: Candidate | None = None) -> None:
+        other = search_over(candidate(rms=5.5), *found)
+        more = [] if pair is None else [pair.effects]
+        monkeypatch.setattr(other, "attempt", lambda *_, **__: other.tried.update({e: pair for e in more}) or more)
+        monkeypatch.setattr(other, "_fit_from", lambda *_: None)
+        monkeypatch.setattr(forms, "_without_one", lambda *_: other)
+
+    monkeypatch.setattr(forms, "_trial", lambda *_: None)
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.with_distances", lambda naming, *_: naming)
+    return leave
+
+
+@pytest.mark.parametrize("alone, answer", [(2.06, ("end_stop",)), (2.4, ("delay", "end_stop"))])
+def test_another_reading_of_the_rig_costs_less_than_one_effect_of_a_pair(elsewhere, alone, answer):
+    """The pair leaves 0.45², of which 1.25 times is 0.5²; alone, 2.06² - 2² is 0.49², and 2.4² - 2² is 1.33²."""
+    pair = candidate("delay", "end_stop", rms=2.05)
+    search = search_over(candidate(rms=5.7), candidate("end_stop", rms=4.9), candidate("delay", rms=4.5), pair)
+    elsewhere(candidate("end_stop", rms=alone), candidate("delay", rms=4.4))
+    taken, naming = with_fewer(search, search.decided([pair.effects]), [candidate(rms=5.5)])
+    assert naming.best.effects == answer
+    assert (taken is search) is (len(answer) == 2)
+
+
+@pytest.mark.parametrize("left, known", [(2.1, True), (2.9, False)])
+def test_two_effects_may_explain_in_another_form_what_they_do_not_in_the_first(elsewhere, left, known):
+    pair = candidate("creep", "delay", rms=2.9)
+    search = search_over(candidate(rms=5.7), candidate("creep", rms=4.0), candidate("delay", rms=4.2), pair)
+    elsewhere(candidate("creep", rms=4.0), candidate("delay", rms=4.2), pair=candidate("creep", "delay", rms=left))
+    nothing = search.decided([pair.effects])
+    assert nothing.best is None
+    taken, naming = with_fewer(search, nothing, [candidate(rms=5.5)])
+    assert (naming.best is not None) is known
+    assert (taken is search) is not known
+
+
+def test_one_effect_is_looked_for_in_no_further_form(elsewhere):
+    single = candidate("delay", rms=2.05)
+    search = search_over(candidate(rms=5.7), single)
+    naming = search.decided([single.effects])
+    assert with_fewer(search, naming, [candidate(rms=5.5)]) == (search, naming)
