@@ -43,7 +43,7 @@ Names = tuple[str, ...]
 
 
 def trials_of(unbent: Plant, fit: Calibration, chosen: Iterable[Lead]) -> list[Trial]:
-    """Each effect of the `chosen` leads built into the `unbent` plant, and into that which the `fit` without it bent."""
+    """Each effect of the `chosen` leads built into the `unbent` plant, and into the one that the `fit` bent."""
     return [
         Trial(
             start=unbent.with_effects(lead.effect), bent=fit.plant.with_effects(lead.estimate), without=fit,
