@@ -346,8 +346,8 @@ def _covariance(residuals: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
     sums = total[np.minimum(ends, residuals.size)] - total[np.maximum(ends - window, 0)]
     freedom = max(residuals.size - scale.size, 1)
     # A product of a matrix with itself: no rounding error makes an eigenvalue negative, however alike the parameters.
-    half = sums @ bread
-    robust = residuals.size / freedom / window * half.T @ half
+    half = sums @ bread * np.sqrt(residuals.size / freedom / window)
+    robust = half.T @ half
     white = float(residuals @ residuals) / freedom * np.diag(bread)
     own = np.diag(robust)
     widen = np.sqrt(np.divide(np.maximum(own, white), own, out=np.ones_like(own), where=own > 0))

@@ -84,9 +84,10 @@ def spikes(signal: np.ndarray) -> np.ndarray:
 
 def _beside(bend: np.ndarray) -> np.ndarray:
     """How far the neighbours of each value lie off their cubics once it lies on its own: those have it, too."""
-    padded = np.pad(bend, 2)
+    padded = np.pad(bend, 2, constant_values=np.nan)
     shares = {1: 2 / 3, 3: 2 / 3, 0: -1 / 6, 4: -1 / 6}
-    return np.max([np.abs(padded[k : k + bend.size] + share * bend) for k, share in shares.items()], axis=0)
+    off = [np.abs(padded[k : k + bend.size] + share * bend) for k, share in shares.items()]
+    return np.nan_to_num(np.fmax.reduce(off))  # there are none outside of the record
 
 
 def jumps(signal: np.ndarray) -> np.ndarray:

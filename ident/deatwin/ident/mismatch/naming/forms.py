@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from deatwin.ident.mismatch.naming.candidate import Candidate
-from deatwin.ident.mismatch.naming.decide import Naming
+from deatwin.ident.mismatch.naming.decide import Naming, cannot_rule_out, suffices
 from deatwin.ident.mismatch.naming.screen import footprints, leads
 from deatwin.ident.mismatch.naming.sets import (
     BESIDE,
@@ -16,6 +17,7 @@ from deatwin.ident.mismatch.naming.sets import (
     trials_of,
 )
 from deatwin.ident.mismatch.naming.trial import Trial, with_fitted
+from deatwin.ident.mismatch.naming.worth import takes_most
 
 __all__ = ["in_form", "with_fewer"]
 
@@ -45,7 +47,8 @@ def in_form(search: Search, rival: Candidate, stage: Sequence[Names]) -> tuple[S
     fit, known = rival.calibration, search.known
     unbent = search.bench.nominal.with_rig(fit.plant.rig)
     best = sorted(stage, key=lambda names: -search.tried[names].evidence)[:AGAIN]
-    chosen = {name: search.leads[name] for names in best for name in names}
+    # What an effect promises in another form nobody knows.
+    chosen = {name: replace(search.leads[name], share=0.0) for names in best for name in names}
     if search.is_clearly_worse_than(rival):
         known = footprints(search.bench, fit, search.bench.effects, fit)
         chosen |= {lead.effect.name: lead for lead in leads(known, fit)[:BESIDE]}
@@ -56,8 +59,8 @@ def in_form(search: Search, rival: Candidate, stage: Sequence[Names]) -> tuple[S
     return other, found
 
 
-def with_fewer(search: Search, naming: Naming, rivals: Sequence[Candidate]) -> tuple[Search, Naming]:
-    """The search and its answer, or those in a rival form that needs one effect less, or has an answer at all.
+def with_fewer(search: Search, naming: Naming, forms: Sequence[Candidate]) -> tuple[Search, Naming]:
+    """The search and its answer, or those in another form that needs one effect less, or has an answer at all.
 
     A reading that is taken a sample early is a delay beside any other effect, too. Where two effects leave too much,
     they may explain the recordings in a form that neither shows by itself.
@@ -68,40 +71,70 @@ def with_fewer(search: Search, naming: Naming, rivals: Sequence[Candidate]) -> t
         With what was tried.
     naming : Naming
         Its decision.
-    rivals : sequence of Candidate
-        Other forms of the plant without effects.
+    forms : sequence of Candidate
+        Other forms of the plant without effects; those that leave clearly more are not tried.
 
     Returns
     -------
     tuple of Search and Naming
+        Of the forms in which there is an answer, that with the most evidence.
     """
     pair = search.best_of([names for names in search.tried if len(names) == 2])
-    best = pair if naming.best is None else naming.best.effects
-    if best is None or len(best) < 2:
+    full = (pair,) if naming.best is None else (naming.best.effects, *(rival.effects for rival in naming.rivals))
+    if full[0] is None or len(full[0]) < 2:
         return search, naming
-    limit = search.missing([best]) / CLEARLY_BETTER
-    for rival in rivals:
-        other = _without_one(search, best, rival)
-        found = other.nearly()
-        if naming.best is None:
-            pairs = other.attempt([_trial(search, best, rival)], rival=search.tried[best].calibration.rms)
-            found = other.decided_surely(pairs)
-        if found.best is not None and other.missing([found.best.effects]) < limit:
-            return other, found
-    return search, naming
+    several = [names for names in full if names is not None and len(names) > 1]
+    found = [
+        (other, answer) for other, answer in (
+            _in_its_place(search, several, form) if naming.best is not None else _explained(search, several[0], form)
+            for form in forms if CLEARLY_BETTER * _missing(form, search) < search.missing([()])
+        ) if answer.best is not None and _holds(answer.best, search, naming)
+    ]  # fmt: skip
+    return max(found, key=lambda pair: pair[1].best.evidence if pair[1].best else 0.0, default=(search, naming))
 
 
-def _without_one(search: Search, full: Names, rival: Candidate) -> Search:
-    """A search in a rival form, begun with all but one of the effects of a set that is known in another form."""
-    other = Search(search.bench, rival, search.known, search.fitted)
-    other.leads = {name: lead for name, lead in search.leads.items() if name in full}
-    trials = [_trial(search, full, rival, names) for names in each_without_one(full)]
-    other.judge_by_the_best(other.attempt(trials, rival=search.tried[full].calibration.rms))
+def _missing(form: Candidate, search: Search) -> float:
+    """Mean square beyond the noise that a form of the plant leaves without effects."""
+    return float(form.losses.mean()) - search.noise**2
+
+
+def _holds(answer: Candidate, search: Search, naming: Naming) -> bool:
+    """Whether an answer in another form explains what this form lacks, and as well as the answer in this form does."""
+    if not (takes_most(answer, search.tried[()]) and suffices(answer, search.tried[()])):
+        return False
+    return naming.best is None or cannot_rule_out(answer, naming.best)
+
+
+def _in_its_place(search: Search, several: Sequence[Names], form: Candidate) -> tuple[Search, Naming]:
+    """The decision in another form over explanations of several effects that lack one of them."""
+    other = _begun(search, form)
+    trials = {rest: _trial(search, names, form, rest) for names in several for rest in each_without_one(names)}
+    other.judge_by_the_best(other.attempt(list(trials.values()), rival=search.tried[several[0]].calibration.rms))
+    return other, other.nearly()
+
+
+def _explained(search: Search, pair: Names, form: Candidate) -> tuple[Search, Naming]:
+    """The decision in another form over a pair and each of its effects, where this form has none."""
+    other, rms = _begun(search, form), search.tried[pair].calibration.rms
+    singles = other.attempt([_trial(search, pair, form, rest) for rest in each_without_one(pair)], rival=rms)
+    other.judge_by_the_best(singles)
+    naming = other.decided(singles)
+    if naming.best is not None:
+        return other, naming
+    pairs = other.attempt([_trial(search, pair, form, pair)], rival=rms)
+    other.judge_by_the_best([*singles, *pairs])
+    return other, other.decided_surely(pairs)
+
+
+def _begun(search: Search, form: Candidate) -> Search:
+    """A search in another form, with the least noise that any plant has shown."""
+    other = Search(search.bench, replace(form, noise=min(form.noise, search.noise)), search.known, search.fitted)
+    other.leads = dict(search.leads)
     return other
 
 
-def _trial(search: Search, full: Names, rival: Candidate, names: Names = ()) -> Trial:
-    """Some effects of a set that is known in one form, or all, built into another one with their values."""
-    plant, fit = search.plant_of(full, names or full), rival.calibration
+def _trial(search: Search, full: Names, form: Candidate, names: Names) -> Trial:
+    """Some effects of a set that is known in one form, built into another one with the values that they have there."""
+    plant, fit = search.plant_of(full, names), form.calibration
     unbent = search.bench.nominal.with_rig(fit.plant.rig)
     return Trial(start=with_fitted(unbent, plant), bent=with_fitted(fit.plant, plant), without=fit)

@@ -37,7 +37,7 @@ def name_causes(
     only into those that fit clearly better without any, lest it explain a wrong form away. Where none suffices, each
     further one beside the best, and so on to three. The effects that were there before a step are replaced in turn:
     the best single effect may only imitate two others, and it has rivals beside the new one, too. Of several, one is
-    left out where another form does its work.
+    left out where another form does its work; where nothing explains, the best pair is tried in the other forms, too.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def name_causes(
             break
         naming = search.decided_surely(stage)
     taken = search.tried[()].calibration
-    others = [rival for rival in rivals if rival.calibration is not taken]
+    others = [form for form in (base, *rivals) if form.calibration is not taken]
     search, naming = with_fewer(search, naming if naming.best is not None else search.nearly(), others)
     return replace(search.on_everything(naming), failed=tuple(search.failed))
 

@@ -116,7 +116,9 @@ class Search:
         fit = self.tried[names].calibration
         unbent = with_fitted(self.bench.nominal.with_rig(fit.plant.rig), fit.plant)
         found = self._leads(names)
-        promising = (*self._good_alone(names), *found[:BESIDE]) if names else shortlist(self.bench, unbent, found)
+        # What did well alone did it with another residual: of this one it promises nothing.
+        alone = [replace(lead, share=0.0) for lead in self._good_alone(names)]
+        promising = (*alone, *found[:BESIDE]) if names else shortlist(self.bench, unbent, found)
         chosen = {lead.effect.name: lead for lead in promising}
         self.leads = chosen | self.leads
         stage = self._new(trials_of(unbent, fit, chosen.values()), finished)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from deatwin.ident.greybox.fit import Calibration, calibrate
+from deatwin.ident.greybox.status import FitStatus
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.candidate import Candidate, judge
 from deatwin.ident.mismatch.refit.search import ROUGH, at_its_time, finish, in_its_gap, is_promising, roughly, search
@@ -47,7 +48,7 @@ class Trial:
     without : Calibration
         That plant's fit, of which this one is a generalisation.
     share : float
-        Of that fit's squared residual, what the last effect explains to first order, at the bent plant.
+        Of that fit's squared residual, what the last effect explains to first order, at the bent plant; 0 if unknown.
     """
 
     start: Plant
@@ -106,8 +107,11 @@ def run_trials(
         rival = min([rival, *(fit.rms for fit in fits)])
     near = [k for k, fit in enumerate(fits) if fit.rms < NEAR * rival or is_promising(fit, noise)]
     finished_fits = run_jobs(finish, [(fits[k], bench.fitted) for k in near], workers=bench.jobs)
-    placed = run_jobs(in_its_gap, [(fit, bench.fitted, bench.everything) for fit in finished_fits], workers=bench.jobs)
-    for k, fit in zip(near, placed, strict=True):
+    for k, fit in zip(near, finished_fits, strict=True):
+        fits[k] = fit
+    late = [k for k in near if any(effect.event for effect in fits[k].plant.effects)]
+    placed = run_jobs(in_its_gap, [(fits[k], bench.fitted, bench.everything) for k in late], workers=bench.jobs)
+    for k, fit in zip(late, placed, strict=True):
         fits[k] = fit
     judged = run_jobs(judge, [(bench, fit, noise) for fit in fits], workers=bench.jobs)
     candidates = [candidate for candidate in judged if candidate is not None]
@@ -145,18 +149,24 @@ def _tried(bench: Bench, trial: Trial, hopeless: float) -> Calibration:
     a little of it does not.
     """
     found = search(trial.start, bench.fitted, hopeless)
-    if found.given_up and found.rms**2 < MOSTLY * trial.without.rms**2:
-        found = roughly(found.plant, bench.fitted)  # from afar the linearised minimum errs most
+    if trial.share > 0.0 and found.given_up and found.rms**2 < MOSTLY * trial.without.rms**2:
+        found = _better(found, roughly(found.plant, bench.fitted))  # from afar the linearised minimum errs most
     # The plant without the effect is a special case of the one with it: a worse fit is a failed search.
     if not found.status.ok or found.rms > FAILED_SEARCH * trial.promised:
         again = calibrate(trial.bent, bench.fitted, evaluations=FEW, tolerance=ROUGH, hopeless=hopeless)
-        if again.status.ok and (not found.status.ok or again.rms < found.rms):
-            found = again
+        if again.status is FitStatus.STOPPED and (not found.status.ok or again.rms < found.rms):
+            again = _better(again, roughly(again.plant, bench.fitted, hopeless))
+        found = _better(found, again)
     for start in _otherwise(trial.start):
         if found.status.ok:
             break
         found = search(start, bench.fitted, hopeless)
     return at_its_time(found, bench.fitted, hopeless) if found.status.ok else found
+
+
+def _better(one: Calibration, other: Calibration) -> Calibration:
+    """The fit that leaves less; the other where one failed."""
+    return other if other.status.ok and (not one.status.ok or other.rms < one.rms) else one
 
 
 def _otherwise(plant: Plant) -> Iterator[Plant]:

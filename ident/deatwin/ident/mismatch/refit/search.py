@@ -201,7 +201,7 @@ def at_its_time(fit: Calibration, parts: Sequence[Part], hopeless: float = np.in
 def in_its_gap(fit: Calibration, fitted: Sequence[Part], everything: Sequence[Part]) -> Calibration:
     """Move events that lie between fitted stretches to where they explain most of all samples.
 
-    The fit cannot tell where in such a gap an event lies, and does not depend on it; what was not fitted can.
+    The fit cannot tell where in such a gap an event lies, and hardly depends on it; what was not fitted can.
 
     Parameters
     ----------
@@ -215,18 +215,19 @@ def in_its_gap(fit: Calibration, fitted: Sequence[Part], everything: Sequence[Pa
     Returns
     -------
     Calibration
-        The same one where the plant has no such event; its residuals hold for the moved plant too.
+        Fitted once more from there; the same one where the plant has no such event, or it stays where it is.
     """
     times, plant = np.concatenate([part.timepts for part in fitted]), fit.plant
+    known = np.concatenate([part.timepts for part in everything])
     for effect in plant.effects:
         if not effect.event:
             continue
         name = f"{effect.name}.{effect.event}"
         at = plant.parameters[name].value
         before, after = times[times < at], times[times >= at]
-        if before.size and after.size and after.min() - before.max() > 2 * plant.rig.sample_time:
+        if before.size and after.size and ((known > before.max()) & (known < after.min())).any():
             plant = _moved(plant, name, everything, (before.max(), after.min()))
-    return fit if plant is fit.plant else replace(fit, plant=plant)
+    return fit if plant is fit.plant else finish(replace(fit, plant=plant), fitted)
 
 
 def _moved(plant: Plant, name: str, parts: Sequence[Part], within: tuple[float, float] = (-np.inf, np.inf)) -> Plant:

@@ -454,41 +454,74 @@ def test_another_form_is_tried_where_it_or_an_effect_takes_much(left, bare, read
 
 @pytest.fixture
 def elsewhere(monkeypatch):
-    """What one effect of a pair, or both, leave in a rival form of the plant, instead of fits."""
+    """What sets of effects leave in another form of the plant, instead of fits."""
 
-    def leave(*found: Candidate, pair: Candidate | None = None) -> None:
-        other = search_over(candidate(rms=5.5), *found)
-        more = [] if pair is None else [pair.effects]
-        monkeypatch.setattr(other, "attempt", lambda *_, **__: other.tried.update({e: pair for e in more}) or more)
-        monkeypatch.setattr(other, "_fit_from", lambda *_: None)
-        monkeypatch.setattr(forms, "_without_one", lambda *_: other)
+    def leave(*known: Candidate) -> None:
+        def begun(search: Search, form: Candidate) -> Search:
+            other = search_over(form)
 
-    monkeypatch.setattr(forms, "_trial", lambda *_: None)
+            def attempt(sets, rival):
+                found = {c.effects: c for c in known if c.effects in sets}
+                other.tried.update(found)
+                return list(found)
+
+            for name, does in (("attempt", attempt), ("judge_by_the_best", len), ("_fit_from", lambda *_: None)):
+                monkeypatch.setattr(other, name, does)
+            return other
+
+        monkeypatch.setattr(forms, "_begun", begun)
+
+    monkeypatch.setattr(forms, "_trial", lambda search, full, form, names: names)
     monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.with_distances", lambda naming, *_: naming)
     return leave
 
 
-@pytest.mark.parametrize("alone, answer", [(2.06, ("end_stop",)), (2.4, ("delay", "end_stop"))])
-def test_another_reading_of_the_rig_costs_less_than_one_effect_of_a_pair(elsewhere, alone, answer):
-    """The pair leaves 0.45², of which 1.25 times is 0.5²; alone, 2.06² - 2² is 0.49², and 2.4² - 2² is 1.33²."""
+def pair_of_a_delay() -> tuple[Search, Naming]:
     pair = candidate("delay", "end_stop", rms=2.05)
     search = search_over(candidate(rms=5.7), candidate("end_stop", rms=4.9), candidate("delay", rms=4.5), pair)
+    return search, search.decided([pair.effects])
+
+
+@pytest.mark.parametrize("alone, answer", [(2.06, ("end_stop",)), (2.4, ("delay", "end_stop"))])
+def test_another_reading_of_the_rig_costs_less_than_one_effect_of_a_pair(elsewhere, alone, answer):
+    """Half of the plant's error is 0.6: 2.06² - 2.05² is 0.2², and 2.4² - 2.05² is 1.25²."""
+    search, naming = pair_of_a_delay()
     elsewhere(candidate("end_stop", rms=alone), candidate("delay", rms=4.4))
-    taken, naming = with_fewer(search, search.decided([pair.effects]), [candidate(rms=5.5)])
+    taken, naming = with_fewer(search, naming, [candidate(rms=5.5)])
     assert naming.best.effects == answer
     assert (taken is search) is (len(answer) == 2)
 
 
-@pytest.mark.parametrize("left, known", [(2.1, True), (2.9, False)])
-def test_two_effects_may_explain_in_another_form_what_they_do_not_in_the_first(elsewhere, left, known):
-    pair = candidate("creep", "delay", rms=2.9)
-    search = search_over(candidate(rms=5.7), candidate("creep", rms=4.0), candidate("delay", rms=4.2), pair)
-    elsewhere(candidate("creep", rms=4.0), candidate("delay", rms=4.2), pair=candidate("creep", "delay", rms=left))
-    nothing = search.decided([pair.effects])
+def test_a_form_that_leaves_clearly_more_by_itself_is_not_tried(elsewhere):
+    search, naming = pair_of_a_delay()
+    elsewhere(candidate("end_stop", rms=2.05))
+    assert with_fewer(search, naming, [candidate(rms=6.5)]) == (search, naming)  # 0.8 (6.5² - 2²) > 5.7² - 2²
+    assert with_fewer(search, naming, [candidate(rms=6.0)])[1].best.effects == ("end_stop",)
+
+
+def test_rivals_of_a_pair_are_rivals_in_the_other_form_too(elsewhere):
+    """A relative of the truth must not stand alone for having been the better half of a pair by a hair."""
+    search, naming = pair_of_a_delay()
+    for other in (candidate("delay", "hysteresis", rms=2.06), candidate("hysteresis", rms=4.9)):
+        search.tried[other.effects] = other
+    naming = search.decided([("delay", "end_stop"), ("delay", "hysteresis")])
+    elsewhere(candidate("end_stop", rms=2.06), candidate("hysteresis", rms=2.07))
+    _, there = with_fewer(search, naming, [candidate(rms=5.5)])
+    assert [there.best.effects, *(rival.effects for rival in there.rivals)] == [("end_stop",), ("hysteresis",)]
+
+
+@pytest.mark.parametrize("single, pair, answer", [
+    (4.0, 2.1, ("creep", "delay")), (2.1, 2.05, ("creep",)), (4.0, 2.9, None),
+])  # fmt: skip
+def test_two_effects_may_explain_in_another_form_what_they_do_not_in_the_first(elsewhere, single, pair, answer):
+    both = candidate("creep", "delay", rms=2.9)
+    search = search_over(candidate(rms=5.7), candidate("creep", rms=4.0), candidate("delay", rms=4.2), both)
+    nothing = search.decided([both.effects])
     assert nothing.best is None
+    elsewhere(candidate("creep", rms=single), candidate("delay", rms=4.2), candidate("creep", "delay", rms=pair))
     taken, naming = with_fewer(search, nothing, [candidate(rms=5.5)])
-    assert (naming.best is not None) is known
-    assert (taken is search) is not known
+    assert (naming.best and naming.best.effects) == answer
+    assert (taken is search) is (answer is None)
 
 
 def test_one_effect_is_looked_for_in_no_further_form(elsewhere):
