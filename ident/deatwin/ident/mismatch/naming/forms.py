@@ -79,18 +79,23 @@ def with_fewer(search: Search, naming: Naming, forms: Sequence[Candidate]) -> tu
     tuple of Search and Naming
         Of the forms in which there is an answer, that with the most evidence.
     """
-    pair = search.best_of([names for names in search.tried if len(names) == 2])
-    full = (pair,) if naming.best is None else (naming.best.effects, *(rival.effects for rival in naming.rivals))
-    if full[0] is None or len(full[0]) < 2:
-        return search, naming
-    several = [names for names in full if names is not None and len(names) > 1]
-    found = [
-        (other, answer) for other, answer in (
-            _in_its_place(search, several, form) if naming.best is not None else _explained(search, several[0], form)
-            for form in forms if CLEARLY_BETTER * _missing(form, search) < search.missing([()])
-        ) if answer.best is not None and _holds(answer.best, search, naming)
-    ]  # fmt: skip
-    return max(found, key=lambda pair: pair[1].best.evidence if pair[1].best else 0.0, default=(search, naming))
+    decision = _explained if naming.best is None else _in_its_place
+    full, answers = _several(search, naming), []
+    for form in forms if full else ():
+        if CLEARLY_BETTER * _missing(form, search) < search.missing([()]):
+            other, found = decision(search, full, form)
+            if found.best is not None and _holds(found.best, search, naming):
+                answers.append((found.best.evidence, other, found))
+    return max(answers, key=lambda answer: answer[0], default=(0.0, search, naming))[1:]
+
+
+def _several(search: Search, naming: Naming) -> list[Names]:
+    """Explanations of several effects, the best first; where there is no explanation, the best pair."""
+    if naming.best is None:
+        best = search.best_of([names for names in search.tried if len(names) == 2])
+        return [] if best is None else [best]
+    found = [candidate.effects for candidate in (naming.best, *naming.rivals)]
+    return [names for names in found if len(names) > 1] if len(found[0]) > 1 else []
 
 
 def _missing(form: Candidate, search: Search) -> float:
@@ -105,16 +110,17 @@ def _holds(answer: Candidate, search: Search, naming: Naming) -> bool:
     return naming.best is None or cannot_rule_out(answer, naming.best)
 
 
-def _in_its_place(search: Search, several: Sequence[Names], form: Candidate) -> tuple[Search, Naming]:
+def _in_its_place(search: Search, full: Sequence[Names], form: Candidate) -> tuple[Search, Naming]:
     """The decision in another form over explanations of several effects that lack one of them."""
     other = _begun(search, form)
-    trials = {rest: _trial(search, names, form, rest) for names in several for rest in each_without_one(names)}
-    other.judge_by_the_best(other.attempt(list(trials.values()), rival=search.tried[several[0]].calibration.rms))
+    trials = {rest: _trial(search, names, form, rest) for names in full for rest in each_without_one(names)}
+    other.judge_by_the_best(other.attempt(list(trials.values()), rival=search.tried[full[0]].calibration.rms))
     return other, other.nearly()
 
 
-def _explained(search: Search, pair: Names, form: Candidate) -> tuple[Search, Naming]:
+def _explained(search: Search, full: Sequence[Names], form: Candidate) -> tuple[Search, Naming]:
     """The decision in another form over a pair and each of its effects, where this form has none."""
+    pair = full[0]
     other, rms = _begun(search, form), search.tried[pair].calibration.rms
     singles = other.attempt([_trial(search, pair, form, rest) for rest in each_without_one(pair)], rival=rms)
     other.judge_by_the_best(singles)
