@@ -8,14 +8,7 @@ from dataclasses import replace
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming, cannot_rule_out, suffices
 from deatwin.ident.mismatch.naming.screen import footprints, leads
-from deatwin.ident.mismatch.naming.sets import (
-    BESIDE,
-    CLEARLY_BETTER,
-    Names,
-    Search,
-    each_without_one,
-    trials_of,
-)
+from deatwin.ident.mismatch.naming.sets import BESIDE, Names, Search, each_without_one, trials_of
 from deatwin.ident.mismatch.naming.trial import Trial, with_fitted
 from deatwin.ident.mismatch.naming.worth import takes_most
 
@@ -82,10 +75,11 @@ def with_fewer(search: Search, naming: Naming, forms: Sequence[Candidate]) -> tu
     decision = _explained if naming.best is None else _in_its_place
     full, answers = _several(search, naming), []
     for form in forms if full else ():
-        if CLEARLY_BETTER * _missing(form, search) < search.missing([()]):
-            other, found = decision(search, full, form)
-            if found.best is not None and _holds(found.best, search, naming):
-                answers.append((found.best.evidence, other, found))
+        if search.is_clearly_better_than(form):
+            continue
+        other, found = decision(search, full, form)
+        if found.best is not None and _holds(found.best, search, naming):
+            answers.append((found.best.evidence, other, found))
     return max(answers, key=lambda answer: answer[0], default=(0.0, search, naming))[1:]
 
 
@@ -96,11 +90,6 @@ def _several(search: Search, naming: Naming) -> list[Names]:
         return [] if best is None else [best]
     found = [candidate.effects for candidate in (naming.best, *naming.rivals)]
     return [names for names in found if len(names) > 1] if len(found[0]) > 1 else []
-
-
-def _missing(form: Candidate, search: Search) -> float:
-    """Mean square beyond the noise that a form of the plant leaves without effects."""
-    return float(form.losses.mean()) - search.noise**2
 
 
 def _holds(answer: Candidate, search: Search, naming: Naming) -> bool:

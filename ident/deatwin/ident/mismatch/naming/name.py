@@ -79,9 +79,11 @@ def name_causes(
         if not stage:
             break
         naming = search.decided_surely(stage)
+    if naming.best is None:
+        naming = search.nearly()
     taken = search.tried[()].calibration
     others = [form for form in (base, *rivals) if form.calibration is not taken]
-    search, naming = with_fewer(search, naming if naming.best is not None else search.nearly(), others)
+    search, naming = with_fewer(search, naming, others)
     return replace(search.on_everything(naming), failed=tuple(search.failed))
 
 

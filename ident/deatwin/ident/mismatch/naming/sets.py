@@ -178,6 +178,10 @@ class Search:
         """Whether the `rival` form of the plant leaves clearly less without effects than this one."""
         return self._beyond_noise(float(rival.losses.mean())) < CLEARLY_BETTER * self.missing([()])
 
+    def is_clearly_better_than(self, rival: Candidate) -> bool:
+        """Whether the `rival` form of the plant leaves clearly more without effects than this one."""
+        return self.missing([()]) <= CLEARLY_BETTER * self._beyond_noise(float(rival.losses.mean()))
+
     def least(self, stage: Sequence[Names]) -> float:
         """Mean square that the best of a `stage` leaves."""
         return min((float(self.tried[names].losses.mean()) for names in stage), default=float(np.inf))
@@ -299,12 +303,11 @@ class Search:
         return naming.as_likely(doubted)
 
     def on_everything(self, naming: Naming) -> Naming:
-        """The decision `naming`, or the one that suffices, with the rivals that all recordings together bring back.
+        """The decision `naming` with the rivals that all recordings together bring back.
 
         And those that the best one has become, and those that may do what two effects have in common.
         """
-        decided = naming if naming.best is not None else self.nearly()
-        judged = judged_on_everything(decided, self.bench, self._takes_most)
+        judged = judged_on_everything(naming, self.bench, self._takes_most)
         return with_overlap(with_limits(judged, self._takes_most), self._takes_most)
 
     def _counts(self, candidate: Candidate) -> bool:

@@ -106,12 +106,8 @@ def run_trials(
                 finished(done / len(trials))
         rival = min([rival, *(fit.rms for fit in fits)])
     near = [k for k, fit in enumerate(fits) if fit.rms < NEAR * rival or is_promising(fit, noise)]
-    finished_fits = run_jobs(finish, [(fits[k], bench.fitted) for k in near], workers=bench.jobs)
+    finished_fits = run_jobs(_finished, [(bench, fits[k]) for k in near], workers=bench.jobs)
     for k, fit in zip(near, finished_fits, strict=True):
-        fits[k] = fit
-    late = [k for k in near if any(effect.event for effect in fits[k].plant.effects)]
-    placed = run_jobs(in_its_gap, [(fits[k], bench.fitted, bench.everything) for k in late], workers=bench.jobs)
-    for k, fit in zip(late, placed, strict=True):
         fits[k] = fit
     judged = run_jobs(judge, [(bench, fit, noise) for fit in fits], workers=bench.jobs)
     candidates = [candidate for candidate in judged if candidate is not None]
@@ -154,7 +150,7 @@ def _tried(bench: Bench, trial: Trial, hopeless: float) -> Calibration:
     # The plant without the effect is a special case of the one with it: a worse fit is a failed search.
     if not found.status.ok or found.rms > FAILED_SEARCH * trial.promised:
         again = calibrate(trial.bent, bench.fitted, evaluations=FEW, tolerance=ROUGH, hopeless=hopeless)
-        if again.status is FitStatus.STOPPED and (not found.status.ok or again.rms < found.rms):
+        if again.status is FitStatus.STOPPED and _better(found, again) is again:
             again = _better(again, roughly(again.plant, bench.fitted, hopeless))
         found = _better(found, again)
     for start in _otherwise(trial.start):
@@ -162,6 +158,11 @@ def _tried(bench: Bench, trial: Trial, hopeless: float) -> Calibration:
             break
         found = search(start, bench.fitted, hopeless)
     return at_its_time(found, bench.fitted, hopeless) if found.status.ok else found
+
+
+def _finished(bench: Bench, fit: Calibration) -> Calibration:
+    """The fit carried to the end, with an event that it cannot place where the unseen part has it."""
+    return in_its_gap(finish(fit, bench.fitted), bench.fitted, bench.everything)
 
 
 def _better(one: Calibration, other: Calibration) -> Calibration:

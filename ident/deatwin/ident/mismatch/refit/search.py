@@ -192,9 +192,8 @@ def at_its_time(fit: Calibration, parts: Sequence[Part], hopeless: float = np.in
     if fit.given_up:
         return fit
     plant = fit.plant
-    for effect in plant.effects:
-        if effect.event:
-            plant = _moved(plant, f"{effect.name}.{effect.event}", parts)
+    for name in _events(plant):
+        plant = _moved(plant, name, parts)
     return fit if plant is fit.plant else roughly(plant, parts, hopeless)
 
 
@@ -219,10 +218,7 @@ def in_its_gap(fit: Calibration, fitted: Sequence[Part], everything: Sequence[Pa
     """
     times, plant = np.concatenate([part.timepts for part in fitted]), fit.plant
     known = np.concatenate([part.timepts for part in everything])
-    for effect in plant.effects:
-        if not effect.event:
-            continue
-        name = f"{effect.name}.{effect.event}"
+    for name in _events(plant):
         at = plant.parameters[name].value
         before, after = times[times < at], times[times >= at]
         if before.size and after.size and ((known > before.max()) & (known < after.min())).any():
@@ -230,11 +226,16 @@ def in_its_gap(fit: Calibration, fitted: Sequence[Part], everything: Sequence[Pa
     return fit if plant is fit.plant else finish(replace(fit, plant=plant), fitted)
 
 
+def _events(plant: Plant) -> list[str]:
+    """Parameters of a plant that are times of events."""
+    return [f"{effect.name}.{effect.event}" for effect in plant.effects if effect.event]
+
+
 def _moved(plant: Plant, name: str, parts: Sequence[Part], within: tuple[float, float] = (-np.inf, np.inf)) -> Plant:
     """The plant with one event where the squared residual is least, found by steps that are halved."""
     times = np.concatenate([part.timepts for part in parts])
-    first, last = max(times.min(), plant.parameters[name].lower), min(times.max(), plant.parameters[name].upper)
-    first, last = max(first, within[0]), min(last, within[1])
+    known = plant.parameters[name]
+    first, last = max(times.min(), known.lower, within[0]), min(times.max(), known.upper, within[1])
     step, best, least = min(EVENT_STEP * float(np.ptp(times)), (last - first) / 2), plant, _squares(plant, parts)
     while step > plant.rig.sample_time / 2:
         at = best.parameters[name].value

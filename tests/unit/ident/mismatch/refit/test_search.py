@@ -33,7 +33,7 @@ def test_an_event_between_fitted_stretches_is_placed_by_what_lies_there(parts):
     fit = calibrate(wrong, [fitted], evaluations=4)
     placed = in_its_gap(fit, [fitted], [whole])
     assert placed.plant.parameters["sensor_jump.at"].value == pytest.approx(JUMP.at, abs=0.02)  # one sample
-    left = np.concatenate([fitted.measured]) - simulated(placed.plant, [fitted])
+    left = fitted.measured - simulated(placed.plant, [fitted])
     np.testing.assert_allclose(placed.residuals, left, rtol=0, atol=1e-12)  # of the plant that was moved
     assert placed.rms < 1.01 * fit.rms  # the fit knows hardly anything of it
 
