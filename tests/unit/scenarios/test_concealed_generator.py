@@ -21,7 +21,7 @@ from deatwin.plant.integrator.reference import reference_outputs
 from deatwin.plant.rigs.base import ReadingTime
 from deatwin.scenarios.concealed_physics import mechanisms
 from deatwin.scenarios.concealed_physics.apparatus import Apparatus
-from deatwin.scenarios.concealed_physics.cases import LADDER, CaseSpec, case_specs, make, pairable
+from deatwin.scenarios.concealed_physics.cases import CaseSpec, case_specs, make, pairable
 from deatwin.scenarios.concealed_physics.key import KEY, OUTSIDE, TIES, accepted, canonical
 from deatwin.scenarios.concealed_physics.mechanisms import MECHANISMS, Drive, Reading, mechanism_named
 from deatwin.scenarios.concealed_physics.mechanisms.electrical import HardClip, TransportDelay
@@ -30,6 +30,7 @@ from deatwin.scenarios.concealed_physics.mechanisms.mechanical import BristleFri
 from deatwin.scenarios.concealed_physics.noise import SensorNoise
 from deatwin.scenarios.concealed_physics.rigs import FILM_ERROR, Rigging, drawn_rig
 from deatwin.scenarios.concealed_physics.rosenbrock import integrate
+from deatwin.scenarios.concealed_physics.sizes import LADDER, size_named
 
 STEP = 0.02
 SILENT = SensorNoise(rms=0.0, coloured=0.0, pole=0.0, step=0.0)
@@ -325,6 +326,24 @@ def test_the_standard_study_has_the_cases_that_were_asked_for():
     assert all(0.01 <= s.noise_share <= 0.05 for s in specs)
     assert len(case_specs("tiny", 1)) == 12 and len(case_specs("full", 1)) == 2 * len(specs)
     assert all(CaseSpec.from_dict(json.loads(json.dumps(s.to_dict()))) == s for s in specs)
+
+
+def test_the_long_study_records_as_long_as_a_rig_and_in_two_waveforms():
+    specs, long = case_specs("long", 1), size_named("long")
+    assert Counter(spec.kind for spec in specs) == {"clean": 12, "effect": 2 * len(KEY), "outside": 14, "pair": 20}
+    assert {(spec.excitation, spec.records) for spec in specs} == {("noise+holds", 2)}
+    for name in KEY:
+        assert sorted(s.target_ratio for s in specs if s.kind == "effect" and s.effects == (name,)) == [0.9, 2.8]
+    assert long.seconds == 420.0 and long.check_seconds == 120.0
+
+
+def test_each_record_has_the_waveform_that_its_place_in_the_excitation_says():
+    spec = CaseSpec(
+        name="a", kind="clean", effects=(), truth=(), target_ratio=0.0, seed=3, excitation="noise+holds", records=2
+    )
+    noise, holds = (r.inputs[0] for r in make(spec, seconds=40.0, check_seconds=10.0).experiments[0].recordings)
+    assert noise.size == holds.size == 20 * 50
+    assert np.mean(np.diff(noise) == 0) < 0.05 < 0.9 < np.mean(np.diff(holds) == 0)  # holds last 100 samples or more
 
 
 def test_studies_of_different_seeds_share_no_case():

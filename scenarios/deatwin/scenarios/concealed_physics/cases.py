@@ -14,14 +14,12 @@ from deatwin.scenarios.concealed_physics.excitations import RICH
 from deatwin.scenarios.concealed_physics.key import KEY, OUTSIDE, TIES
 from deatwin.scenarios.concealed_physics.mechanisms import log_uniform
 from deatwin.scenarios.concealed_physics.reach import reach
-from deatwin.scenarios.concealed_physics.sizes import size_named
+from deatwin.scenarios.concealed_physics.sizes import Size, size_named
 from deatwin.scenarios.concealed_physics.specimens import Specimen, make
 from deatwin.scenarios.concealed_physics.specs import CaseSpec
 
-__all__ = ["LADDER", "CaseSpec", "Specimen", "case_specs", "make", "pairable"]
+__all__ = ["CaseSpec", "Specimen", "case_specs", "make", "pairable"]
 
-LADDER = (0.3, 0.5, 0.9, 1.6, 2.8, 5.0)
-"""Strengths of the cases of an effect, structural residual over noise."""
 PAIR_RATIOS, PAIR_NOISE_SHARES = (0.9, 2.5), (0.01, 0.025)
 """Each of two mechanisms is to reach 0.7 within the tolerance of its strength."""
 OUTSIDE_RATIOS, TIE_RATIOS = (0.4, 4.0), (0.7, 3.0)
@@ -35,7 +33,7 @@ def case_specs(size: str, seed: int) -> tuple[CaseSpec, ...]:
 
     Parameters
     ----------
-    size : {"tiny", "standard", "full"}
+    size : {"tiny", "long", "standard", "full"}
         Of the study.
     seed : int
         Of the study, not negative; no seed shares a case's seed with another.
@@ -53,7 +51,7 @@ def case_specs(size: str, seed: int) -> tuple[CaseSpec, ...]:
     if seed < 0:
         raise DataError(f"seed {seed}: it must not be negative")
     rng = np.random.default_rng([seed, len(size)])
-    effects = _few_effects(of.effects, of.library, rng) if of.library else _effects(of.effects, rng)
+    effects = _few_effects(of.effects, of.library, rng) if of.library else _effects(of, rng)
     several = [
         *_clean(of.clean), *effects, *_outside(of.outside, rng), *_pairs(of.pairs, of.library, rng),
         *_ties(of.ties, of.library, rng),
@@ -61,7 +59,7 @@ def case_specs(size: str, seed: int) -> tuple[CaseSpec, ...]:
     # A block of seeds for each study.
     first = (seed + 1) * 1_000_000
     return tuple(
-        CaseSpec(seed=first + k, form=of.form, library=of.library, **_recorded(given, rng))
+        CaseSpec(seed=first + k, form=of.form, library=of.library, **_recorded(given, of.excitation, rng))
         for k, given in enumerate(several)
     )
 
@@ -95,11 +93,12 @@ def _clean(count: int) -> Iterator[Given]:
         yield {"name": f"clean-{k + 1:03d}", "kind": "clean", "effects": (), "truth": (), "target_ratio": 0.0}
 
 
-def _effects(each: int, rng: np.random.Generator) -> Iterator[Given]:
+def _effects(of: Size, rng: np.random.Generator) -> Iterator[Given]:
     """Up the ladder of each effect; the least noise where the ratio is to be highest, so that more of it is reached."""
+    ratios = sorted(of.ladder * (of.effects // len(of.ladder)))
     for name, names in KEY.items():
-        noises = sorted((log_uniform(rng, *NOISE_SHARES) for _ in range(each)), reverse=True)
-        for k, (ratio, noise) in enumerate(zip(sorted(LADDER * (each // len(LADDER))), noises, strict=True)):
+        noises = sorted((log_uniform(rng, *NOISE_SHARES) for _ in ratios), reverse=True)
+        for k, (ratio, noise) in enumerate(zip(ratios, noises, strict=True)):
             yield {**_effect(name, names[0], f"{k + 1:02d}", ratio), "noise_share": round(noise, 4)}
 
 
@@ -146,12 +145,14 @@ def _ties(count: int, library: Sequence[str], rng: np.random.Generator) -> Itera
         }  # fmt: skip
 
 
-def _recorded(given: Given, rng: np.random.Generator) -> Given:
+def _recorded(given: Given, excitation: str, rng: np.random.Generator) -> Given:
     """How a case is recorded, where that is left open."""
     drawn: Given = {
         "excitation": str(rng.choice(RICH)), "records": int(rng.choice([1, 2])),
         "noise_share": round(log_uniform(rng, *NOISE_SHARES), 4),
     }  # fmt: skip
+    if excitation:
+        drawn |= {"excitation": excitation, "records": 1 + excitation.count("+")}
     if given["kind"] == "tie":
         drawn["records"] = 1
     return {**drawn, **given}

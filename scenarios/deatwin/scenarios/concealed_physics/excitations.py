@@ -58,6 +58,10 @@ def _fast_noise(rng: np.random.Generator, seconds: float, step: float, lower: fl
 
 
 def _holds(rng: np.random.Generator, seconds: float, step: float, lower: float, upper: float) -> np.ndarray:
+    return random_holds(rng, seconds, step, lower=lower, upper=upper, shortest=2.0, longest=25.0)
+
+
+def _short_holds(rng: np.random.Generator, seconds: float, step: float, lower: float, upper: float) -> np.ndarray:
     return random_holds(rng, seconds, step, lower=lower, upper=upper, shortest=1.0, longest=12.0)
 
 
@@ -85,7 +89,7 @@ def _chirp(rng: np.random.Generator, seconds: float, step: float, lower: float, 
 
 
 def _noise_and_holds(rng: np.random.Generator, seconds: float, step: float, lower: float, upper: float) -> np.ndarray:
-    halves = [_fast_noise(rng, seconds / 2, step, lower, upper), _holds(rng, seconds / 2, step, lower, upper)]
+    halves = [_fast_noise(rng, seconds / 2, step, lower, upper), _short_holds(rng, seconds / 2, step, lower, upper)]
     return _of_length(np.concatenate(halves), seconds, step)
 
 
@@ -125,8 +129,9 @@ def _of_length(wave: np.ndarray, seconds: float, step: float) -> np.ndarray:
 EXCITATIONS: Mapping[str, Waveform] = MappingProxyType({
     "noise": _noise, "fast_noise": _fast_noise, "noise_and_holds": _noise_and_holds, "multisine": _multisine,
     "chirp": _chirp, "stairs_and_noise": _stairs_and_noise, "both_polarities": _both_polarities,
-    "slow_sine": _slow_sine, "one_level": _one_level,
+    "slow_sine": _slow_sine, "one_level": _one_level, "holds": _holds,
 })  # fmt: skip
 """``waveform(rng, seconds, sample_time, lower, upper)`` by name."""
 POOR = ("slow_sine", "one_level")
-RICH = tuple(name for name in EXCITATIONS if name not in POOR)
+RICH = tuple(name for name in EXCITATIONS if name not in (*POOR, "holds"))
+"""Each tells mechanisms apart by itself; holds alone say little of what is fast."""

@@ -9,7 +9,9 @@ from types import MappingProxyType
 from deatwin.plant.errors import DataError, nearest
 from deatwin.scenarios.concealed_physics.specimens import CHECK_SECONDS, SECONDS
 
-__all__ = ["SIZES", "Size", "size_named"]
+__all__ = ["LADDER", "SIZES", "Size", "size_named"]
+
+LADDER = (0.3, 0.5, 0.9, 1.6, 2.8, 5.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,10 +24,14 @@ class Size:
         Cases without an effect, with one from outside the catalogue, with two effects, and with poor input.
     effects : int
         Cases with one effect: of each effect of the catalogue; in all, where the diagnosis knows a library only.
+    ladder : tuple of float
+        Strengths of the cases of an effect, structural residual over noise; their number divides that of the cases.
     draws : int
         Fits of each effect whose intervals are looked at.
     seconds, check_seconds : float
         Length of a case's recordings together, and of its check, s.
+    excitation : str
+        Of every case, as in `specs.CaseSpec`; empty where each case draws its own.
     form : str
         How films sit on their balls, a form of `specs.CaseSpec`.
     library : tuple of str
@@ -38,8 +44,10 @@ class Size:
     pairs: int
     ties: int
     draws: int
+    ladder: tuple[float, ...] = LADDER
     seconds: float = SECONDS
     check_seconds: float = CHECK_SECONDS
+    excitation: str = ""
     form: str = "drawn"
     library: tuple[str, ...] = ()
 
@@ -49,6 +57,11 @@ SIZES: Mapping[str, Size] = MappingProxyType({
     "tiny": Size(
         clean=3, effects=4, outside=2, pairs=2, ties=1, draws=1, seconds=36.0, check_seconds=16.0, form="usual",
         library=("creep", "electrode_rc", "quadratic_damping", "sensor_drift"),
+    ),
+    # Recordings as long as a rig's own: a search that ends well on two minutes may lose its way on seven.
+    "long": Size(
+        clean=12, effects=2, outside=14, pairs=20, ties=0, draws=0, ladder=(0.9, 2.8), seconds=420.0,
+        check_seconds=120.0, excitation="noise+holds",
     ),
     "standard": Size(clean=150, effects=6, outside=40, pairs=40, ties=24, draws=12),
     "full": Size(clean=300, effects=12, outside=80, pairs=80, ties=48, draws=24),

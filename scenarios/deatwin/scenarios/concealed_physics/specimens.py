@@ -174,11 +174,12 @@ def _commands(
 ) -> Experiment:
     """Records and check on one clock, without readings."""
     step, start, records = rigging.nominal.rig.sample_time, 0.0, []
-    for _ in range(spec.records):
-        wave = commands(spec.excitation, rng, seconds / spec.records, step, LOWEST, highest)
+    names = spec.excitation.split("+")
+    for k in range(spec.records):
+        wave = commands(names[k % len(names)], rng, seconds / spec.records, step, LOWEST, highest)
         records.append(_silent(wave, step, start))
         start = records[-1].end
-    other = str(rng.choice([name for name in RICH if name not in (spec.excitation, "both_polarities")]))
+    other = str(rng.choice([name for name in RICH if name not in (*names, "both_polarities")]))
     # A little inside the range: a check is to interpolate.
     wave = commands(other, rng, check_seconds, step, LOWEST, LOWEST + 0.95 * (highest - LOWEST))
     return Experiment(recordings=(*records, _silent(wave, step, start)))

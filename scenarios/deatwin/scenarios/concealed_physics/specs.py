@@ -35,7 +35,7 @@ class CaseSpec:
     seed : int
         Of the rig, the film, the commands, the mechanisms and the noise.
     excitation : str
-        Name in `excitations.EXCITATIONS`.
+        Name in `excitations.EXCITATIONS`, or one for each record, joined by ``+``.
     records : int
         How many records the experiment has.
     noise_share : float
