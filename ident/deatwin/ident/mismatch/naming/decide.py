@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "STRONG",
+    "SUFFICIENT",
     "Distance",
     "Naming",
     "cannot_rule_out",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -36,8 +36,9 @@ def name_causes(
     the rig file leaves open costs less than a further effect; where one suffices, or none takes most of the mismatch,
     only into those that fit clearly better without any, lest it explain a wrong form away. Where none suffices, each
     further one beside the best, and so on to three. The effects that were there before a step are replaced in turn:
-    the best single effect may only imitate two others, and it has rivals beside the new one, too. Of several, one is
-    left out where another form does its work; where nothing explains, the best pair is tried in the other forms, too.
+    the best single effect may only imitate two others, and it has rivals beside the new one, too. Where all this was
+    done in a rival form and in vain, it is done in the rig file's own. Of several, one is left out where another form
+    does its work; where nothing explains, the best pair is tried in the other forms, too.
 
     Parameters
     ----------
@@ -69,22 +70,49 @@ def name_causes(
     stage = search.beside((), partial(tell, 0))
     search.judge_by_the_best(stage)
     naming = search.decided(stage)
-    others = [rival for rival in rivals if search.may_be_misread(stage, naming, rival)]
-    if others:
-        search, stage, naming = _best_form([(search, stage), *(in_form(search, rival, stage) for rival in others)])
+    own, taken = (search, stage), (search, stage, naming)
+    misread = [rival for rival in rivals if search.may_be_misread(stage, naming, rival)]
+    if misread:
+        taken = _best_form([own, *(in_form(search, rival, stage) for rival in misread)])
+    search, naming = _with_more(taken, own, tell)
+    fit = search.tried[()].calibration
+    others = [form for form in (base, *rivals) if form.calibration is not fit]
+    search, naming = with_fewer(search, naming, others)
+    return replace(search.on_everything(naming), failed=tuple(search.failed))
+
+
+def _with_more(
+    taken: tuple[Search, list[Names], Naming], own: tuple[Search, list[Names]], tell: Callable[[int, float], None]
+) -> tuple[Search, Naming]:
+    """The decision over one effect or more in the form that was `taken`; where there is none, in the rig file's `own`.
+
+    A form that explains one of two effects away has none for the other.
+    """
+    search, naming = taken[0], _beside_each_other(*taken, tell)
+    first, alone = own
+    if naming.best is None and search is not first and first.one_takes_most(alone):
+        again = _beside_each_other(first, alone, first.decided(alone), lambda number, share: None)
+        if again.best is not None:
+            return first, again
+    return search, naming
+
+
+def _beside_each_other(
+    search: Search, stage: list[Names], naming: Naming, tell: Callable[[int, float], None]
+) -> Naming:
+    """The decision `naming` over single effects, or that over further ones beside them until they explain.
+
+    `tell` is called with the number of effects beside the first and the share of it that is done.
+    """
     for number in range(1, MOST_CAUSES):
+        naming = search.settled(stage) if naming.best is None else naming
         if naming.best is not None:
-            break
+            return naming
         stage = search.with_one_more(stage, partial(tell, number))
         if not stage:
             break
         naming = search.decided_surely(stage)
-    if naming.best is None:
-        naming = search.nearly()
-    taken = search.tried[()].calibration
-    others = [form for form in (base, *rivals) if form.calibration is not taken]
-    search, naming = with_fewer(search, naming, others)
-    return replace(search.on_everything(naming), failed=tuple(search.failed))
+    return search.nearly() if naming.best is None else naming
 
 
 def _best_form(forms: Sequence[tuple[Search, list[Names]]]) -> tuple[Search, list[Names], Naming]:

@@ -11,14 +11,14 @@ from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.floor import floor_of
 from deatwin.ident.mismatch.naming.candidate import Candidate, noise_seen
-from deatwin.ident.mismatch.naming.decide import STRONG, Naming, decide, explained, suffices, with_distances
+from deatwin.ident.mismatch.naming.decide import STRONG, SUFFICIENT, Naming, decide, explained, suffices, with_distances
 from deatwin.ident.mismatch.naming.limits import with_limits
 from deatwin.ident.mismatch.naming.overlap import with_overlap
 from deatwin.ident.mismatch.naming.screen import Footprint, Lead, footprints, leads
 from deatwin.ident.mismatch.naming.shortlist import shortlist
 from deatwin.ident.mismatch.naming.siblings import siblings
 from deatwin.ident.mismatch.naming.trial import Fitted, Trial, run_trials, with_fitted
-from deatwin.ident.mismatch.naming.whole import judged_on_everything
+from deatwin.ident.mismatch.naming.whole import judged_on_everything, settled_on_everything
 from deatwin.ident.mismatch.naming.worth import acts, gained, takes_most
 from deatwin.plant.model import Plant
 
@@ -171,8 +171,12 @@ class Search:
         """
         if self.is_clearly_worse_than(rival):
             return True
+        return naming.best is None and self.one_takes_most(stage)
+
+    def one_takes_most(self, stage: Sequence[Names]) -> bool:
+        """Whether the best of a `stage` takes away most of what is more than noise."""
         best = self.best_of(stage)
-        return naming.best is None and best is not None and self._takes_most(self.tried[best])
+        return best is not None and self._takes_most(self.tried[best])
 
     def is_clearly_worse_than(self, rival: Candidate) -> bool:
         """Whether the `rival` form of the plant leaves clearly less without effects than this one."""
@@ -223,9 +227,10 @@ class Search:
     def _without_one(self, names: Names) -> Iterator[Candidate]:
         """The sets without one effect of `names`, those first that are known: each other one takes a fit."""
         for rest in sorted(each_without_one(names), key=lambda rest: rest not in self.tried):
-            without = self._reduced(names, rest)
-            if without is not None:
-                yield without
+            if rest not in self.tried and "+".join(rest) not in self.failed:
+                self._fit_some(names, rest)
+            if rest in self.tried:
+                yield self.tried[rest]
 
     def _floor_of(self, names: Names) -> float:
         """Power of the plant's own error."""
@@ -282,6 +287,21 @@ class Search:
                 return naming
         found = self._surely(self.barely, self._sufficing)
         return naming if found.best is None else found
+
+    def settled(self, stage: Sequence[Names]) -> Naming:
+        """The decision over a `stage` by fits to all recordings, among those that explain the fitted part.
+
+        Of the unseen part, too, they take away so much that anything else suffices that errs no more than the plant.
+        """
+        competing = [self.tried[names] for names in stage if len(names) <= MOST_NEARLY and not self._is_padded(names)]
+        naming = settled_on_everything(
+            competing, tuple(self.tried.values()), self.bench, self.noise, self._may_settle, self._takes_most
+        )
+        return with_distances(naming, competing, self.bench, self._takes_most)
+
+    def _may_settle(self, candidate: Candidate) -> bool:
+        enough = explained(candidate, self.tried[()]) > SUFFICIENT[0][0]
+        return candidate.fitted_test.within_floor and enough and self._counts(candidate)
 
     def _sufficing(self, stage: Sequence[Names]) -> Naming:
         return self._decided(stage, lambda c: suffices(c, self.tried[()]) and self._counts(c))
@@ -344,12 +364,6 @@ class Search:
         noise = min([self.noise, *(noise_seen(c.calibration, self.bench.fitted) for c in found)])
         self.tried = {names: replace(candidate, noise=noise) for names, candidate in self.tried.items()}
         return [candidate.effects for candidate in found]
-
-    def _reduced(self, full: Names, rest: Names) -> Candidate | None:
-        """A candidate with some of its effects only, fitted if nobody has tried it yet."""
-        if rest not in self.tried and "+".join(rest) not in self.failed:
-            self._fit_some(full, rest)
-        return self.tried.get(rest)
 
     def _fit_some(self, full: Names, rest: Names) -> None:
         """Fit some of the effects of a candidate."""

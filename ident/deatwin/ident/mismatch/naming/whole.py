@@ -1,22 +1,67 @@
-"""Rivals that lost on the unseen part only: all recordings together have the last word on them."""
+"""All recordings together have the last word on what lost on the unseen part only."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from deatwin.ident.greybox.fit import Calibration, Part, calibrate
 from deatwin.ident.mismatch.bench import Bench
-from deatwin.ident.mismatch.excess import excess_over_floor
 from deatwin.ident.mismatch.losses import block_losses, evidence
-from deatwin.ident.mismatch.naming.candidate import Candidate
-from deatwin.ident.mismatch.naming.decide import STRONG, Naming, normalised
+from deatwin.ident.mismatch.naming.candidate import Candidate, part_size
+from deatwin.ident.mismatch.naming.decide import STRONG, SUFFICIENT, Naming, decide, normalised
 from deatwin.ident.mismatch.refit.search import DECIDING
 from deatwin.ident.parallel import run_jobs
 
-__all__ = ["judged_on_everything"]
+__all__ = ["judged_on_everything", "settled_on_everything"]
+
+
+def settled_on_everything(
+    stage: Sequence[Candidate],
+    tried: Sequence[Candidate],
+    bench: Bench,
+    noise: float,
+    hopeful: Callable[[Candidate], bool],
+    possible: Callable[[Candidate], bool],
+) -> Naming:
+    """The decision over a stage by fits to all recordings.
+
+    A slow effect whose law is not quite the catalogue's errs where it is extrapolated, by more than any limit bears,
+    and a further effect would only mend the extrapolation.
+
+    Parameters
+    ----------
+    stage : sequence of Candidate
+        Those that compete: all with the same number of effects.
+    tried : sequence of Candidate
+        Everything so far, the base plant first.
+    bench : Bench
+        Recordings and number of workers.
+    noise : float
+        Standard deviation of the sensor's noise, SI.
+    hopeful : callable
+        Whether a candidate could be the answer, but for what it leaves of the unseen part.
+    possible : callable
+        Whether it could be a rival.
+
+    Returns
+    -------
+    Naming
+        Without a best one where none leaves little enough of all recordings, or none is hopeful.
+    """
+    known = {c.effects: c for c in stage if possible(c)}
+    chosen = {c.effects for c in known.values() if hopeful(c)}
+    if not chosen:
+        return decide(tried, (), noise, hopeful, possible)
+    found = run_jobs(_on_everything, [(c, bench.everything) for c in known.values()], workers=bench.jobs)
+    wholes = [whole for whole in found if whole is not None]
+    naming = decide(tried, wholes, noise, lambda whole: whole.effects in chosen and _little(whole), lambda whole: True)
+    if naming.best is None:
+        return naming
+    rivals = tuple(known[rival.effects] for rival in naming.rivals)
+    return replace(naming, best=known[naming.best.effects], rivals=rivals)
 
 
 def judged_on_everything(naming: Naming, bench: Bench, possible: Callable[[Candidate], bool]) -> Naming:
@@ -52,35 +97,34 @@ def judged_on_everything(naming: Naming, bench: Bench, possible: Callable[[Candi
     ]  # fmt: skip
     if not doubtful:
         return naming
-    whole = run_jobs(_on_everything, [(c, bench.everything) for c in (best, *doubtful)], workers=bench.jobs)
-    of_best = whole[0]
-    back = [w for w in whole[1:] if of_best.evidence - w.evidence < STRONG]
+    competing = {c.effects: c for c in (best, *doubtful)}
+    fits = run_jobs(_on_everything, [(c, bench.everything) for c in competing.values()], workers=bench.jobs)
+    whole = {c.effects: c for c in fits if c is not None}
+    most = whole[best.effects].evidence if best.effects in whole else -np.inf
+    back = [whole[c.effects] for c in doubtful if c.effects in whole and most - whole[c.effects].evidence < STRONG]
     if not back:
         return naming
     weights, known = dict(naming.probabilities), naming.probabilities[best.effects]
-    weights |= {w.candidate.effects: known * float(np.exp(w.evidence - of_best.evidence)) for w in back}
-    first = max((of_best, *(w for w in back if w.adequate)), key=lambda w: w.evidence).candidate
-    rivals = (*naming.rivals, *(w.candidate for w in back))
+    weights |= {w.effects: known * float(np.exp(w.evidence - most)) for w in back}
+    leading = [whole[best.effects]] if best.effects in whole else []
+    leading += [w for w in back if w.fitted_test.within_floor]
+    first = max(leading, key=lambda w: w.evidence, default=best)
+    rivals = (*naming.rivals, *(competing[w.effects] for w in back))
     found = replace(naming, rivals=rivals, probabilities=normalised(weights))
-    return found.led_by(first)
+    return found.led_by(competing[first.effects])
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Whole:
-    """A candidate that was fitted to everything."""
-
-    candidate: Candidate
-    evidence: float
-    adequate: bool
-
-
-def _on_everything(candidate: Candidate, parts: Sequence[Part]) -> _Whole:
-    """What a fit to all parts leaves; that of nothing where there is none."""
+def _on_everything(candidate: Candidate, parts: Sequence[Part]) -> Candidate | None:
+    """A candidate fitted to all parts, of which nothing is unseen; None where there is no fit."""
     fit = calibrate(candidate.calibration.plant, parts, tolerance=DECIDING)
     if not fit.status.ok:
-        return _Whole(candidate=candidate, evidence=-np.inf, adequate=False)
-    left = excess_over_floor(fit.residuals, candidate.noise, fit.plant.rig.model_error)
-    return _Whole(candidate=candidate, evidence=_evidence(fit), adequate=left.within_floor)
+        return None
+    return replace(candidate, calibration=fit, unseen=np.zeros(0), sizes=tuple((part_size(part), 0) for part in parts))
+
+
+def _little(whole: Candidate) -> bool:
+    """Whether a fit to everything leaves what a model error may leave that is not known to the digit."""
+    return whole.fitted_test.size < SUFFICIENT[1][0] * whole.fitted_test.model_error
 
 
 def _evidence(fit: Calibration) -> float:

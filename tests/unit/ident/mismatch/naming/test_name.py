@@ -20,7 +20,7 @@ from deatwin.ident.mismatch.naming.decide import (
     with_distances,
 )
 from deatwin.ident.mismatch.naming.forms import with_fewer
-from deatwin.ident.mismatch.naming.name import _best_form
+from deatwin.ident.mismatch.naming.name import _best_form, _with_more
 from deatwin.ident.mismatch.naming.sets import Search
 from deatwin.ident.mismatch.naming.trial import _otherwise
 from deatwin.ident.mismatch.refit.base import _preferred
@@ -241,6 +241,18 @@ def test_a_fit_that_cannot_be_had_is_tried_once(monkeypatch):
     assert asked == [("delay",)]
 
 
+@pytest.mark.parametrize("late, hope", [(2.9, True), (3.4, False)])
+def test_what_may_settle_takes_most_of_the_unseen_part_too(monkeypatch, late, hope):
+    """Of 5.7² - 2² - 1.2² = 27.0 beyond noise and floor, 2.9 µm leave 3.0 and 3.4 µm 6.1, where a fifth is 5.4."""
+    asked = []
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.settled_on_everything", lambda *given: asked.extend(given))
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.with_distances", lambda naming, *_: naming)
+    slow = candidate("dielectric_absorption", rms=2.1, unseen=late)
+    search_over(candidate(rms=5.7), slow).settled([slow.effects])
+    *_, hopeful, _ = asked
+    assert hopeful(slow) is hope
+
+
 def test_what_suffices():
     base = candidate(rms=5.7)
     assert suffices(candidate("creep", rms=2.1), base)
@@ -366,6 +378,29 @@ def test_another_reading_of_the_rig_costs_less_than_an_effect_that_does_as_much(
     search, _, naming = _best_form([nominal, other])
     assert naming.best is None
     assert search is (nominal, other)[taken][0]
+
+
+def scripted(stages: list[Naming], most: bool = True):
+    """A search whose decisions over one effect, two and three are given."""
+    left = iter(stages[1:])
+    search = SimpleNamespace(
+        decided=lambda stage: stages[0], settled=lambda stage: NOTHING, with_one_more=lambda stage, told: [("a", "b")],
+        decided_surely=lambda stage: next(left), nearly=lambda: NOTHING, one_takes_most=lambda stage: most,
+    )  # fmt: skip
+    return search, [("a",)]
+
+
+NOTHING = Naming(candidates=(), best=None, rivals=(), probabilities={}, noise=NOISE)
+
+
+@pytest.mark.parametrize("most, answer", [(True, ("end_stop", "delay")), (False, None)])
+def test_what_another_form_cannot_explain_is_looked_for_in_the_rig_files_own(most, answer):
+    """A sensor that lags by a sample, say, beside an end stop: rows read a sample early would be the lag."""
+    both = replace(NOTHING, best=candidate("end_stop", "delay", rms=2.05))
+    own, other = scripted([NOTHING, both], most), scripted([NOTHING, NOTHING, NOTHING])
+    search, naming = _with_more((*other, NOTHING), own, lambda number, share: None)
+    assert (naming.best and naming.best.effects) == answer
+    assert search is (own if answer else other)[0]
 
 
 def test_three_effects_must_explain_to_the_plants_own_error():

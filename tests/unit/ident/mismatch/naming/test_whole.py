@@ -1,4 +1,4 @@
-"""Which rivals all recordings together bring back; residuals are of given sizes, in blocks of fifty samples."""
+"""What all recordings together bring back, or settle; residuals are of given sizes, in blocks of fifty samples."""
 
 from types import SimpleNamespace
 
@@ -7,7 +7,7 @@ import pytest
 
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming, decide
-from deatwin.ident.mismatch.naming.whole import judged_on_everything
+from deatwin.ident.mismatch.naming.whole import judged_on_everything, settled_on_everything
 
 NOISE = 2.0
 FAILS = -1.0
@@ -24,24 +24,36 @@ def candidate(name: str, fitted: float, unseen: float) -> Candidate:
     return Candidate(effects=(name,), calibration=calibration, unseen=wave(unseen, 3000), noise=NOISE)
 
 
-def judged(monkeypatch: pytest.MonkeyPatch, *candidates: Candidate, together: dict[str, float]) -> Naming:
+@pytest.fixture
+def together(monkeypatch: pytest.MonkeyPatch):
+    """Sets what fits to everything leave."""
+
+    def leave(sizes: dict[str, float]) -> None:
+        def calibrate(plant, parts, tolerance):
+            rms = sizes[plant.name]
+            status = SimpleNamespace(ok=rms != FAILS)
+            return SimpleNamespace(status=status, plant=plant, residuals=wave(rms, 10_000), names=("a",) * 8)
+
+        monkeypatch.setattr("deatwin.ident.mismatch.naming.whole.calibrate", calibrate)
+
+    return leave
+
+
+BENCH = SimpleNamespace(everything=(), jobs=1)
+
+
+def judged(leave, *candidates: Candidate, together: dict[str, float]) -> Naming:
     """The best of the candidates by both parts, and rivals, where fits to everything leave these sizes."""
-
-    def calibrate(plant, parts, tolerance):
-        rms = together[plant.name]
-        status = SimpleNamespace(ok=rms != FAILS)
-        return SimpleNamespace(status=status, plant=plant, residuals=wave(rms, 10_000), names=("a",) * 8)
-
-    monkeypatch.setattr("deatwin.ident.mismatch.naming.whole.calibrate", calibrate)
+    leave(together)
     naming = decide(candidates, candidates, NOISE, lambda c: True, lambda c: True)
-    return judged_on_everything(naming, SimpleNamespace(everything=(), jobs=1), lambda c: c.effects != ("idle",))
+    return judged_on_everything(naming, BENCH, lambda c: c.effects != ("idle",))
 
 
 SHORT, LONG = candidate("creep", 2.2, 2.4), candidate("dielectric_absorption", 2.1, 3.6)
 
 
-def test_what_errs_only_where_it_is_extrapolated_is_a_rival_if_it_holds_for_everything(monkeypatch):
-    naming = judged(monkeypatch, SHORT, LONG, together={"creep": 2.2, "dielectric_absorption": 2.2})
+def test_what_errs_only_where_it_is_extrapolated_is_a_rival_if_it_holds_for_everything(together):
+    naming = judged(together, SHORT, LONG, together={"creep": 2.2, "dielectric_absorption": 2.2})
     assert naming.best is SHORT
     assert naming.rivals == (LONG,)
     assert naming.probabilities == {SHORT.effects: pytest.approx(0.5), LONG.effects: pytest.approx(0.5)}
@@ -49,8 +61,8 @@ def test_what_errs_only_where_it_is_extrapolated_is_a_rival_if_it_holds_for_ever
 
 # 200 blocks: 100 ln(b²/a²) nats lie between sizes of a and b; ln 20 = 3.0 are strong.
 @pytest.mark.parametrize(("rms", "kept"), [(2.2 * np.exp(2.9 / 200), True), (2.2 * np.exp(3.1 / 200), False)])
-def test_strong_evidence_of_everything_rules_out(monkeypatch, rms, kept):
-    naming = judged(monkeypatch, SHORT, LONG, together={"creep": 2.2, "dielectric_absorption": rms})
+def test_strong_evidence_of_everything_rules_out(together, rms, kept):
+    naming = judged(together, SHORT, LONG, together={"creep": 2.2, "dielectric_absorption": rms})
     assert (LONG in naming.rivals) is kept
     if kept:  # the odds are the ratio of the evidences
         assert naming.probabilities[LONG.effects] == pytest.approx(1 / (1 + np.exp(2.9)))
@@ -58,22 +70,22 @@ def test_strong_evidence_of_everything_rules_out(monkeypatch, rms, kept):
 
 # Noise of 2.0 and a model error of 1.0 leave 2.24; 100 ln(2.2²/2.15²) = 4.6 nats, and as many from 2.35 to 2.3.
 @pytest.mark.parametrize(("short", "long", "first"), [(2.2, 2.15, LONG), (2.35, 2.3, SHORT)])
-def test_the_likelier_one_leads_where_it_explains_everything(monkeypatch, short, long, first):
-    naming = judged(monkeypatch, SHORT, LONG, together={"creep": short, "dielectric_absorption": long})
+def test_the_likelier_one_leads_where_it_explains_everything(together, short, long, first):
+    naming = judged(together, SHORT, LONG, together={"creep": short, "dielectric_absorption": long})
     assert naming.best is first
     assert naming.rivals == (SHORT if first is LONG else LONG,)
     assert naming.probabilities[LONG.effects] == pytest.approx(1 / (1 + (long / short) ** 200))
 
 
-def test_what_loses_on_the_fitted_part_has_lost(monkeypatch):
+def test_what_loses_on_the_fitted_part_has_lost(together):
     # 140 blocks: 70 ln(2.25²/2.2²) = 3.1 nats worse where it was fitted.
     worse = candidate("mullins", 2.25, 3.6)
-    assert judged(monkeypatch, SHORT, worse, together={}).rivals == ()
+    assert judged(together, SHORT, worse, together={}).rivals == ()
 
 
-def test_what_could_be_no_rival_and_what_cannot_be_fitted_stay_out(monkeypatch):
+def test_what_could_be_no_rival_and_what_cannot_be_fitted_stay_out(together):
     idle = candidate("idle", 2.1, 3.6)
-    naming = judged(monkeypatch, SHORT, LONG, idle, together={"creep": 2.2, "dielectric_absorption": FAILS})
+    naming = judged(together, SHORT, LONG, idle, together={"creep": 2.2, "dielectric_absorption": FAILS})
     assert naming.rivals == ()
     assert sum(naming.probabilities.values()) == pytest.approx(1.0)
 
@@ -81,3 +93,31 @@ def test_what_could_be_no_rival_and_what_cannot_be_fitted_stay_out(monkeypatch):
 def test_without_an_explanation_there_is_nothing_to_bring_back():
     nothing = Naming(candidates=(SHORT,), best=None, rivals=(), probabilities={}, noise=NOISE)
     assert judged_on_everything(nothing, SimpleNamespace(everything=(), jobs=1), lambda c: True) is nothing
+
+
+def settled(leave, *stage: Candidate, together: dict[str, float]) -> Naming:
+    """The decision over the stage by fits to everything; a law that errs on the fitted part has no hope."""
+    leave(together)
+    return settled_on_everything(stage, stage, BENCH, NOISE, lambda c: c.fitted_test.within_floor, lambda c: True)
+
+
+# Beside a noise of 2.0 one and a half times the model error of 1.0 are 2.5.
+@pytest.mark.parametrize(("rms", "answer"), [(2.49, LONG), (2.51, None), (FAILS, None)])
+def test_what_errs_only_where_it_is_extrapolated_is_the_answer_if_it_holds_for_everything(together, rms, answer):
+    found = settled(together, LONG, together={"dielectric_absorption": rms})
+    assert found.best is answer
+    assert found.rivals == ()
+
+
+# 100 ln(2.45²/2.3²) = 12.6 nats; the squares differ by 0.84², more than half of the model error, or by 0.3².
+@pytest.mark.parametrize(("other", "kept"), [(2.45, False), (2.32, True)])
+def test_what_leaves_as_little_of_everything_is_a_rival_though_it_errs_on_the_fitted_part(together, other, kept):
+    rough = candidate("creep", 2.3, 3.6)
+    assert not rough.fitted_test.within_floor
+    found = settled(together, LONG, rough, together={"dielectric_absorption": 2.3, "creep": other})
+    assert found.best is LONG
+    assert (rough in found.rivals) is kept
+
+
+def test_nothing_is_fitted_to_everything_where_nothing_explains_the_fitted_part(together):
+    assert settled(together, candidate("creep", 2.6, 3.6), together={}).best is None
