@@ -218,12 +218,18 @@ def in_its_gap(fit: Calibration, fitted: Sequence[Part], everything: Sequence[Pa
     """
     times, plant = np.concatenate([part.timepts for part in fitted]), fit.plant
     known = np.concatenate([part.timepts for part in everything])
+    moved = []
     for name in _events(plant):
         at = plant.parameters[name].value
         before, after = times[times < at], times[times >= at]
         if before.size and after.size and ((known > before.max()) & (known < after.min())).any():
             plant = _moved(plant, name, everything, (before.max(), after.min()))
-    return fit if plant is fit.plant else finish(replace(fit, plant=plant), fitted)
+            moved.append(name)
+    if plant is fit.plant:
+        return fit
+    found = finish(replace(fit, plant=plant), fitted)
+    # What the fit hardly depends on a step of it may move anywhere.
+    return replace(found, plant=found.plant.with_values({name: plant.parameters[name].value for name in moved}))
 
 
 def _events(plant: Plant) -> list[str]:

@@ -7,6 +7,7 @@ import pytest
 
 from deatwin.ident.greybox import Part, calibrate
 from deatwin.ident.greybox.fit import simulated
+from deatwin.ident.mismatch.refit import search
 from deatwin.ident.mismatch.refit.search import in_its_gap
 from deatwin.plant import Diaphragm, Experiment, Plant, Recording, SensorJump
 from deatwin.plant.excitation import band_limited_noise
@@ -15,6 +16,7 @@ from deatwin.plant.integrator.compiled import compiler
 pytestmark = pytest.mark.skipif(compiler() is None, reason="a fit: without a C compiler it takes ten times as long")
 JUMP = SensorJump(change=30e-6, at=13.3)
 """Fifteen times the noise: one sample shows it."""
+AT = "sensor_jump.at"
 
 
 @pytest.fixture(scope="module")
@@ -32,10 +34,18 @@ def test_an_event_between_fitted_stretches_is_placed_by_what_lies_there(parts):
     wrong = Plant(rig=Diaphragm()).with_effects(replace(JUMP, at=11.0))
     fit = calibrate(wrong, [fitted], evaluations=4)
     placed = in_its_gap(fit, [fitted], [whole])
-    assert placed.plant.parameters["sensor_jump.at"].value == pytest.approx(JUMP.at, abs=0.02)  # one sample
+    assert placed.plant.parameters[AT].value == pytest.approx(JUMP.at, abs=0.02)  # one sample
     left = fitted.measured - simulated(placed.plant, [fitted])
     np.testing.assert_allclose(placed.residuals, left, rtol=0, atol=1e-12)  # of the plant that was moved
     assert placed.rms < 1.01 * fit.rms  # the fit knows hardly anything of it
+
+
+def test_a_step_of_the_fit_does_not_take_an_event_away_that_it_cannot_see(parts, monkeypatch):
+    """Where the readings hardly depend on the time, the normal equations let a step of it go anywhere."""
+    fitted, whole = parts
+    fit = calibrate(Plant(rig=Diaphragm()).with_effects(replace(JUMP, at=11.0)), [fitted], evaluations=4)
+    monkeypatch.setattr(search, "finish", lambda fit, parts: replace(fit, plant=fit.plant.with_values({AT: 15.5})))
+    assert in_its_gap(fit, [fitted], [whole]).plant.parameters[AT].value == pytest.approx(JUMP.at, abs=0.02)
 
 
 def test_an_event_among_fitted_samples_stays_where_the_fit_has_it(parts):
