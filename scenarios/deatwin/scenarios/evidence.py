@@ -37,7 +37,9 @@ from deatwin.scenarios.sweep.kept import read_object
 __all__ = ["blocks", "main", "pages", "trials_data", "with_blocks"]
 
 TRIALS = "deatwin/control-trials/1"
-DATA = {"control-check": TRIALS, "control-story": STORY, "concealed-physics": CONCEALED, "scenarios": MEASURED}
+STUDY, LONG_STUDY = "concealed-physics", "concealed-physics-long"
+"""Of the usual length of recordings, and of a rig's own."""
+DATA = {"control-check": TRIALS, "control-story": STORY, STUDY: CONCEALED, LONG_STUDY: CONCEALED, "scenarios": MEASURED}
 """Files in ``docs/data/`` by their names without ending, with their schemas."""
 BLOCK = re.compile(r"(<!-- made by evidence: ([\w-]+) -->\n).*?(<!-- end -->)", re.DOTALL)
 Data = Mapping[str, Mapping[str, Any]]
@@ -108,13 +110,15 @@ def blocks(data: Data) -> dict[str, list[str]]:
     """
     with _as_written("control-check"):
         control, checked = _of_trials(data["control-check"])
-    with _as_written("concealed-physics"):
-        missed, concealed = _of_concealed(data["concealed-physics"])
+    with _as_written(STUDY):
+        missed, concealed = _of_concealed(STUDY, "concealed physics", data[STUDY])
+    with _as_written(LONG_STUDY):
+        _, long = _of_concealed(LONG_STUDY, "the same in long recordings", data[LONG_STUDY])
     with _as_written("control-story"):
         story = story_blocks(data["control-story"])
     with _as_written("scenarios"):
         measured = measured_blocks(data["scenarios"])
-    studies = markdown_table(["study", "cases", "goals met", "run"], [concealed, checked])
+    studies = markdown_table(["study", "cases", "goals met", "run"], [concealed, long, checked])
     return {**control, "studies": studies, "concealed-missed": missed, **story, **measured}
 
 
@@ -135,12 +139,12 @@ def _of_trials(trials: Mapping[str, Any]) -> tuple[dict[str, list[str]], list[st
     }, row
 
 
-def _of_concealed(concealed: Mapping[str, Any]) -> tuple[list[str], list[str]]:
-    """The goals of concealed physics that were missed, and its row among the studies."""
+def _of_concealed(page: str, called: str, concealed: Mapping[str, Any]) -> tuple[list[str], list[str]]:
+    """The goals of concealed physics that were missed, and its row among the studies, which leads to its page."""
     goals = concealed["goals"]
     missed = [[goal["goal"], goal["demanded"], goal["reached"]] for goal in goals if goal["met"] == "no"]
     row = [
-        "[concealed physics](concealed-physics.md)", f"{concealed['done']} of {concealed['planned']}",
+        f"[{called}]({page}.md)", f"{concealed['done']} of {concealed['planned']}",
         f"{sum(g['met'] == 'yes' for g in goals)} of {sum(g['met'] != 'reported' for g in goals)}",
         f"seed {concealed['seed']}, deatwin {concealed['version']}",
     ]  # fmt: skip
@@ -205,8 +209,10 @@ def pages(docs: Path | str) -> dict[str, str]:
     folder = Path(docs)
     data = {name: _read(folder / "data" / f"{name}.json", schema) for name, schema in DATA.items()}
     made = blocks(data)
-    with _as_written("concealed-physics"):
-        whole = {"concealed-physics.md": page_of(data["concealed-physics"])}
+    whole = {}
+    for name in (STUDY, LONG_STUDY):
+        with _as_written(name):
+            whole[f"{name}.md"] = page_of(data[name])
     parts = {name: with_blocks((folder / name).read_text(encoding="utf-8"), made)
              for name in ("control-check.md", "validation.md")}  # fmt: skip
     return whole | parts
@@ -242,7 +248,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if given.control_story is not None:
             _write(given.docs, "control-story", story_data(given.control_story, given.remark))
         if given.concealed_physics is not None:
-            _write(given.docs, "concealed-physics", {**opened_data(given.concealed_physics), "remark": given.remark})
+            study = opened_data(given.concealed_physics)
+            name = LONG_STUDY if study["size"] == "long" else STUDY
+            _write(given.docs, name, {**study, "remark": given.remark})
         if given.scenarios is not None:
             kept = _read(given.docs / "data" / "scenarios.json", MEASURED)
             with _as_written("scenarios"):

@@ -50,7 +50,7 @@ def put(folder: Path, one: Outcome, **changed: object) -> None:
 def docs(tmp_path: Path) -> Path:
     """A copy of the pages and their data."""
     shutil.copytree(DOCS / "data", tmp_path / "docs" / "data")
-    for name in ("control-check.md", "validation.md", "concealed-physics.md"):
+    for name in ("control-check.md", "validation.md", "concealed-physics.md", "concealed-physics-long.md"):
         shutil.copy(DOCS / name, tmp_path / "docs" / name)
     return tmp_path / "docs"
 
@@ -85,6 +85,19 @@ def test_a_folder_of_trials_becomes_data_and_pages(results: Path, docs: Path) ->
     assert "| [control check](control-check.md) | 5 | 1 of 2 |" in summary
     assert evidence.main([str(docs)]) == 0
     assert (docs / "control-check.md").read_text(encoding="utf-8") == page
+
+
+def test_a_study_of_long_recordings_has_a_page_of_its_own(docs: Path, monkeypatch) -> None:
+    usual = (docs / "data" / "concealed-physics.json").read_bytes()
+    study = {**json.loads(usual), "size": "long", "seed": 5, "planned": 102, "done": 33}
+    monkeypatch.setattr(evidence, "opened_data", lambda folder: study)
+    assert evidence.main([str(docs), "--concealed-physics", "anywhere", "--remark", "Run on a Tuesday."]) == 0
+    page = (docs / "concealed-physics-long.md").read_text(encoding="utf-8")
+    assert page.startswith("# Concealed physics in long recordings: what the study reached\n")
+    assert "33 of 102 cases have run" in page and "Run on a Tuesday." in page
+    assert (docs / "data" / "concealed-physics.json").read_bytes() == usual
+    summary = (docs / "validation.md").read_text(encoding="utf-8")
+    assert "| [the same in long recordings](concealed-physics-long.md) | 33 of 102 |" in summary
 
 
 TRACKED = {"gain_margin": 4.0, "phase_margin_deg": 61.0, "status": "done"}

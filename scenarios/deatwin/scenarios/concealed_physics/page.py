@@ -21,6 +21,8 @@ __all__ = ["DATA", "markdown_table", "opened_data", "page_data", "page_of", "res
 
 DATA = "deatwin/concealed-physics/1"
 """Schema of what the page of results is made of."""
+TITLES = {"long": "Concealed physics in long recordings"}
+"""Of the pages of sizes that have one beside the usual one."""
 Cells = Sequence[str]
 
 
@@ -91,7 +93,7 @@ def page_of(data: Mapping[str, Any]) -> str:
     """
     cases = ", ".join(f"{count} {words}" for words, count in data["cases"].items())
     lines = [
-        "# Concealed physics: what the study reached", "", *_interrupted(data),
+        f"# {TITLES.get(data['size'], 'Concealed physics')}: what the study reached", "", *_interrupted(data),
         *([data["remark"], ""] if data["remark"] else []),
         f"`deatwin scenario concealed-physics --size {data['size']} --seed {data['seed']}`, deatwin {data['version']}: "
         f"{sum(data['cases'].values())} cases ({cases}), {data['intervals']} parameters of fits on data of the reduced "
@@ -112,10 +114,11 @@ def _interrupted(data: Mapping[str, Any]) -> list[str]:
     """Says that only a part of a study has run, where it is so."""
     if data["done"] == data["planned"]:
         return []
+    counted = "Fits on data of the reduced plant are counted among them. " if data["intervals"] else ""
     return [
         f"**The study was interrupted: {data['done']} of {data['planned']} cases have run (the order is mixed, so they "
-        "are a fair sample).** Fits on data of the reduced plant are counted among them. A goal that is met is met so "
-        "far: as long as its bound does not keep it too, the rest of the study may break it.", "",
+        f"are a fair sample).** {counted}A goal that is met is met so far: as long as its bound does not keep it too, "
+        "the rest of the study may break it.", "",
     ]  # fmt: skip
 
 
