@@ -11,15 +11,15 @@ from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.floor import floor_of
 from deatwin.ident.mismatch.naming.candidate import Candidate, noise_seen
-from deatwin.ident.mismatch.naming.decide import STRONG, SUFFICIENT, Naming, decide, explained, suffices, with_distances
+from deatwin.ident.mismatch.naming.decide import STRONG, Naming, decide, explained, suffices, with_distances
 from deatwin.ident.mismatch.naming.limits import with_limits
 from deatwin.ident.mismatch.naming.overlap import with_overlap
 from deatwin.ident.mismatch.naming.screen import Footprint, Lead, footprints, leads
 from deatwin.ident.mismatch.naming.shortlist import shortlist
 from deatwin.ident.mismatch.naming.siblings import siblings
 from deatwin.ident.mismatch.naming.trial import Fitted, Trial, run_trials, with_fitted
-from deatwin.ident.mismatch.naming.whole import judged_on_everything, settled_on_everything
-from deatwin.ident.mismatch.naming.worth import acts, gained, takes_most
+from deatwin.ident.mismatch.naming.whole import is_near_floor, judged_on_everything, settled_on_everything
+from deatwin.ident.mismatch.naming.worth import MOST, acts, gained, takes_most
 from deatwin.plant.model import Plant
 
 __all__ = ["BESIDE", "CLEARLY_BETTER", "Finished", "Names", "Search", "each_without_one", "trials_of"]
@@ -289,9 +289,9 @@ class Search:
         return naming if found.best is None else found
 
     def settled(self, stage: Sequence[Names]) -> Naming:
-        """The decision over a `stage` by fits to all recordings, among those that explain the fitted part.
+        """The decision over a `stage` by fits to all recordings, among those that nearly explain the fitted part.
 
-        Of the unseen part, too, they take away so much that anything else suffices that errs no more than the plant.
+        Of the unseen part, too, they take away most.
         """
         competing = [self.tried[names] for names in stage if len(names) <= MOST_NEARLY and not self._is_padded(names)]
         naming = settled_on_everything(
@@ -300,8 +300,8 @@ class Search:
         return with_distances(naming, competing, self.bench, self._takes_most)
 
     def _may_settle(self, candidate: Candidate) -> bool:
-        enough = explained(candidate, self.tried[()]) > SUFFICIENT[0][0]
-        return candidate.fitted_test.within_floor and enough and self._counts(candidate)
+        most = explained(candidate, self.tried[()]) > MOST
+        return is_near_floor(candidate.fitted_test) and most and self._counts(candidate)
 
     def _sufficing(self, stage: Sequence[Names]) -> Naming:
         return self._decided(stage, lambda c: suffices(c, self.tried[()]) and self._counts(c))

@@ -9,13 +9,14 @@ import numpy as np
 
 from deatwin.ident.greybox.fit import Calibration, Part, calibrate
 from deatwin.ident.mismatch.bench import Bench
+from deatwin.ident.mismatch.excess import Excess
 from deatwin.ident.mismatch.losses import block_losses, evidence
 from deatwin.ident.mismatch.naming.candidate import Candidate, part_size
 from deatwin.ident.mismatch.naming.decide import STRONG, SUFFICIENT, Naming, decide, normalised
 from deatwin.ident.mismatch.refit.search import DECIDING
 from deatwin.ident.parallel import run_jobs
 
-__all__ = ["judged_on_everything", "settled_on_everything"]
+__all__ = ["is_near_floor", "judged_on_everything", "settled_on_everything"]
 
 
 def settled_on_everything(
@@ -55,9 +56,14 @@ def settled_on_everything(
     chosen = {c.effects for c in known.values() if hopeful(c)}
     if not chosen:
         return decide(tried, (), noise, hopeful, possible)
-    found = run_jobs(_on_everything, [(c, bench.everything) for c in known.values()], workers=bench.jobs)
+    competing = [(c, bench.everything) for c in (tried[0], *known.values())]
+    base, *found = run_jobs(_on_everything, competing, workers=bench.jobs)
+    if base is None:
+        return decide(tried, (), noise, hopeful, possible)
     wholes = [whole for whole in found if whole is not None]
-    naming = decide(tried, wholes, noise, lambda whole: whole.effects in chosen and _little(whole), lambda whole: True)
+    naming = decide(
+        tried, wholes, noise, lambda whole: whole.effects in chosen and _settles(whole, base), lambda whole: True
+    )
     if naming.best is None:
         return naming
     rivals = tuple(known[rival.effects] for rival in naming.rivals)
@@ -122,9 +128,26 @@ def _on_everything(candidate: Candidate, parts: Sequence[Part]) -> Candidate | N
     return replace(candidate, calibration=fit, unseen=np.zeros(0), sizes=tuple((part_size(part), 0) for part in parts))
 
 
-def _little(whole: Candidate) -> bool:
-    """Whether a fit to everything leaves what a model error may leave that is not known to the digit."""
-    return whole.fitted_test.size < SUFFICIENT[1][0] * whole.fitted_test.model_error
+def is_near_floor(left: Excess) -> bool:
+    """Whether a residual is what a model error may leave that is not known to the digit.
+
+    Parameters
+    ----------
+    left : Excess
+        Of a fit.
+
+    Returns
+    -------
+    bool
+    """
+    return left.size < SUFFICIENT[1][0] * left.model_error
+
+
+def _settles(whole: Candidate, base: Candidate) -> bool:
+    """Whether a fit to everything takes away most of what the base plant leaves, fitted so, and is near the floor."""
+    left, before, error = whole.fitted_test.size, base.fitted_test.size, whole.fitted_test.model_error
+    most = left**2 - error**2 < (1.0 - SUFFICIENT[0][0]) * (before**2 - error**2)
+    return most and is_near_floor(whole.fitted_test)
 
 
 def _evidence(fit: Calibration) -> float:

@@ -6,7 +6,7 @@ import numpy as np
 
 from deatwin.ident.mismatch.naming.candidate import Candidate
 
-__all__ = ["acts", "gained", "takes_most"]
+__all__ = ["MOST", "acts", "gained", "takes_most"]
 
 MOST = 0.5
 """Share of the mismatch's energy that an explanation takes away: a base plant that is nearly adequate becomes so with

@@ -241,9 +241,9 @@ def test_a_fit_that_cannot_be_had_is_tried_once(monkeypatch):
     assert asked == [("delay",)]
 
 
-@pytest.mark.parametrize("late, hope", [(2.9, True), (3.4, False)])
+@pytest.mark.parametrize("late, hope", [(4.3, True), (4.4, False)])
 def test_what_may_settle_takes_most_of_the_unseen_part_too(monkeypatch, late, hope):
-    """Of 5.7² - 2² - 1.2² = 27.0 beyond noise and floor, 2.9 µm leave 3.0 and 3.4 µm 6.1, where a fifth is 5.4."""
+    """Of 5.7² - 2² - 1.2² = 27.1 beyond noise and floor, 4.3 µm leave 13.1 and 4.4 µm 13.9, where half is 13.5."""
     asked = []
     monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.settled_on_everything", lambda *given: asked.extend(given))
     monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.with_distances", lambda naming, *_: naming)
