@@ -191,7 +191,7 @@ STORIES: Mapping[str, Story] = MappingProxyType({
         ),
         Story(
             name="concealed-physics", minutes=240, module="deatwin.scenarios.concealed_physics",
-            sizes=("tiny", "long", "standard", "full"), times=(5, 240, 240, 480), resumes=True,
+            sizes=("tiny", "long", "standard", "full"), times=(5, 150, 240, 480), resumes=True,
             line="the diagnosis on trial: effects are concealed from it in sealed cases, and it has to find them",
         ),
         Story(
