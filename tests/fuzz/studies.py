@@ -111,7 +111,7 @@ def page_kind(name: str) -> Kind:
             return evidence.pages(folder)
 
     def require_pages(found: dict[str, str]) -> None:
-        assert len(found) == 3 and all(found.values())
+        assert len(found) == 4 and all(found.values())
 
     return Kind(stem=name, ending=".json", read=read, require_sound=require_pages, seeds=lambda: shortened(name))
 

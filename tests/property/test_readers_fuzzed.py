@@ -28,13 +28,13 @@ KINDS = (
     "csv", "mat", "mat73", "tdms", "netcdf", "netcdf4", "rig", "plant", "narx", "linear", "diagnosis", "check",
     "theta", "validation", "controller",
     "sweep seal", "study seal", "study key", "case", "control-check", "control-story",
-    "concealed-physics", "scenarios", "story", "story run", "shown run", "former run",
+    "concealed-physics", "concealed-physics-long", "scenarios", "story", "story run", "shown run", "former run",
     "public csv", "public mat", "public hdf5", "pull",
 )  # fmt: skip
 DOCUMENTS = ("plant", "narx", "linear", "diagnosis", "check", "theta", "validation")
 STUDIES = (
     "sweep seal", "study seal", "study key", "control-check", "control-story", "concealed-physics",
-    "scenarios", "story", "story run", "shown run", "former run",
+    "concealed-physics-long", "scenarios", "story", "story run", "shown run", "former run",
 )  # fmt: skip
 """JSON that studies keep."""
 BINARY = ("mat", "mat73", "tdms", "netcdf", "netcdf4", "case", "public mat", "public hdf5", "pull")

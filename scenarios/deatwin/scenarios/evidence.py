@@ -27,6 +27,7 @@ from deatwin.plant.errors import DataError, DeatwinError
 from deatwin.plant.intake import clipped
 from deatwin.scenarios.concealed_physics.page import DATA as CONCEALED
 from deatwin.scenarios.concealed_physics.page import markdown_table, opened_data, page_of
+from deatwin.scenarios.concealed_physics.score import NO_CASE
 from deatwin.scenarios.control_check.page import STORY, story_blocks, story_data
 from deatwin.scenarios.control_check.rates import Rate, caught, inside, least_percent, sound
 from deatwin.scenarios.control_check.trials import Outcome
@@ -118,7 +119,7 @@ def blocks(data: Data) -> dict[str, list[str]]:
         story = story_blocks(data["control-story"])
     with _as_written("scenarios"):
         measured = measured_blocks(data["scenarios"])
-    studies = markdown_table(["study", "cases", "goals met", "run"], [concealed, long, checked])
+    studies = markdown_table(["study", "cases", "goals met, of those with a case", "run"], [concealed, long, checked])
     return {**control, "studies": studies, "concealed-missed": missed, **story, **measured}
 
 
@@ -142,10 +143,11 @@ def _of_trials(trials: Mapping[str, Any]) -> tuple[dict[str, list[str]], list[st
 def _of_concealed(page: str, called: str, concealed: Mapping[str, Any]) -> tuple[list[str], list[str]]:
     """The goals of concealed physics that were missed, and its row among the studies, which leads to its page."""
     goals = concealed["goals"]
-    missed = [[goal["goal"], goal["demanded"], goal["reached"]] for goal in goals if goal["met"] == "no"]
+    tested = [goal for goal in goals if goal["reached"] != NO_CASE]
+    missed = [[goal["goal"], goal["demanded"], goal["reached"]] for goal in tested if goal["met"] == "no"]
     row = [
         f"[{called}]({page}.md)", f"{concealed['done']} of {concealed['planned']}",
-        f"{sum(g['met'] == 'yes' for g in goals)} of {sum(g['met'] != 'reported' for g in goals)}",
+        f"{sum(g['met'] == 'yes' for g in goals)} of {sum(g['met'] != 'reported' for g in tested)}",
         f"seed {concealed['seed']}, deatwin {concealed['version']}",
     ]  # fmt: skip
     return markdown_table(["goal of concealed physics that was missed", "demanded", "reached"], missed), row

@@ -20,7 +20,10 @@ from deatwin.scenarios.concealed_physics.rates import (
 )
 from deatwin.scenarios.report.story import Row
 
-__all__ = ["Goal", "gaps_closed", "harm", "score", "sentence"]
+__all__ = ["NO_CASE", "Goal", "gaps_closed", "harm", "score", "sentence"]
+
+NO_CASE = "no case"
+"""What a goal reaches for which nothing was run."""
 
 STRONG, VERY_STRONG = 0.5, 1.0
 """Structural residual over noise from which on a name, and a prediction as good as the oracle's, can be demanded."""
@@ -288,7 +291,7 @@ def _number(
     """A goal whose value and interval are numbers; they are absent where no case counts."""
     value, low, high = ends if count else (None, None, None)
     return Goal(
-        measure=measure, demanded=demanded, reached=words if count else "no case", value=value, low=low, high=high,
+        measure=measure, demanded=demanded, reached=words if count else NO_CASE, value=value, low=low, high=high,
         count=count, met=None if met is None else bool(met) and count > 0,
     )  # fmt: skip
 

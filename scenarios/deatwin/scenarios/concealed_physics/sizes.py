@@ -12,6 +12,7 @@ from deatwin.scenarios.concealed_physics.specimens import CHECK_SECONDS, SECONDS
 __all__ = ["LADDER", "SIZES", "Size", "size_named"]
 
 LADDER = (0.3, 0.5, 0.9, 1.6, 2.8, 5.0)
+"""Strengths of the cases of an effect, structural residual over noise."""
 
 
 @dataclass(frozen=True, kw_only=True)

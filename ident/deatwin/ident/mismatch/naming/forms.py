@@ -8,8 +8,8 @@ from dataclasses import replace
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming, cannot_rule_out, suffices
 from deatwin.ident.mismatch.naming.screen import footprints, leads
-from deatwin.ident.mismatch.naming.sets import BESIDE, Names, Search, each_without_one, trials_of
-from deatwin.ident.mismatch.naming.trial import Trial, with_fitted
+from deatwin.ident.mismatch.naming.sets import BESIDE, Names, Search, each_without_one
+from deatwin.ident.mismatch.naming.trial import Trial, trials_of, with_fitted
 from deatwin.ident.mismatch.naming.worth import takes_most
 
 __all__ = ["in_form", "with_fewer"]

@@ -86,13 +86,14 @@ def _with_more(
 ) -> tuple[Search, Naming]:
     """The decision over one effect or more in the form that was `taken`; where there is none, in the rig file's `own`.
 
-    A form that explains one of two effects away has none for the other.
+    A form that explains one of two effects away has none for the other. A single one that suffices in the file's form
+    only is what that other reading does.
     """
     search, naming = taken[0], _beside_each_other(*taken, tell)
     first, alone = own
     if naming.best is None and search is not first and first.one_takes_most(alone):
         again = _beside_each_other(first, alone, first.decided(alone), lambda number, share: None)
-        if again.best is not None:
+        if again.best is not None and len(again.best.effects) > 1:
             return first, again
     return search, naming
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.floor import floor_of
 from deatwin.ident.mismatch.naming.candidate import Candidate, noise_seen
@@ -17,12 +16,12 @@ from deatwin.ident.mismatch.naming.overlap import with_overlap
 from deatwin.ident.mismatch.naming.screen import Footprint, Lead, footprints, leads
 from deatwin.ident.mismatch.naming.shortlist import shortlist
 from deatwin.ident.mismatch.naming.siblings import siblings
-from deatwin.ident.mismatch.naming.trial import Fitted, Trial, run_trials, with_fitted
+from deatwin.ident.mismatch.naming.trial import Fitted, Trial, run_trials, trials_of, with_fitted
 from deatwin.ident.mismatch.naming.whole import is_near_floor, judged_on_everything, settled_on_everything
 from deatwin.ident.mismatch.naming.worth import MOST, acts, gained, takes_most
 from deatwin.plant.model import Plant
 
-__all__ = ["BESIDE", "CLEARLY_BETTER", "Finished", "Names", "Search", "each_without_one", "trials_of"]
+__all__ = ["BESIDE", "CLEARLY_BETTER", "Finished", "Names", "Search", "each_without_one"]
 
 MOST_NEARLY = 2
 """More effects at once must explain the recordings to the plant's own error: three can bend to nearly anything."""
@@ -40,17 +39,6 @@ BENT = 1.5
 """Largest ratio by which an explanation may raise the model error by which all are judged."""
 Finished = Callable[[float], None]
 Names = tuple[str, ...]
-
-
-def trials_of(unbent: Plant, fit: Calibration, chosen: Iterable[Lead]) -> list[Trial]:
-    """Each effect of the `chosen` leads built into the `unbent` plant, and into the one that the `fit` bent."""
-    return [
-        Trial(
-            start=unbent.with_effects(lead.effect), bent=fit.plant.with_effects(lead.estimate), without=fit,
-            share=lead.share,
-        )
-        for lead in chosen
-    ]
 
 
 def each_without_one(names: Names) -> list[Names]:
@@ -291,12 +279,20 @@ class Search:
     def settled(self, stage: Sequence[Names]) -> Naming:
         """The decision over a `stage` by fits to all recordings, among those that nearly explain the fitted part.
 
-        Of the unseen part, too, they take away most.
+        Of the unseen part, too, they take away most. Of two effects none is named where the other one is enough.
         """
-        competing = [self.tried[names] for names in stage if len(names) <= MOST_NEARLY and not self._is_padded(names)]
-        naming = settled_on_everything(
-            competing, tuple(self.tried.values()), self.bench, self.noise, self._may_settle, self._takes_most
-        )
+        if all(len(names) == 1 for names in stage):
+            return self._settled(stage)
+        return self._surely(lambda: self._settled(stage), self._enough)
+
+    def _enough(self, stage: Sequence[Names]) -> Naming:
+        naming = self._settled(stage)
+        return self._sufficing(stage) if naming.best is None else naming
+
+    def _settled(self, stage: Sequence[Names]) -> Naming:
+        sets = [names for names in stage if len(names) <= MOST_NEARLY and not self._is_padded(names)]
+        competing, tried = [self.tried[names] for names in sets], tuple(self.tried.values())
+        naming = settled_on_everything(competing, tried, self.bench, self._may_settle, self._takes_most)
         return with_distances(naming, competing, self.bench, self._takes_most)
 
     def _may_settle(self, candidate: Candidate) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,11 +11,12 @@ from deatwin.ident.greybox.fit import Calibration, calibrate
 from deatwin.ident.greybox.status import FitStatus
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.candidate import Candidate, judge
+from deatwin.ident.mismatch.naming.screen import Lead
 from deatwin.ident.mismatch.refit.search import ROUGH, at_its_time, finish, in_its_gap, is_promising, roughly, search
 from deatwin.ident.parallel import run_jobs, stream_jobs
 from deatwin.plant.model import Plant
 
-__all__ = ["Fitted", "Trial", "run_trials", "with_fitted"]
+__all__ = ["Fitted", "Trial", "run_trials", "trials_of", "with_fitted"]
 
 FAILED_SEARCH = 1.02
 """A fit that leaves more than was promised, by more than this ratio of the rms, has lost its way."""
@@ -60,6 +61,32 @@ class Trial:
     def promised(self) -> float:
         """Rms that the fit should leave at most, SI: to first order; without the effect, where that says nothing."""
         return self.without.rms * float(np.sqrt(max(1.0 - self.share, 0.0)))
+
+
+def trials_of(unbent: Plant, fit: Calibration, chosen: Iterable[Lead]) -> list[Trial]:
+    """Trials of single effects.
+
+    Parameters
+    ----------
+    unbent : Plant
+        Without them, not bent by a fit.
+    fit : Calibration
+        Of the plant without them.
+    chosen : iterable of Lead
+        The effects.
+
+    Returns
+    -------
+    list of Trial
+        Each effect built into the unbent plant, and as it is estimated into the one that the fit bent.
+    """
+    return [
+        Trial(
+            start=unbent.with_effects(lead.effect), bent=fit.plant.with_effects(lead.estimate), without=fit,
+            share=lead.share,
+        )
+        for lead in chosen
+    ]
 
 
 def run_trials(

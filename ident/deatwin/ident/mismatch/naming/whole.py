@@ -23,7 +23,6 @@ def settled_on_everything(
     stage: Sequence[Candidate],
     tried: Sequence[Candidate],
     bench: Bench,
-    noise: float,
     hopeful: Callable[[Candidate], bool],
     possible: Callable[[Candidate], bool],
 ) -> Naming:
@@ -40,8 +39,6 @@ def settled_on_everything(
         Everything so far, the base plant first.
     bench : Bench
         Recordings and number of workers.
-    noise : float
-        Standard deviation of the sensor's noise, SI.
     hopeful : callable
         Whether a candidate could be the answer, but for what it leaves of the unseen part.
     possible : callable
@@ -50,8 +47,10 @@ def settled_on_everything(
     Returns
     -------
     Naming
-        Without a best one where none leaves little enough of all recordings, or none is hopeful.
+        Without a best one where none leaves little enough of all recordings, or none is hopeful; led by what is
+        likelier by far, if that leaves as little.
     """
+    noise = tried[0].noise
     known = {c.effects: c for c in stage if possible(c)}
     chosen = {c.effects for c in known.values() if hopeful(c)}
     if not chosen:
@@ -61,13 +60,14 @@ def settled_on_everything(
     if base is None:
         return decide(tried, (), noise, hopeful, possible)
     wholes = [whole for whole in found if whole is not None]
-    naming = decide(
-        tried, wholes, noise, lambda whole: whole.effects in chosen and _settles(whole, base), lambda whole: True
-    )
+    enough = [whole for whole in wholes if _settles(whole, base)]
+    naming = decide(tried, wholes, noise, lambda whole: whole.effects in chosen and whole in enough, lambda whole: True)
     if naming.best is None:
         return naming
-    rivals = tuple(known[rival.effects] for rival in naming.rivals)
-    return replace(naming, best=known[naming.best.effects], rivals=rivals)
+    likeliest = max(enough, key=lambda whole: whole.evidence)
+    led = naming.led_by(likeliest) if likeliest.evidence - naming.best.evidence > STRONG else naming
+    first, *others = (known[c.effects] for c in (led.best, *led.rivals) if c is not None)
+    return replace(led, best=first, rivals=tuple(others))
 
 
 def judged_on_everything(naming: Naming, bench: Bench, possible: Callable[[Candidate], bool]) -> Naming:
@@ -140,7 +140,7 @@ def is_near_floor(left: Excess) -> bool:
     -------
     bool
     """
-    return left.size < SUFFICIENT[1][0] * left.model_error
+    return left.within_floor or left.size < SUFFICIENT[1][0] * left.model_error
 
 
 def _settles(whole: Candidate, base: Candidate) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -228,8 +228,17 @@ def in_its_gap(fit: Calibration, fitted: Sequence[Part], everything: Sequence[Pa
     if plant is fit.plant:
         return fit
     found = finish(replace(fit, plant=plant), fitted)
-    # What the fit hardly depends on a step of it may move anywhere.
-    return replace(found, plant=found.plant.with_values({name: plant.parameters[name].value for name in moved}))
+    # What the readings hardly depend on a step of the fit may move anywhere.
+    return _with_values(found, {name: plant.parameters[name].value for name in moved}, fitted)
+
+
+def _with_values(fit: Calibration, values: Mapping[str, float], parts: Sequence[Part]) -> Calibration:
+    """A fit with other values of some parameters, and the residuals that are left then."""
+    plant = fit.plant.with_values(values)
+    readings = simulated(plant, parts)
+    if readings is None:
+        return fit
+    return replace(fit, plant=plant, residuals=np.concatenate([part.measured for part in parts]) - readings)
 
 
 def _events(plant: Plant) -> list[str]:

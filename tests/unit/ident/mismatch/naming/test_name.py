@@ -28,6 +28,7 @@ from deatwin.plant import Creep, CubicStiffness, Diaphragm, Plant
 
 NOISE, MODEL_ERROR = 2.0, 1.2
 RIG = SimpleNamespace(model_error=MODEL_ERROR)
+NOTHING = Naming(candidates=(), best=None, rivals=(), probabilities={}, noise=NOISE)
 
 
 def is_adequate(explanation: Candidate) -> bool:
@@ -253,6 +254,23 @@ def test_what_may_settle_takes_most_of_the_unseen_part_too(monkeypatch, late, ho
     assert hopeful(slow) is hope
 
 
+@pytest.mark.parametrize("alone, answer", [(2.3, ("creep",)), (3.6, ("creep", "delay"))])
+def test_of_two_that_settle_none_is_named_where_one_is_enough(monkeypatch, alone, answer):
+    """A pair mends the tail of a slow law: 2.3² - 2² is 1.14², within 1.2²; of 3.6 µm 3.0 are left."""
+    both = candidate("creep", "delay", rms=2.05, unseen=2.9)
+    search = search_over(candidate(rms=5.7), candidate("creep", rms=4.0), candidate("delay", rms=5.0), both)
+
+    def fit(full, rest):
+        if rest == ("creep",):
+            search.tried[rest] = candidate("creep", rms=alone)
+
+    monkeypatch.setattr(search, "_fit_from", fit)
+    settled = replace(NOTHING, best=both)
+    monkeypatch.setattr(search, "_settled", lambda stage: settled if both.effects in stage else NOTHING)
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.with_distances", lambda naming, *_: naming)
+    assert search.settled([both.effects]).best.effects == answer
+
+
 def test_what_suffices():
     base = candidate(rms=5.7)
     assert suffices(candidate("creep", rms=2.1), base)
@@ -390,13 +408,16 @@ def scripted(stages: list[Naming], most: bool = True):
     return search, [("a",)]
 
 
-NOTHING = Naming(candidates=(), best=None, rivals=(), probabilities={}, noise=NOISE)
 
 
-@pytest.mark.parametrize("most, answer", [(True, ("end_stop", "delay")), (False, None)])
-def test_what_another_form_cannot_explain_is_looked_for_in_the_rig_files_own(most, answer):
+@pytest.mark.parametrize("most, found, answer", [
+    (True, ("end_stop", "delay"), ("end_stop", "delay")),
+    (False, ("end_stop", "delay"), None),
+    (True, ("delay",), None),  # that is what rows are that were read a sample early
+])  # fmt: skip
+def test_what_another_form_cannot_explain_is_looked_for_in_the_rig_files_own(most, found, answer):
     """A sensor that lags by a sample, say, beside an end stop: rows read a sample early would be the lag."""
-    both = replace(NOTHING, best=candidate("end_stop", "delay", rms=2.05))
+    both = replace(NOTHING, best=candidate(*found, rms=2.05))
     own, other = scripted([NOTHING, both], most), scripted([NOTHING, NOTHING, NOTHING])
     search, naming = _with_more((*other, NOTHING), own, lambda number, share: None)
     assert (naming.best and naming.best.effects) == answer

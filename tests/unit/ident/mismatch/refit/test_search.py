@@ -44,8 +44,11 @@ def test_a_step_of_the_fit_does_not_take_an_event_away_that_it_cannot_see(parts,
     """Where the readings hardly depend on the time, the normal equations let a step of it go anywhere."""
     fitted, whole = parts
     fit = calibrate(Plant(rig=Diaphragm()).with_effects(replace(JUMP, at=11.0)), [fitted], evaluations=4)
-    monkeypatch.setattr(search, "finish", lambda fit, parts: replace(fit, plant=fit.plant.with_values({AT: 15.5})))
-    assert in_its_gap(fit, [fitted], [whole]).plant.parameters[AT].value == pytest.approx(JUMP.at, abs=0.02)
+    monkeypatch.setattr(search, "finish", lambda fit, parts: replace(fit, plant=fit.plant.with_values({AT: 17.5})))
+    placed = in_its_gap(fit, [fitted], [whole])
+    assert placed.plant.parameters[AT].value == pytest.approx(JUMP.at, abs=0.02)
+    left = fitted.measured - simulated(placed.plant, [fitted])
+    np.testing.assert_allclose(placed.residuals, left, rtol=0, atol=1e-12)  # not of the plant that went astray
 
 
 def test_an_event_among_fitted_samples_stays_where_the_fit_has_it(parts):
