@@ -46,9 +46,10 @@ ELSEWHERE = {
     "scenario NAME": "a placeholder: each scenario has commands of its own",
     "scenario NAME --out results/NAME": "the same placeholder",
 }
-PUBLISHED = json.loads((ROOT / "docs/data/concealed-physics.json").read_text(encoding="utf-8"))
-STUDY = f"scenario concealed-physics --size {PUBLISHED['size']} --seed {PUBLISHED['seed']}"
-"""The study of the published table: the page tells the command that made it, whatever its seed."""
+PUBLISHED = [json.loads((ROOT / f"docs/data/{name}.json").read_text(encoding="utf-8"))
+             for name in ("concealed-physics", "concealed-physics-long")]  # fmt: skip
+STUDIES = [f"scenario concealed-physics --size {study['size']} --seed {study['seed']}" for study in PUBLISHED]
+"""The studies of the published tables: each page tells the command that made it, whatever its seed."""
 DATA = ("scenario silverbox --data recordings --out silverbox",)
 """Public recordings, which a user downloads: run where DEATWIN_DATA names their folder."""
 LONG = {
@@ -59,7 +60,7 @@ LONG = {
     "diagnose rig.toml --experiment monday_1.csv monday_2.csv --experiment tuesday.csv --out found": [],
     "diagnose shaker:plant shaken.csv --out spring": [],
     "scenario concealed-physics": ["--size", "tiny", "--jobs", "-1"],
-    STUDY: ["--size", "tiny"],
+    **{study: ["--size", "tiny"] for study in STUDIES},
     "scenario concealed-physics --size tiny --jobs -1 --out concealed": [],
     "scenario control-check": [], "scenario svb-benchmark": [], "scenario thesis-data": [],
     "scenario thesis-data --out thesis-data": [], "scenario your-own-rig": [],
