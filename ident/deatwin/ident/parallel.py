@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 from collections.abc import Callable, Iterable, Iterator
 from multiprocessing import current_process
 from typing import Any, TypeVar
@@ -98,9 +99,14 @@ def stream_jobs(
 
 
 def _in_worker(function: Callable[..., Result], task: tuple[Any, ...]) -> Result:
-    """Run a job unless whoever wanted it was killed: jobs that wait would go on, against those of a new run."""
-    if current_process().name != "MainProcess" and os.getppid() != PARENT:
-        os._exit(1)
+    """Run a job unless whoever wanted it was killed: jobs that wait would go on, against those of a new run.
+
+    Ctrl-C reaches every process of a terminal; whoever wanted the job ends its workers, which need not say so.
+    """
+    if current_process().name != "MainProcess":
+        if os.getppid() != PARENT:
+            os._exit(1)
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
     return _alone(function, task)
 
 
