@@ -24,6 +24,7 @@ from deatwin.plant.integrator.compiled import cache_folder
 from deatwin.plant.parameters import Parameter
 from deatwin.plant.recording import Experiment
 from deatwin.plant.rigs.base import Rig
+from deatwin.plant.simulate import RunStatus
 
 if TYPE_CHECKING:
     from deatwin.plant.model import Plant
@@ -167,7 +168,8 @@ def discrepancy(plant: Plant, experiment: Experiment) -> Discrepancy:
     Raises
     ------
     SimulationError
-        If one of the plants does not reach the end, for example for pull-in.
+        If one of the plants does not reach the end, for example for pull-in, or the finer film loses tension: a
+        membrane that would wrinkle has no sound equations. With time, command and place.
     """
     commands = np.concatenate([record.inputs[0] for record in experiment.recordings])
     if not isinstance(plant.rig, Refinable):
@@ -197,7 +199,10 @@ def _stated(rig: Rig, commands: np.ndarray) -> Discrepancy:
 
 
 def _computed(plant: Plant, finer: Rig, experiment: Experiment, commands: np.ndarray) -> Discrepancy:
-    fine = np.concatenate([y[0] for y in plant.with_rig(finer).simulate(experiment).require().outputs])
+    simulation = plant.with_rig(finer).simulate(experiment).require()
+    if lost := [event for event in simulation.events if event.status is RunStatus.TENSION_LOST]:
+        raise SimulationError(f"the film's finer equations are no measure here: {lost[0]}")
+    fine = np.concatenate([y[0] for y in simulation.outputs])
     fit = _Refit(plant, experiment, fine)
     before = _rms(fit.residuals(fit.start))
     return Discrepancy.between(fine, fine - fit.rest(), commands, before)
