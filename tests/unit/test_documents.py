@@ -193,13 +193,15 @@ def test_every_scenario_is_in_the_table(name: str) -> None:
     assert f"| `{name}` |" in text_of(DOCS / "thesis.md")
 
 
-@pytest.mark.parametrize(("page", "number"), [("concealed-physics.md", 0), ("concealed-physics-long.md", 1)])
-def test_what_is_said_of_a_study_is_what_its_table_has(page: str, number: int) -> None:
+@pytest.mark.parametrize(
+    ("page", "number", "least"), [("concealed-physics.md", 0, 8), ("concealed-physics-long.md", 1, 7)]
+)
+def test_what_is_said_of_a_study_is_what_its_table_has(page: str, number: int, least: int) -> None:
     said = text_of(DOCS / "explanation" / "limits.md").partition("## How often it is right")[2]
     of_each = re.findall(r"(?:^\|.*\n)+", said, re.MULTILINE)
     counts = re.findall(r"^\|[^|]*\| (\d+ of \d+|0\.\d+) \|", of_each[number], re.MULTILINE)
     table = text_of(DOCS / page)
-    assert len(counts) >= 7
+    assert len(counts) >= least
     assert [count for count in counts if count not in table] == []
 
 

@@ -26,7 +26,7 @@ from typing import Any
 from deatwin.plant.errors import DataError, DeatwinError
 from deatwin.plant.intake import clipped
 from deatwin.scenarios.concealed_physics.page import DATA as CONCEALED
-from deatwin.scenarios.concealed_physics.page import markdown_table, opened_data, page_of
+from deatwin.scenarios.concealed_physics.page import TITLES, markdown_table, opened_data, page_of
 from deatwin.scenarios.concealed_physics.score import NO_CASE
 from deatwin.scenarios.control_check.page import STORY, story_blocks, story_data
 from deatwin.scenarios.control_check.rates import Rate, caught, inside, least_percent, sound
@@ -251,7 +251,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             _write(given.docs, "control-story", story_data(given.control_story, given.remark))
         if given.concealed_physics is not None:
             study = opened_data(given.concealed_physics)
-            name = LONG_STUDY if study["size"] == "long" else STUDY
+            name = f"{STUDY}-{study['size']}" if study["size"] in TITLES else STUDY
             _write(given.docs, name, {**study, "remark": given.remark})
         if given.scenarios is not None:
             kept = _read(given.docs / "data" / "scenarios.json", MEASURED)

@@ -68,6 +68,11 @@ class Part:
         return Part(experiment=Experiment(recordings=kept), masks=(*self.masks[:last], self.masks[last][:end]))
 
     @property
+    def size(self) -> int:
+        """Number of samples that count."""
+        return sum(int(mask.sum()) for mask in self.masks)
+
+    @property
     def timepts(self) -> np.ndarray:
         """Clock times of the samples that count, one after another, shape (n,), s."""
         return np.concatenate([r.timepts[m] for r, m in zip(self.experiment.recordings, self.masks, strict=True)])

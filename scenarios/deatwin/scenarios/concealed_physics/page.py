@@ -17,7 +17,7 @@ from deatwin.scenarios.concealed_physics.store import Store
 from deatwin.scenarios.concealed_physics.tables import KINDS, tables
 from deatwin.scenarios.sweep.kept import read_object
 
-__all__ = ["DATA", "markdown_table", "opened_data", "page_data", "page_of", "results_page", "write_results"]
+__all__ = ["DATA", "TITLES", "markdown_table", "opened_data", "page_data", "page_of", "results_page", "write_results"]
 
 DATA = "deatwin/concealed-physics/1"
 """Schema of what the page of results is made of."""

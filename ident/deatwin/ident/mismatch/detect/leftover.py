@@ -130,7 +130,7 @@ def leftover_of(base: Candidate, bench: Bench) -> Leftover:
     readings = np.concatenate([part.measured for part in parts]) - residual
     held = _held(fit.plant, parts)
     of_record = [mask.sum() for part in parts for mask in part.masks]
-    of_experiment = [sum(mask.sum() for mask in part.masks) for part in parts]
+    of_experiment = [part.size for part in parts]
     return Leftover(
         residual=residual, fitted=_fitted(bench, parts), jacobian=jacobian[:, free],
         commands=np.concatenate([r.inputs[0, m] for p in parts for r, m in _records(p)]),

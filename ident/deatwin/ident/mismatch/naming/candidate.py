@@ -18,7 +18,7 @@ from deatwin.ident.mismatch.naming.contribution import contribution
 from deatwin.ident.soundness import resolution
 from deatwin.plant.model import Plant
 
-__all__ = ["Candidate", "free_run_residuals", "judge", "noise_seen", "part_size"]
+__all__ = ["Candidate", "free_run_residuals", "judge", "noise_seen"]
 
 LONG_ENOUGH = 250
 """Samples of an experiment that counts by itself: white noise of 2 µm makes half of a model error of 1.2 µm out of a
@@ -136,23 +136,8 @@ def judge(bench: Bench, calibration: Calibration, noise: float) -> Candidate | N
     return Candidate(
         effects=added, calibration=calibration, unseen=residuals, noise=noise,
         contribution=contribution(bench, calibration, added),
-        sizes=tuple((part_size(one), part_size(other)) for one, other in zip(bench.fitted, bench.unseen, strict=True)),
+        sizes=tuple((one.size, other.size) for one, other in zip(bench.fitted, bench.unseen, strict=True)),
     )  # fmt: skip
-
-
-def part_size(part: Part) -> int:
-    """Number of samples that count.
-
-    Parameters
-    ----------
-    part : Part
-        Of one experiment.
-
-    Returns
-    -------
-    int
-    """
-    return sum(int(mask.sum()) for mask in part.masks)
 
 
 def free_run_residuals(plant: Plant, parts: Sequence[Part]) -> np.ndarray | None:

@@ -18,16 +18,13 @@ if TYPE_CHECKING:
 
 __all__ = [
     "STRONG",
-    "SUFFICIENT",
     "Distance",
     "Naming",
     "cannot_rule_out",
     "decide",
-    "explained",
     "is_as_likely",
     "normalised",
     "nothing_tried",
-    "suffices",
     "with_distances",
 ]
 
@@ -37,10 +34,6 @@ CREDIBLE = 0.95
 """Together with its rivals it holds at least so much of the probability: many weak rivals make one strong doubt."""
 RIVAL_SHARE = 0.5
 """A rival is also kept while its error differs from the best by less than this share of the model error."""
-SUFFICIENT = ((0.8, 0.95), (1.5, 3.0))
-"""A model error is not known to the digit, and the law of a mechanism not to the last term: an explanation that takes
-away so large a share of the mismatch's energy suffices if it leaves no more than so many times that error; between the
-two shares the limit rises evenly."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -308,50 +301,6 @@ def with_distances(
         for c, d2 in zip(others, found, strict=True)
     )
     return replace(naming, rivals=(*naming.rivals, *near), distances=distances)
-
-
-def explained(candidate: Candidate, base: Candidate) -> float:
-    """Share of the explainable energy of the mismatch that a candidate takes away, on the part where it takes less.
-
-    No effect can explain the sensor's noise or the plant's own error.
-
-    Parameters
-    ----------
-    candidate, base : Candidate
-        With and without effects.
-
-    Returns
-    -------
-    float
-        1 where no more than noise and model error is left; negative where it makes things worse.
-    """
-    error = candidate.fitted_test.model_error**2
-    pairs = ((candidate.fitted_test, base.fitted_test), (candidate.unseen_test, base.unseen_test))
-    shares = [
-        1.0 - max(after.size**2 - error, 0.0) / (before.size**2 - error) if before.size**2 > error else 0.0
-        for after, before in pairs
-    ]
-    return min(shares)
-
-
-def suffices(candidate: Candidate, base: Candidate) -> bool:
-    """Whether a candidate explains the recordings as far as anybody knows the plant's own error.
-
-    Parameters
-    ----------
-    candidate, base : Candidate
-        With and without effects.
-
-    Returns
-    -------
-    bool
-    """
-    if candidate.adequate:
-        return True
-    error = candidate.fitted_test.model_error
-    left, share = max(candidate.fitted_test.size, candidate.unseen_test.size), explained(candidate, base)
-    shares, limits = SUFFICIENT
-    return share > shares[0] and bool(left < np.interp(share, shares, limits) * error)
 
 
 def cannot_rule_out(rival: Candidate, best: Candidate) -> bool:

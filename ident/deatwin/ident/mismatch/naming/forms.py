@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from deatwin.ident.mismatch.naming.candidate import Candidate
-from deatwin.ident.mismatch.naming.decide import Naming, cannot_rule_out, suffices
+from deatwin.ident.mismatch.naming.decide import Naming, cannot_rule_out
 from deatwin.ident.mismatch.naming.screen import footprints, leads
 from deatwin.ident.mismatch.naming.sets import BESIDE, Names, Search, each_without_one
 from deatwin.ident.mismatch.naming.trial import Trial, trials_of, with_fitted
-from deatwin.ident.mismatch.naming.worth import takes_most
+from deatwin.ident.mismatch.naming.worth import suffices, takes_most
 
 __all__ = ["in_form", "with_fewer"]
 

@@ -10,15 +10,15 @@ import numpy as np
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.floor import floor_of
 from deatwin.ident.mismatch.naming.candidate import Candidate, noise_seen
-from deatwin.ident.mismatch.naming.decide import STRONG, Naming, decide, explained, suffices, with_distances
+from deatwin.ident.mismatch.naming.decide import STRONG, Naming, decide, with_distances
 from deatwin.ident.mismatch.naming.limits import with_limits
 from deatwin.ident.mismatch.naming.overlap import with_overlap
 from deatwin.ident.mismatch.naming.screen import Footprint, Lead, footprints, leads
 from deatwin.ident.mismatch.naming.shortlist import shortlist
 from deatwin.ident.mismatch.naming.siblings import siblings
 from deatwin.ident.mismatch.naming.trial import Fitted, Trial, run_trials, trials_of, with_fitted
-from deatwin.ident.mismatch.naming.whole import is_near_floor, judged_on_everything, settled_on_everything
-from deatwin.ident.mismatch.naming.worth import MOST, acts, gained, takes_most
+from deatwin.ident.mismatch.naming.whole import judged_on_everything, settled_on_everything
+from deatwin.ident.mismatch.naming.worth import MOST, acts, explained, gained, is_near_floor, suffices, takes_most
 from deatwin.plant.model import Plant
 
 __all__ = ["BESIDE", "CLEARLY_BETTER", "Finished", "Names", "Search", "each_without_one"]

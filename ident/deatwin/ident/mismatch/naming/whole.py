@@ -9,14 +9,14 @@ import numpy as np
 
 from deatwin.ident.greybox.fit import Calibration, Part, calibrate
 from deatwin.ident.mismatch.bench import Bench
-from deatwin.ident.mismatch.excess import Excess
 from deatwin.ident.mismatch.losses import block_losses, evidence
-from deatwin.ident.mismatch.naming.candidate import Candidate, part_size
-from deatwin.ident.mismatch.naming.decide import STRONG, SUFFICIENT, Naming, decide, normalised
+from deatwin.ident.mismatch.naming.candidate import Candidate
+from deatwin.ident.mismatch.naming.decide import STRONG, Naming, decide, normalised
+from deatwin.ident.mismatch.naming.worth import SUFFICIENT, is_near_floor, share_explained
 from deatwin.ident.mismatch.refit.search import DECIDING
 from deatwin.ident.parallel import run_jobs
 
-__all__ = ["is_near_floor", "judged_on_everything", "settled_on_everything"]
+__all__ = ["judged_on_everything", "settled_on_everything"]
 
 
 def settled_on_everything(
@@ -125,28 +125,12 @@ def _on_everything(candidate: Candidate, parts: Sequence[Part]) -> Candidate | N
     fit = calibrate(candidate.calibration.plant, parts, tolerance=DECIDING)
     if not fit.status.ok:
         return None
-    return replace(candidate, calibration=fit, unseen=np.zeros(0), sizes=tuple((part_size(part), 0) for part in parts))
-
-
-def is_near_floor(left: Excess) -> bool:
-    """Whether a residual is what a model error may leave that is not known to the digit.
-
-    Parameters
-    ----------
-    left : Excess
-        Of a fit.
-
-    Returns
-    -------
-    bool
-    """
-    return left.within_floor or left.size < SUFFICIENT[1][0] * left.model_error
+    return replace(candidate, calibration=fit, unseen=np.zeros(0), sizes=tuple((part.size, 0) for part in parts))
 
 
 def _settles(whole: Candidate, base: Candidate) -> bool:
     """Whether a fit to everything takes away most of what the base plant leaves, fitted so, and is near the floor."""
-    left, before, error = whole.fitted_test.size, base.fitted_test.size, whole.fitted_test.model_error
-    most = left**2 - error**2 < (1.0 - SUFFICIENT[0][0]) * (before**2 - error**2)
+    most = share_explained(whole.fitted_test, base.fitted_test) > SUFFICIENT[0][0]
     return most and is_near_floor(whole.fitted_test)
 
 

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from deatwin.ident.mismatch.excess import Excess
 from deatwin.ident.mismatch.naming.candidate import Candidate
 
-__all__ = ["MOST", "acts", "gained", "takes_most"]
+__all__ = [
+    "MOST", "SUFFICIENT", "acts", "explained", "gained", "is_near_floor", "share_explained", "suffices", "takes_most",
+]  # fmt: skip
 
 MOST = 0.5
 """Share of the mismatch's energy that an explanation takes away: a base plant that is nearly adequate becomes so with
@@ -14,6 +17,11 @@ any effect."""
 ACTING = 0.5
 """Share of the fall of the rms residual, that the effects of an explanation must do by themselves at least; where the
 fit without them has found its minimum it is all, by the triangle inequality."""
+
+SUFFICIENT = ((0.8, 0.95), (1.5, 3.0))
+"""A model error is not known to the digit, and the law of a mechanism not to the last term: an explanation that takes
+away so large a share of the mismatch's energy suffices if it leaves no more than so many times that error; between the
+two shares the limit rises evenly."""
 
 
 def gained(candidate: Candidate, less: Candidate) -> float:
@@ -65,3 +73,79 @@ def acts(candidate: Candidate, base: Candidate) -> bool:
     """
     fell = base.fitted_test.rms - candidate.fitted_test.rms
     return float(np.sqrt(np.mean(candidate.contribution**2))) > ACTING * fell
+
+
+def share_explained(after: Excess, before: Excess) -> float:
+    """Share of the explainable energy of a mismatch that was taken away.
+
+    No effect can explain the sensor's noise or the plant's own error.
+
+    Parameters
+    ----------
+    after, before : Excess
+        What is left with and without effects; the model error is that of the first.
+
+    Returns
+    -------
+    float
+        1 where no more than noise and model error is left; negative where it is worse than before; 0 where there was
+        nothing to explain.
+    """
+    error = after.model_error**2
+    if before.size**2 <= error:
+        return 0.0
+    return 1.0 - max(after.size**2 - error, 0.0) / (before.size**2 - error)
+
+
+def explained(candidate: Candidate, base: Candidate) -> float:
+    """Share of the explainable energy of the mismatch that a candidate takes away, on the part where it takes less.
+
+    Parameters
+    ----------
+    candidate, base : Candidate
+        With and without effects.
+
+    Returns
+    -------
+    float
+        As `share_explained`.
+    """
+    return min(
+        share_explained(candidate.fitted_test, base.fitted_test),
+        share_explained(candidate.unseen_test, base.unseen_test),
+    )
+
+
+def suffices(candidate: Candidate, base: Candidate) -> bool:
+    """Whether a candidate explains the recordings as far as anybody knows the plant's own error.
+
+    Parameters
+    ----------
+    candidate, base : Candidate
+        With and without effects.
+
+    Returns
+    -------
+    bool
+    """
+    if candidate.adequate:
+        return True
+    error = candidate.fitted_test.model_error
+    left, share = max(candidate.fitted_test.size, candidate.unseen_test.size), explained(candidate, base)
+    shares, limits = SUFFICIENT
+    return share > shares[0] and bool(left < np.interp(share, shares, limits) * error)
+
+
+def is_near_floor(left: Excess) -> bool:
+    """Whether a residual is what a model error may leave that is not known to the digit.
+
+    Parameters
+    ----------
+    left : Excess
+        Of a fit.
+
+    Returns
+    -------
+    bool
+    """
+    return left.within_floor or left.size < SUFFICIENT[1][0] * left.model_error

@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Calibration, Part, calibrate, simulated
+from deatwin.ident.greybox.fit import Calibration, Part, calibrate
+from deatwin.ident.mismatch.naming.candidate import free_run_residuals
 from deatwin.plant.model import Plant
 
 __all__ = [
@@ -235,10 +236,8 @@ def in_its_gap(fit: Calibration, fitted: Sequence[Part], everything: Sequence[Pa
 def _with_values(fit: Calibration, values: Mapping[str, float], parts: Sequence[Part]) -> Calibration:
     """A fit with other values of some parameters, and the residuals that are left then."""
     plant = fit.plant.with_values(values)
-    readings = simulated(plant, parts)
-    if readings is None:
-        return fit
-    return replace(fit, plant=plant, residuals=np.concatenate([part.measured for part in parts]) - readings)
+    left = free_run_residuals(plant, parts)
+    return fit if left is None else replace(fit, plant=plant, residuals=left)
 
 
 def _events(plant: Plant) -> list[str]:
@@ -264,10 +263,8 @@ def _moved(plant: Plant, name: str, parts: Sequence[Part], within: tuple[float, 
 
 
 def _squares(plant: Plant, parts: Sequence[Part]) -> float:
-    readings = simulated(plant, [part.until_last() for part in parts])
-    if readings is None:
-        return float(np.inf)
-    return float(np.sum((np.concatenate([part.measured for part in parts]) - readings) ** 2))
+    left = free_run_residuals(plant, [part.until_last() for part in parts])
+    return float(np.inf) if left is None else float(np.sum(left**2))
 
 
 def opening(part: Part, samples: int) -> Part:

@@ -177,7 +177,8 @@ def test_a_short_loud_record_is_no_alarm_by_its_size():
 
 
 @pytest.mark.parametrize(
-    "size, chance, certain", [(2.0, 0.9, False), (1.45, 0.2, True), (1.2, 0.2, False), (3.5, 0.9, True)]
+    "size, chance, certain",
+    [(2.0, 0.9, False), (2.0, 0.2, True), (1.45, 0.2, True), (1.2, 0.2, False), (3.5, 0.9, True)],
 )
 def test_what_chance_makes_as_often_as_not_is_no_mismatch_by_its_size(size, chance, certain, monkeypatch):
     """A model error is what it is said to be on the average: in some records it is nearly twice as large."""

@@ -16,13 +16,13 @@ from deatwin.ident.mismatch.naming.decide import (
     cannot_rule_out,
     decide,
     is_as_likely,
-    suffices,
     with_distances,
 )
 from deatwin.ident.mismatch.naming.forms import with_fewer
 from deatwin.ident.mismatch.naming.name import _best_form, _with_more
 from deatwin.ident.mismatch.naming.sets import Search
 from deatwin.ident.mismatch.naming.trial import _otherwise
+from deatwin.ident.mismatch.naming.worth import suffices
 from deatwin.ident.mismatch.refit.base import _preferred
 from deatwin.plant import Creep, CubicStiffness, Diaphragm, Plant
 
@@ -406,8 +406,6 @@ def scripted(stages: list[Naming], most: bool = True):
         decided_surely=lambda stage: next(left), nearly=lambda: NOTHING, one_takes_most=lambda stage: most,
     )  # fmt: skip
     return search, [("a",)]
-
-
 
 
 @pytest.mark.parametrize("most, found, answer", [
