@@ -33,6 +33,10 @@ from deatwin.scenarios.cli import main
 signal.signal(signal.SIGINT, signal.default_int_handler)  # which a shell's background jobs ignore, these tests too
 sys.exit(main())
 """
+WAITING = """
+import importlib, time
+importlib.import_module("deatwin.ident.mismatch.diagnose").detect = lambda *_, **__: time.sleep(60)
+""" + PROGRAM  # the step that is interrupted lasts until it is: however slow the machine, no other one begins
 SCHEMA = json.loads((ROOT / "scenarios/deatwin/scenarios/schemas/partial.schema.json").read_text(encoding="utf-8"))
 DIAGNOSE = ["diagnose", "strip_of_mine:strip", "pulls.csv", "--jobs", "1", "--quiet", "--out"]
 
@@ -49,12 +53,12 @@ def files(folder: Path) -> set[str]:
     return {str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()}
 
 
-def interrupted_at_a_terminal(arguments: list[str], folder: Path, sign: str) -> tuple[int, str, str]:
-    """Status, stdout and stderr of a command that is sent SIGINT, with all that it started, once the terminal shows
+def interrupted_at_a_terminal(program: str, arguments: list[str], folder: Path, sign: str) -> tuple[int, str, str]:
+    """Status, stdout and stderr of a program that is sent SIGINT, with all that it started, once the terminal shows
     a text."""
     ours, theirs = pty.openpty()
     process = subprocess.Popen(
-        [sys.executable, "-c", PROGRAM, *arguments], cwd=folder, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+        [sys.executable, "-c", program, *arguments], cwd=folder, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
         stderr=theirs, env={**os.environ, "TERM": "xterm", "COLUMNS": "500"}, text=True, start_new_session=True,
     )  # fmt: skip
     os.close(theirs)
@@ -94,7 +98,7 @@ def test_ctrl_c_keeps_the_calibrated_plant(
     recorded: Path, validate: Callable[[str, Path], dict[str, Any]]
 ) -> None:
     arguments = ["diagnose", "rig.toml", "noise.csv", "--jobs", "1", "--json", "--out", "result"]
-    status, out, err = interrupted_at_a_terminal(arguments, recorded, "looking for a mismatch")
+    status, out, err = interrupted_at_a_terminal(WAITING, arguments, recorded, "looking for a mismatch")
     assert (status, out) == (130, ""), err
     assert files(recorded / "result") == {"partial/steps.json", "partial/base_model.json"}
     line = err.splitlines()[-1]
@@ -125,7 +129,7 @@ def test_ctrl_c_keeps_the_calibrated_plant(
 
 def test_workers_are_interrupted_without_a_trace(bench: Path) -> None:
     arguments = ["diagnose", "strip_of_mine:strip", "pulls.csv", "--jobs", "2", "--out", "workers"]
-    status, _, err = interrupted_at_a_terminal(arguments, bench, "building in effects")
+    status, _, err = interrupted_at_a_terminal(PROGRAM, arguments, bench, "building in effects")
     assert status == 130
     assert "Traceback" not in err
     assert {"gate", "base", "detect"} <= {step["step"] for step in kept(bench / "workers")["steps"]}
