@@ -1,10 +1,13 @@
-"""Ctrl-C that is not lost: CasADi drops one that comes while it converts arguments, and the work would go on."""
+"""Ctrl-C that is not lost: CasADi drops one that comes while it converts, and the work would go on, or makes an error
+of it."""
 
 from __future__ import annotations
 
 import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
 
-__all__ = ["obey"]
+__all__ = ["obey", "obeying"]
 
 
 def obey() -> None:
@@ -18,3 +21,19 @@ def obey() -> None:
     asked = getattr(signal.getsignal(signal.SIGINT), "asked", None)
     if asked is not None and asked.is_set():
         raise KeyboardInterrupt
+
+
+@contextmanager
+def obeying() -> Iterator[None]:
+    """Let an error that comes after an interrupt was asked for be that interrupt.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        As `obey` does, in place of any `Exception`.
+    """
+    try:
+        yield
+    except Exception:
+        obey()
+        raise

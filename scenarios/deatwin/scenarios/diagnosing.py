@@ -9,6 +9,7 @@ from pathlib import Path
 
 from deatwin.ident.mismatch import INPUT_FILE, Diagnosis, diagnose
 from deatwin.plant.effects import Effect
+from deatwin.plant.interrupts import obeying
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment
 from deatwin.scenarios.folder import ResultFolder, require_unread
@@ -99,10 +100,11 @@ class DiagnosisTask:
         """The diagnosis, written; or, where it is interrupted, the steps that were finished."""
         finished = FinishedSteps(progress)
         try:
-            diagnosis = diagnose(
-                self.plant, self.experiments, effects=self.effects, jobs=self.jobs, seed=self.seed,
-                progress=finished.tell, through=finished.take,
-            )  # fmt: skip
+            with obeying():
+                diagnosis = diagnose(
+                    self.plant, self.experiments, effects=self.effects, jobs=self.jobs, seed=self.seed,
+                    progress=finished.tell, through=finished.take,
+                )  # fmt: skip
             folder.save("diagnosis.json", diagnosis.save)
         except KeyboardInterrupt:
             raise KeyboardInterrupt(finished.save(folder, self.plant, record)) from None

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +37,7 @@ sys.exit(main())
 WAITING = """
 import importlib, time
 importlib.import_module("deatwin.ident.mismatch.diagnose").detect = lambda *_, **__: time.sleep(60)
-""" + PROGRAM  # the step that is interrupted lasts until it is: however slow the machine, no other one begins
+""" + PROGRAM  # the step that is interrupted lasts until it is: however slow the machine, no next one begins
 SCHEMA = json.loads((ROOT / "scenarios/deatwin/scenarios/schemas/partial.schema.json").read_text(encoding="utf-8"))
 DIAGNOSE = ["diagnose", "strip_of_mine:strip", "pulls.csv", "--jobs", "1", "--quiet", "--out"]
 
@@ -221,6 +222,27 @@ def test_before_the_first_step_nothing_is_written(
     assert main([*DIAGNOSE, "early"]) == 130
     assert "no step was finished" in capsys.readouterr().err
     assert not (on_bench / "early").exists()
+
+
+def test_what_casadi_makes_of_an_interrupt_is_one(
+    on_bench: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    take = partial.FinishedSteps.take
+
+    def taken_for_an_error(self: partial.FinishedSteps, step: Step) -> None:
+        take(self, step)
+        with suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        raise SystemError("returned a result with an exception set")
+
+    monkeypatch.setattr(partial.FinishedSteps, "take", taken_for_an_error)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        assert main([*DIAGNOSE, "mistaken"]) == 130
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert "result/partial keeps what was finished: gate" in capsys.readouterr().err.replace("mistaken", "result")
+    assert files(on_bench / "mistaken") == {"partial/steps.json"}
 
 
 def test_files_of_others_in_the_folder_stay(tmp_path: Path) -> None:

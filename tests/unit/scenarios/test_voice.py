@@ -174,6 +174,21 @@ def test_an_interrupt_that_was_dropped_ends_the_work_at_its_next_word(quiet: boo
         signal.signal(signal.SIGINT, before)
 
 
+@pytest.mark.parametrize("quiet", [True, False])
+def test_an_error_is_an_interrupt_only_where_one_was_asked_for(quiet: bool) -> None:
+    # CasADi's matrices answer with a SystemError where an interrupt comes while they become arrays.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt), heard(), Voice(quiet=quiet).progress("work"):
+            with suppress(KeyboardInterrupt):
+                signal.raise_signal(signal.SIGINT)
+            raise SystemError("returned a result with an exception set")
+        with pytest.raises(SystemError, match="of its own"), heard(), Voice(quiet=quiet).progress("work"):
+            raise SystemError("of its own")
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
 def test_where_interrupts_are_ignored_they_stay_so() -> None:
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:

@@ -33,9 +33,11 @@ def main(arguments: Sequence[str]) -> int:
         Exit status: 0 done, 1 an error in what was given, 130 interrupted.
     """
     from deatwin.plant.errors import DeatwinError
+    from deatwin.scenarios.interrupts import heard
 
     try:
-        _diagnose(arguments)
+        with heard():
+            _diagnose(arguments)
     except KeyboardInterrupt:
         complain("interrupted")
         return INTERRUPTED
