@@ -12,7 +12,7 @@ from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.losses import block_losses, evidence
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import STRONG, Naming, decide, normalised
-from deatwin.ident.mismatch.naming.worth import SUFFICIENT, is_near_floor, share_explained
+from deatwin.ident.mismatch.naming.worth import MOST, SUFFICIENT, is_near_floor, share_explained
 from deatwin.ident.mismatch.refit.search import DECIDING
 from deatwin.ident.parallel import run_jobs
 
@@ -48,7 +48,7 @@ def settled_on_everything(
     -------
     Naming
         Without a best one where none leaves little enough of all recordings, or none is hopeful; led by what is
-        likelier by far, if that leaves as little.
+        likelier by far, if that leaves as little and takes most of the unseen part: else that part would refute it.
     """
     noise = tried[0].noise
     known = {c.effects: c for c in stage if possible(c)}
@@ -64,7 +64,8 @@ def settled_on_everything(
     naming = decide(tried, wholes, noise, lambda whole: whole.effects in chosen and whole in enough, lambda whole: True)
     if naming.best is None:
         return naming
-    likeliest = max(enough, key=lambda whole: whole.evidence)
+    holding = [whole for whole in enough if _holds(known[whole.effects], tried[0])]
+    likeliest = max(holding, key=lambda whole: whole.evidence, default=naming.best)
     led = naming.led_by(likeliest) if likeliest.evidence - naming.best.evidence > STRONG else naming
     first, *others = (known[c.effects] for c in (led.best, *led.rivals) if c is not None)
     return replace(led, best=first, rivals=tuple(others))
@@ -132,6 +133,11 @@ def _settles(whole: Candidate, base: Candidate) -> bool:
     """Whether a fit to everything takes away most of what the base plant leaves, fitted so, and is near the floor."""
     most = share_explained(whole.fitted_test, base.fitted_test) > SUFFICIENT[0][0]
     return most and is_near_floor(whole.fitted_test)
+
+
+def _holds(candidate: Candidate, base: Candidate) -> bool:
+    """Whether a fit to the fitted part takes away most of what the base plant leaves of the unseen one."""
+    return share_explained(candidate.unseen_test, base.unseen_test) > MOST
 
 
 def _evidence(fit: Calibration) -> float:

@@ -136,3 +136,12 @@ def test_what_is_likelier_by_far_on_everything_leads_if_it_leaves_as_little(toge
     found = settled(together, LONG, rough, together={"dielectric_absorption": rms, "creep": 2.4})
     assert (found.best is rough) is leads
     assert {found.best, *found.rivals} == {LONG, rough}
+
+
+# Of 9.0² - 2.0² - 1.0² the half is 6.16²; beside noise and model error that is 6.56.
+@pytest.mark.parametrize(("unseen", "leads"), [(6.5, True), (6.6, False)])
+def test_what_the_unseen_part_would_refute_does_not_lead(together, unseen, leads):
+    rough = candidate("creep", 2.6, unseen)
+    found = settled(together, LONG, rough, together={"dielectric_absorption": 2.45, "creep": 2.4})
+    assert (found.best is rough) is leads
+    assert {found.best, *found.rivals} == {LONG, rough}
