@@ -96,7 +96,8 @@ VERIFICATION = Verification(
     ablations=(Ablation(effect="creep", fitted=9e-6, unseen=10e-6, gain_low=7e-6, share=0.97),),
     shams=(Sham(effect="creep", kind=ShamKind.OPPOSITE, share=0.1, expected=0.0),
            Sham(effect="creep", kind=ShamKind.BACKWARDS, skipped="no memory")),
-    transfers=(Transfer(part="steps.csv", before=2e-6, after=4e-6, gain_low=-3e-6, gain_high=-1e-6, floor=2.2e-6),),
+    transfers=(Transfer(part="steps.csv", before=2e-6, after=4e-6, gain_low=-3e-6, gain_high=-1e-6, floor=2.2e-6,
+                        model_error=1e-6),),
 )  # fmt: skip
 TRACKS = tuple(
     Track(timepts=start + np.array([0.0, 0.5]), residual=np.array([1e-6, 2e-6]) + start, signals={}, sample_time=0.5)
@@ -187,7 +188,7 @@ EXPECTED = {
         "sham_skipped": (("sham",), "", ["", "no memory"]), "sham_rejected": (("sham",), "", [1.0, 1.0]),
         "transfer_part": (("transfer",), "", ["steps.csv"]), "transfer_before": (("transfer",), "m", [2e-6]),
         "transfer_gain_high": (("transfer",), "m", [-1e-6]), "transfer_floor": (("transfer",), "m", [2.2e-6]),
-        "transfer_worse": (("transfer",), "", [1.0]),
+        "transfer_model_error": (("transfer",), "m", [1e-6]), "transfer_worse": (("transfer",), "", [1.0]),
     }, {"holds": 0, "failures": VERIFICATION.failures}),
     "bare verification": (replace(VERIFICATION, ablations=(), shams=(), transfers=()), {
         "gain_low": ((), "m", 7e-6),

@@ -32,6 +32,8 @@ class Transfer:
         95 % bounds of the fall, each one-sided, SI.
     floor : float
         Rms of noise and model error together, SI.
+    model_error : float
+        Rms of the plant's own error, SI.
     """
 
     part: str
@@ -40,11 +42,13 @@ class Transfer:
     gain_low: float
     gain_high: float
     floor: float
+    model_error: float
 
     @property
     def worse(self) -> bool:
-        """Whether the error certainly grows here, to more than noise and model error account for."""
-        return self.gain_high < 0.0 and self.after > self.floor
+        """Whether the error certainly grows here, by more than the plant's own error and to more than the floor."""
+        grows = self.after**2 - self.before**2
+        return self.gain_high < 0.0 and self.after > self.floor and grows > self.model_error**2
 
 
 def transfers(base: Candidate, amended: Candidate, bench: Bench, rng: np.random.Generator) -> tuple[Transfer, ...]:
@@ -64,12 +68,14 @@ def transfers(base: Candidate, amended: Candidate, bench: Bench, rng: np.random.
     tuple of Transfer
         Each record, where there are several of some length, and each third of the blocks by the rms of the command.
     """
-    floor = float(np.hypot(amended.noise, amended.calibration.plant.rig.model_error))
+    error = amended.calibration.plant.rig.model_error
+    floor = float(np.hypot(amended.noise, error))
     parts = [*_records(base, amended, bench), *_thirds(base, amended, bench)]
     return tuple(
         Transfer(
-            part=name, before=float(np.sqrt(before.mean())), after=float(np.sqrt(after.mean())), floor=floor,
+            part=name, before=float(np.sqrt(before.mean())), after=float(np.sqrt(after.mean())),
             gain_low=bootstrap_gain(before, after, rng), gain_high=-bootstrap_gain(after, before, rng),
+            floor=floor, model_error=error,
         )
         for name, before, after in parts
     )  # fmt: skip

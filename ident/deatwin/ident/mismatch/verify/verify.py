@@ -174,6 +174,7 @@ class Verification:
                     "gain_low": (unit, "lower 95 % bound of the fall"),
                     "gain_high": (unit, "upper 95 % bound of the fall"),
                     "floor": (unit, "rms of noise and model error"),
+                    "model_error": (unit, "rms of the plant's own error"),
                 }),
             },
             {"stage": stages},

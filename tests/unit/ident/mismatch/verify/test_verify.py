@@ -233,7 +233,10 @@ def verification(**fields) -> Verification:
 
 
 def test_each_failure_is_said_and_is_enough():
-    part = Transfer(part="steps.csv", before=2e-6, after=4e-6, gain_low=-3e-6, gain_high=-1e-6, floor=2.2e-6)
+    part = Transfer(
+        part="steps.csv", before=2e-6, after=4e-6, gain_low=-3e-6, gain_high=-1e-6, floor=2.2e-6,
+        model_error=1e-6,
+    )  # fmt: skip
     taken = Ablation(effect="creep", fitted=2e-6, unseen=2.1e-6, gain_low=-1e-8, share=0.0)
     assert verification().holds
     for failed, said in (
@@ -245,7 +248,9 @@ def test_each_failure_is_said_and_is_enough():
         assert said in verification(**failed).failures[0]
     within = replace(part, after=2.15e-6)  # worse, but within noise and model error
     uncertain = replace(part, gain_high=1e-7)
-    assert verification(transfers=(within, uncertain)).holds
+    small = replace(part, after=2.23e-6)  # 2.23² - 2.00² is less than 1.00², 2.24² - 2.00² is more
+    assert verification(transfers=(within, uncertain, small)).holds
+    assert not verification(transfers=(replace(part, after=2.24e-6),)).holds
 
 
 def bursts(size: float, blocks: int, bad: int) -> np.ndarray:
@@ -302,7 +307,10 @@ def test_it_draws_every_part(monkeypatch):
 
     mpl.use("Agg")
     taken = Ablation(effect="creep", fitted=9e-6, unseen=10e-6, gain_low=7e-6, share=0.97)
-    part = Transfer(part="steps.csv", before=9e-6, after=2e-6, gain_low=6e-6, gain_high=8e-6, floor=2.2e-6)
+    part = Transfer(
+        part="steps.csv", before=9e-6, after=2e-6, gain_low=6e-6, gain_high=8e-6, floor=2.2e-6,
+        model_error=1e-6,
+    )  # fmt: skip
     axes = verification(ablations=(taken,), transfers=(part,)).plot()
     assert [label.get_text() for label in axes.get_yticklabels()] == ["all of it", "steps.csv", "without creep"]
     assert "µm" in axes.get_xlabel()
