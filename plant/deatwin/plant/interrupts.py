@@ -9,6 +9,9 @@ from contextlib import contextmanager
 
 __all__ = ["obey", "obeying"]
 
+MISTAKEN = (SystemError, NotImplementedError)
+"""What CasADi's wrappers raise where an interrupt comes while a matrix is converted."""
+
 
 def obey() -> None:
     """Raise the interrupt that was asked for and has not ended the work.
@@ -25,15 +28,15 @@ def obey() -> None:
 
 @contextmanager
 def obeying() -> Iterator[None]:
-    """Let an error that comes after an interrupt was asked for be that interrupt.
+    """Let what CasADi makes of an interrupt be that interrupt.
 
     Raises
     ------
     KeyboardInterrupt
-        As `obey` does, in place of any `Exception`.
+        As `obey` does, in place of an error of that kind.
     """
     try:
         yield
-    except Exception:
+    except MISTAKEN:
         obey()
         raise

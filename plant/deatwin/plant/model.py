@@ -231,7 +231,7 @@ class Plant:
         Raises
         ------
         SimulationError
-            If one of the plants does not reach the end, for example for pull-in.
+            If one of the plants does not reach the end, for example for pull-in, or the finer film loses tension.
         """
         from deatwin.plant.model_error import discrepancy  # which is made of plants
 

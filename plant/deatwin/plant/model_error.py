@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 __all__ = ["SCHEMA", "Discrepancy", "Refinable", "discrepancy"]
 
-SCHEMA = "deatwin/model-error/1"
+SCHEMA = "deatwin/model-error/2"
 BINS = 12
 """Intervals of the command in a band."""
 EVALUATIONS = 30

@@ -24,7 +24,10 @@ class _Remembering:
 
 @contextmanager
 def heard() -> Iterator[None]:
-    """Remember Ctrl-C while a command runs, where it is what ends a program of Python; it is raised as ever."""
+    """Remember Ctrl-C while a command runs, where it is what ends a program of Python; it is raised as ever.
+
+    What CasADi makes of one ends the command as that does.
+    """
     ours = threading.current_thread() is threading.main_thread()
     if not ours or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
         yield
@@ -32,5 +35,10 @@ def heard() -> Iterator[None]:
     signal.signal(signal.SIGINT, _Remembering())
     try:
         yield
+    except Exception:
+        from deatwin.plant.interrupts import obeying  # which comes with numpy: help does without
+
+        with obeying():
+            raise
     finally:
         signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -75,11 +75,11 @@ class Voice:
         ------
         callable
             Takes the share that is done, from 0 to 1, and what is being done. It raises KeyboardInterrupt if Ctrl-C
-            came and has not ended the work; so does the end of the work, if it is an error.
+            came and has not ended the work.
         """
-        from deatwin.plant.interrupts import obey, obeying  # which comes with numpy: help does without
+        from deatwin.plant.interrupts import obey  # which comes with numpy: help does without
 
-        with self._shown(title) as show, obeying():
+        with self._shown(title) as show:
 
             def tell(share: float, text: str = "") -> None:
                 obey()

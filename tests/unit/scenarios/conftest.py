@@ -2,7 +2,9 @@
 
 import json
 import logging
+import signal
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +15,7 @@ import pytest
 from deatwin.plant import Coupon, Creep, Plant
 from deatwin.plant.files import write_csv
 from deatwin.plant.recording import Experiment, Recording
+from deatwin.scenarios.interrupts import heard
 from deatwin.scenarios.sweep import CaseStore
 
 ROOT = Path(__file__).parents[3]
@@ -114,3 +117,20 @@ def as_loud_as_before() -> Iterator[None]:
     level = logger.level
     yield
     logger.setLevel(level)
+
+
+@pytest.fixture
+def mistaken() -> Iterator[Callable[..., Any]]:
+    """What CasADi makes of Ctrl-C, as a function: the interrupt is gone, and an error comes in its place."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+
+    def interrupted(*_: object, **__: object) -> Any:
+        with suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        raise SystemError("DM.__array__ returned a result with an exception set")
+
+    try:
+        with heard():
+            yield interrupted
+    finally:
+        signal.signal(signal.SIGINT, before)

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -76,6 +77,15 @@ def test_an_interrupted_study_keeps_what_is_done_and_repeats_nothing(
     shares = [share for share, _ in told[1:]]
     assert shares == sorted(shares) and shares[0] > 0.1 and shares[-1] == pytest.approx(1.0)
     assert "left" in told[-1][1]
+
+
+def test_an_interrupt_that_became_an_error_is_no_result(
+    mistaken: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(running, "examine", mistaken)
+    clean = next(each for each in running.labels("tiny", 2) if each.kind == "clean")
+    with pytest.raises(KeyboardInterrupt):
+        running.run_case("tiny", clean)
 
 
 @pytest.mark.parametrize(

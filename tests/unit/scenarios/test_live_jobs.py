@@ -2,9 +2,11 @@
 
 import os
 import re
+import signal
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -199,6 +201,24 @@ def test_no_module_of_the_folder_is_imported(root: Path) -> None:
     job = Job(root, order(), [sys.executable, "-m", "json.tool", "--help"])
     job.wait(30)
     assert (job.state, job.sentence) == (State.DONE, "")
+
+
+def test_the_worker_hears_an_interrupt_that_was_dropped(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def dropped(arguments: Sequence[str]) -> None:
+        with suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        worker._progress(0.5, "fitting")
+
+    monkeypatch.setattr(worker, "_diagnose", dropped)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        assert worker.main(["diagnose"]) == 130
+    finally:
+        signal.signal(signal.SIGINT, before)
+    said = capsys.readouterr()
+    assert ("interrupted" in said.err, said.out) == (True, "")
 
 
 def test_the_worker_complains_as_the_command_does(

@@ -55,6 +55,14 @@ def test_the_results_are_one_table(study: Study, tmp_path: Path) -> None:
     assert os.listdir(tmp_path) == ["study", "all.nc"] or sorted(os.listdir(tmp_path)) == ["all.nc", "study"]
 
 
+def test_an_interrupt_that_became_an_error_is_no_result(
+    mistaken: Callable[..., Any], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(np, "arange", mistaken)  # which `square` takes
+    with pytest.raises(KeyboardInterrupt, match="0 of 1 cases are through"):
+        run_study(grid(value=[2]), square, tmp_path / "study", jobs=1)
+
+
 def test_what_a_case_draws_depends_on_seed_and_case_alone(study: Study, tmp_path: Path) -> None:
     def drawn(cases: list[dict[str, Any]], seed: int) -> dict[int, float]:
         found = run_study(cases, square, tmp_path / f"{len(cases)}-{seed}", seed=seed)

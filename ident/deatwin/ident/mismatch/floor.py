@@ -10,6 +10,7 @@ from deatwin.ident.mismatch.bench import Bench
 from deatwin.plant.errors import SimulationError
 from deatwin.plant.model import Plant
 from deatwin.plant.model_error import Refinable
+from deatwin.plant.recording import Experiment
 
 __all__ = ["floor_of", "with_model_error"]
 
@@ -30,16 +31,21 @@ def floor_of(plant: Plant, bench: Bench) -> float:
     Returns
     -------
     float
-        Rms, SI; the expected one where the rig has no finer equations, or they cannot be simulated here.
+        Rms, SI; the expected one where the rig has no finer equations, or they say nothing of any recording.
     """
     bare = plant.without_effects()
     if not isinstance(bare.rig, Refinable):
         return bench.expected_error
-    try:
-        found = max(bare.model_error(part.experiment).rms for part in bench.everything)
-    except SimulationError:
-        return bench.expected_error
+    found = max((_not_followed(bare, part.experiment) for part in bench.everything), default=0.0)
     return float(np.hypot(bench.expected_error, found))
+
+
+def _not_followed(plant: Plant, experiment: Experiment) -> float:
+    """Rms of what a plant cannot follow of its finer equations, SI; 0 where these cannot be simulated soundly."""
+    try:
+        return plant.model_error(experiment).rms
+    except SimulationError:
+        return 0.0
 
 
 def with_model_error(plant: Plant, error: float) -> Plant:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from deatwin.plant.interrupts import obeying
 from deatwin.scenarios.concealed_physics import key
 from deatwin.scenarios.concealed_physics.cases import CaseSpec, case_specs
 from deatwin.scenarios.concealed_physics.examine import examine
@@ -115,7 +116,8 @@ def run_case(size: str, spec: Spec) -> dict[str, Any]:
     begun = time.process_time()
     of = size_named(size)
     try:
-        result = cover(spec) if isinstance(spec, IntervalSpec) else examine(spec, of.seconds, of.check_seconds)
+        with obeying():
+            result = cover(spec) if isinstance(spec, IntervalSpec) else examine(spec, of.seconds, of.check_seconds)
     except Exception as error:  # whatever it is, the case is counted: it failed
         result = {"status": "error", "message": f"{type(error).__name__}: {' '.join(str(error).split())}"}
     return {**result, "seconds_in_all": round(time.process_time() - begun, 2)}

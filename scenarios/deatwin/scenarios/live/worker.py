@@ -64,8 +64,15 @@ def _diagnose(arguments: Sequence[str]) -> None:
         plant=plant.model.plant, experiments=[plant.experiment(files, allow_gaps=asked["allow_gaps"])],
         files=[asked["rig"], *files], command=["deatwin", *arguments], jobs=asked["jobs"], seed=asked["seed"],
     )  # fmt: skip
-    diagnosis = task.run(ResultFolder(asked["out"]), lambda share, text: _tell(share=share, step=text))
+    diagnosis = task.run(ResultFolder(asked["out"]), _progress)
     _tell(share=1.0, verdict=diagnosis.verdict.value, sentence=diagnosis.sentence)
+
+
+def _progress(share: float, step: str) -> None:
+    from deatwin.plant.interrupts import obey
+
+    obey()
+    _tell(share=share, step=step)
 
 
 def _parse(arguments: Sequence[str]) -> dict[str, Any]:

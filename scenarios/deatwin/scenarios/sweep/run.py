@@ -12,6 +12,7 @@ from multiprocessing import current_process
 from typing import Any, TypeVar
 
 from deatwin.plant.errors import DataError
+from deatwin.scenarios.interrupts import heard
 from deatwin.scenarios.sweep.store import CaseStore
 
 __all__ = ["run_sweep"]
@@ -134,7 +135,7 @@ def _one(work: Callable[[Case], Mapping[str, Any]], store: CaseStore[Any], name:
 
     _end_with_master()
     if not store.has(name):  # dask runs again what was lost with a worker, and what had been written there as well
-        with store.running(name), threadpool_limits(1):
+        with store.running(name), threadpool_limits(1), heard():
             store.put(name, work(case))
     return name
 

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from deatwin.plant.errors import DataError
+from deatwin.plant.interrupts import obeying
 from deatwin.scenarios.sweep.results import CASE_SCHEMA, Study
 from deatwin.scenarios.sweep.run import run_sweep
 from deatwin.scenarios.sweep.seal import SweepSeal, digest, sources_digest
@@ -118,7 +119,8 @@ class _Recorded:
     def __call__(self, case: Case) -> dict[str, Any]:
         rng = np.random.default_rng((self.seed, int(_name(case), 16)))
         try:
-            found = self.work(dict(case), rng)
+            with obeying():
+                found = self.work(dict(case), rng)
             return {"case": case, "result": {name: _plain(name, value) for name, value in found.items()}}
         except Exception as error:  # whatever it is, the other cases go on
             return {"case": case, "error": f"{type(error).__name__}: {' '.join(str(error).split())}"}

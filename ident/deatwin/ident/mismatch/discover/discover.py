@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.greybox.filter import Floor, Latent, Linear, Opening, linearise, open_place, smoothed
-from deatwin.ident.greybox.fit import Calibration, Part, Problem, calibrate, simulated
+from deatwin.ident.greybox.fit import Calibration, Part, Problem, calibrate
 from deatwin.ident.greybox.tangent import taken_off, tangent_basis
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.discover.dictionary import POSITION, RATE, dictionary, evaluated, signals_along
@@ -237,10 +237,8 @@ def _start(search: _Search, stable: Sequence[Stable], base: Candidate, bench: Be
 
 
 def _rms_on(plant: Plant, parts: Sequence[Part]) -> float:
-    readings = simulated(plant, parts)
-    if readings is None:
-        return float(np.inf)
-    return float(np.sqrt(np.mean((np.concatenate([part.measured for part in parts]) - readings) ** 2)))
+    residuals = free_run_residuals(plant, parts)
+    return float(np.inf) if residuals is None else float(np.sqrt(np.mean(residuals**2)))
 
 
 def _kept(fit: _Fit, base: Candidate, bench: Bench, rng: np.random.Generator) -> Discovery | None:

@@ -91,7 +91,7 @@ def judged_on_everything(naming: Naming, bench: Bench, possible: Callable[[Candi
     -------
     Naming
         With probabilities by the evidence of all recordings, where any rival was brought back; led by one of those if
-        it is the likelier and leaves no more than noise and model error.
+        it is the likelier, leaves no more than noise and model error, and takes most of the unseen part.
     """
     best = naming.best
     if best is None:
@@ -114,7 +114,7 @@ def judged_on_everything(naming: Naming, bench: Bench, possible: Callable[[Candi
     weights, known = dict(naming.probabilities), naming.probabilities[best.effects]
     weights |= {w.effects: known * float(np.exp(w.evidence - most)) for w in back}
     leading = [whole[best.effects]] if best.effects in whole else []
-    leading += [w for w in back if w.fitted_test.within_floor]
+    leading += [w for w in back if w.fitted_test.within_floor and _holds(competing[w.effects], naming.candidates[0])]
     first = max(leading, key=lambda w: w.evidence, default=best)
     rivals = (*naming.rivals, *(competing[w.effects] for w in back))
     found = replace(naming, rivals=rivals, probabilities=normalised(weights))

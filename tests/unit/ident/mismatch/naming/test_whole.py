@@ -45,7 +45,8 @@ BENCH = SimpleNamespace(everything=(), jobs=1)
 def judged(leave, *candidates: Candidate, together: dict[str, float]) -> Naming:
     """The best of the candidates by both parts, and rivals, where fits to everything leave these sizes."""
     leave(together)
-    naming = decide(candidates, candidates, NOISE, lambda c: True, lambda c: True)
+    tried = (candidate("base", 9.0, 9.0), *candidates)
+    naming = decide(tried, candidates, NOISE, lambda c: True, lambda c: True)
     return judged_on_everything(naming, BENCH, lambda c: c.effects != ("idle",))
 
 
@@ -75,6 +76,15 @@ def test_the_likelier_one_leads_where_it_explains_everything(together, short, lo
     assert naming.best is first
     assert naming.rivals == (SHORT if first is LONG else LONG,)
     assert naming.probabilities[LONG.effects] == pytest.approx(1 / (1 + (long / short) ** 200))
+
+
+# Of 9.0² - 2.0² - 1.0² the half is 6.16²; beside noise and model error that is 6.56.
+@pytest.mark.parametrize(("unseen", "leads"), [(6.5, True), (6.6, False)])
+def test_the_likelier_one_does_not_lead_where_the_unseen_part_would_refute_it(together, unseen, leads):
+    wild = candidate("dielectric_absorption", 2.1, unseen)
+    naming = judged(together, SHORT, wild, together={"creep": 2.2, "dielectric_absorption": 2.15})
+    assert (naming.best is wild) is leads
+    assert {naming.best, *naming.rivals} == {SHORT, wild}
 
 
 def test_what_loses_on_the_fitted_part_has_lost(together):

@@ -1,0 +1,33 @@
+"""What the plant cannot follow of finer equations belongs to the floor, wherever those can be simulated."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from deatwin.ident.mismatch.floor import floor_of
+from deatwin.plant import SimulationError
+
+
+class Followed:
+    """A plant that leaves so much of finer equations on each experiment; of some they say nothing."""
+
+    def __init__(self, *left: float | None) -> None:
+        self.left, self.rig = left, SimpleNamespace(finer=lambda: None)
+
+    def without_effects(self) -> "Followed":
+        return self
+
+    def model_error(self, experiment: int) -> SimpleNamespace:
+        found = self.left[experiment]
+        if found is None:
+            raise SimulationError("the film lost tension")
+        return SimpleNamespace(rms=found)
+
+
+# Three and four make five: what is expected of a rig and what it cannot follow are independent.
+@pytest.mark.parametrize(("left", "floor"), [
+    ((4.0,), 5.0), ((1.0, 4.0), 5.0), ((None, 4.0), 5.0), ((4.0, None), 5.0), ((None,), 3.0), ((), 3.0),
+])  # fmt: skip
+def test_the_most_that_is_left_of_any_experiment_counts(left, floor):
+    bench = SimpleNamespace(everything=[SimpleNamespace(experiment=k) for k in range(len(left))], expected_error=3.0)
+    assert floor_of(Followed(*left), bench) == pytest.approx(floor)
