@@ -16,7 +16,7 @@ from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter
 from deatwin.plant.recording import Experiment
 
-__all__ = ["Calibration", "Part", "Problem", "calibrate", "simulated"]
+__all__ = ["Calibration", "Part", "Problem", "calibrate", "free_run_residuals", "simulated"]
 
 NOTHING = 1e-100
 """Length of a Jacobian's column below which its parameter does nothing: a variance is the square of its reciprocal,
@@ -112,6 +112,25 @@ def simulated(plant: Plant, parts: Sequence[Part]) -> np.ndarray | None:
             return None
         pieces += [y[0, m] for y, m in zip(simulation.outputs, part.masks, strict=True)]
     return np.concatenate(pieces)
+
+
+def free_run_residuals(plant: Plant, parts: Sequence[Part]) -> np.ndarray | None:
+    """Measured minus simulated at the samples that count.
+
+    Parameters
+    ----------
+    plant : Plant
+        Simulated from rest.
+    parts : sequence of Part
+        Which samples.
+
+    Returns
+    -------
+    ndarray, shape (n,), or None
+        SI; None if the plant fails.
+    """
+    readings = simulated(plant, parts)
+    return None if readings is None else np.concatenate([part.measured for part in parts]) - readings
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammaincinv
 
-from deatwin.ident.greybox.fit import Calibration, Part, calibrate, simulated
+from deatwin.ident.greybox.fit import Calibration, Part, calibrate, free_run_residuals
 from deatwin.plant.datasets import dataset
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError, nearest
@@ -201,9 +201,9 @@ def _deviance(
             return np.inf, warm
         residuals = refit.residuals
     else:
-        readings = simulated(plant, parts)
-        if readings is None:
+        left = free_run_residuals(plant, parts)
+        if left is None:
             return np.inf, warm
-        residuals, refit = np.concatenate([part.measured for part in parts]) - readings, warm
+        residuals, refit = left, warm
     loss = float(residuals @ residuals) - float(best.residuals @ best.residuals)
     return max(loss, 0.0) / _variance(best), replace(refit, plant=plant if not others else refit.plant)

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Calibration, calibrate
+from deatwin.ident.greybox.fit import Calibration, calibrate, free_run_residuals
 from deatwin.ident.mismatch.advise.advise import advise
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.conclude import Findings, conclude
@@ -18,7 +18,6 @@ from deatwin.ident.mismatch.excess import excess_over_floor
 from deatwin.ident.mismatch.floor import floor_of, with_model_error
 from deatwin.ident.mismatch.gate.gate import Gate, Soundness, confirm, gate, split
 from deatwin.ident.mismatch.locate import locate, locate_time, readings, tracks
-from deatwin.ident.mismatch.naming.candidate import free_run_residuals
 from deatwin.ident.mismatch.naming.decide import Naming, nothing_tried
 from deatwin.ident.mismatch.naming.name import name_causes
 from deatwin.ident.mismatch.naming.screen import footprints

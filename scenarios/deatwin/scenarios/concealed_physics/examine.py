@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Calibration, Part, calibrate, simulated
+from deatwin.ident.greybox.fit import Calibration, Part, calibrate, free_run_residuals
 from deatwin.ident.mismatch import Diagnosis, diagnose
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.errors import DeatwinError, SimulationError
@@ -174,10 +174,8 @@ def _oracle(specimen: Specimen, diagnosis: Diagnosis, base: Calibration, parts: 
 
 
 def _squares(plant: Plant, parts: Sequence[Part]) -> float:
-    readings = simulated(plant, parts)
-    if readings is None:
-        return float("inf")
-    return float(np.sum((np.concatenate([part.measured for part in parts]) - readings) ** 2))
+    left = free_run_residuals(plant, parts)
+    return float("inf") if left is None else float(np.sum(left**2))
 
 
 def _advised(spec: CaseSpec, specimen: Specimen, diagnosis: Diagnosis) -> dict[str, Any] | None:

@@ -16,14 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.greybox.filter import Floor, Latent, Linear, Opening, linearise, open_place, smoothed
-from deatwin.ident.greybox.fit import Calibration, Part, Problem, calibrate
+from deatwin.ident.greybox.fit import Calibration, Part, Problem, calibrate, free_run_residuals
 from deatwin.ident.greybox.tangent import taken_off, tangent_basis
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.discover.dictionary import POSITION, RATE, dictionary, evaluated, signals_along
 from deatwin.ident.mismatch.discover.discovery import Discovery, FoundTerm, unit_of, unit_per
 from deatwin.ident.mismatch.discover.sparse import Stable, stable_terms
 from deatwin.ident.mismatch.losses import block_losses, bootstrap_gain
-from deatwin.ident.mismatch.naming.candidate import Candidate, free_run_residuals
+from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.plant.effects.base import Place
 from deatwin.plant.effects.free_form import FreeForm
 from deatwin.plant.effects.primitives import Power, Primitive

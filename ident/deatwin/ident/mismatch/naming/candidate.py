@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Calibration, Part, simulated
+from deatwin.ident.greybox.fit import Calibration, Part, free_run_residuals
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.excess import Excess, excess_over_floor
 from deatwin.ident.mismatch.floor import with_model_error
@@ -16,9 +16,8 @@ from deatwin.ident.mismatch.gate.noise import noise_level
 from deatwin.ident.mismatch.losses import block_losses, evidence
 from deatwin.ident.mismatch.naming.contribution import contribution
 from deatwin.ident.soundness import resolution
-from deatwin.plant.model import Plant
 
-__all__ = ["Candidate", "free_run_residuals", "judge", "noise_seen"]
+__all__ = ["Candidate", "judge", "noise_seen"]
 
 LONG_ENOUGH = 250
 """Samples of an experiment that counts by itself: white noise of 2 µm makes half of a model error of 1.2 µm out of a
@@ -138,25 +137,6 @@ def judge(bench: Bench, calibration: Calibration, noise: float) -> Candidate | N
         contribution=contribution(bench, calibration, added),
         sizes=tuple((one.size, other.size) for one, other in zip(bench.fitted, bench.unseen, strict=True)),
     )  # fmt: skip
-
-
-def free_run_residuals(plant: Plant, parts: Sequence[Part]) -> np.ndarray | None:
-    """Measured minus simulated at the samples that count.
-
-    Parameters
-    ----------
-    plant : Plant
-        Simulated from rest.
-    parts : sequence of Part
-        Which samples.
-
-    Returns
-    -------
-    ndarray, shape (n,), or None
-        SI; None if the plant fails.
-    """
-    readings = simulated(plant, parts)
-    return None if readings is None else np.concatenate([part.measured for part in parts]) - readings
 
 
 def noise_seen(fit: Calibration, parts: Sequence[Part]) -> float:

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Calibration, Part
+from deatwin.ident.greybox.fit import Calibration, Part, free_run_residuals
 from deatwin.ident.mismatch.bench import Bench
-from deatwin.ident.mismatch.naming.candidate import Candidate, free_run_residuals, judge, noise_seen
+from deatwin.ident.mismatch.naming.candidate import Candidate, judge, noise_seen
 from deatwin.ident.mismatch.refit.search import OPENING_SAMPLES, approach, finish, opening, roughly, settle
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant.errors import SimulationError

@@ -7,8 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Calibration, Part, calibrate
-from deatwin.ident.mismatch.naming.candidate import free_run_residuals
+from deatwin.ident.greybox.fit import Calibration, Part, calibrate, free_run_residuals
 from deatwin.plant.model import Plant
 
 __all__ = [
