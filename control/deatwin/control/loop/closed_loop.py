@@ -32,6 +32,7 @@ Progress = Callable[[float], None]
 
 _LEVEL = 5  # samples at one value at least, for a level of a step reference
 _NEWS = 100  # samples between two calls of progress
+_LARGEST = 1e100  # of a value, in whatever unit
 _SERIES = ("timepts", "reference", "output", "measured", "command")
 
 
@@ -233,12 +234,20 @@ class ClosedLoop:
         Returns
         -------
         ClosedLoop
+
+        Raises
+        ------
+        ControlError
+            If a value is of no size that anything has: squares of it would be infinite.
         """
         low, high = data["command_limits"]
+        series = {name: np.array(data[name], dtype=np.float64) for name in _SERIES}
+        for name, values in series.items():
+            if values.size and not np.abs(values).max() <= _LARGEST:
+                raise ControlError(f"{name} of a run holds a value beyond {_LARGEST:g}; it is damaged")
         return cls(
             status=RunStatus[data["status"].upper()], command_limits=(float(low), float(high)),
-            input_unit=str(data["input_unit"]), output_unit=str(data["output_unit"]),
-            **{name: np.array(data[name], dtype=np.float64) for name in _SERIES},
+            input_unit=str(data["input_unit"]), output_unit=str(data["output_unit"]), **series,
         )  # fmt: skip
 
 

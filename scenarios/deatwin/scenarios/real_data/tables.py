@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.csvtable import read_bytes
+from deatwin.plant.files.formats.apart import unpacked
 from deatwin.plant.files.formats.optional import reading, require
 from deatwin.plant.files.formats.unpacked import require_plain_hdf5, require_sound_level_5
 from deatwin.plant.intake import clipped
@@ -130,17 +131,11 @@ def matlab_vectors(
     DataError
         If it is not there, no such file, or has no such vectors of finite numbers.
     """
-    from scipy.io import loadmat, whosmat
-
     content = read_bytes(require_file(path), LARGEST)
     with reading(str(path), "MATLAB"):
-        require_sound_level_5(content, str(path))
-        # SciPy may crash on damaged cells, functions and objects: only what holds numbers is read.
-        plain = [name for name, _, kind in whosmat(io.BytesIO(content)) if kind in NUMERIC]
+        plain, held = unpacked(level_5_numbers, content, str(path), *names, *single, *optional)
         _require_names(path, [*names, *single], plain)
-        wanted = [name for name in (*names, *single, *optional) if name in plain]
-        held = loadmat(io.BytesIO(content), variable_names=wanted)
-        _require_names(path, wanted, list(held))
+        _require_names(path, [name for name in (*names, *single, *optional) if name in plain], list(held))
         vectors = [*names, *(name for name in optional if name in held)]
         found = {name: _vector(path, name, held[name]) for name in (*vectors, *single)}
     _require_one_length(path, [found[name] for name in vectors], vectors)
@@ -148,6 +143,15 @@ def matlab_vectors(
         if found[name].size != 1:
             raise DataError(f'{path}: "{name}" has {found[name].size} values; it must have one')
     return found
+
+
+def level_5_numbers(content: bytes, path: str, /, *wanted: str) -> tuple[list[str], dict[str, Any]]:
+    """Return the names of the variables that hold numbers, and those wanted of them."""
+    from scipy.io import loadmat, whosmat
+
+    require_sound_level_5(content, path)
+    plain = [name for name, _, kind in whosmat(io.BytesIO(content)) if kind in NUMERIC]
+    return plain, loadmat(io.BytesIO(content), variable_names=[name for name in wanted if name in plain])
 
 
 def hdf5_vectors(path: Path, group: str, names: Sequence[str]) -> tuple[Array, ...]:
@@ -172,15 +176,25 @@ def hdf5_vectors(path: Path, group: str, names: Sequence[str]) -> tuple[Array, .
     DataError
         If it is not there, no such file, has no such vectors of finite numbers, or h5py is not installed.
     """
-    h5py = require("h5py", str(path))
+    require("h5py", str(path))
     content = read_bytes(require_file(path), LARGEST)
-    with reading(str(path), "HDF5"), h5py.File(io.BytesIO(content), "r") as file:
-        require_plain_hdf5(file, str(path))
-        held = file[group] if group in file else {}
-        _require_names(path, names, [name for name in held if isinstance(held[name], h5py.Dataset)])
-        found = tuple(_vector(path, name, held[name][()]) for name in names)
+    with reading(str(path), "HDF5"):
+        there, held = unpacked(hdf5_arrays, content, str(path), group, *names)
+        _require_names(path, names, there)
+        found = tuple(_vector(path, name, held[name]) for name in names)
     _require_one_length(path, found, names)
     return found
+
+
+def hdf5_arrays(content: bytes, path: str, /, *wanted: str) -> tuple[list[str], dict[str, Any]]:
+    """Return the names of the datasets of a group, which comes first, and those wanted of them."""
+    h5py = require("h5py", path)
+    group, *names = wanted
+    with h5py.File(io.BytesIO(content), "r") as file:
+        require_plain_hdf5(file, path)
+        held = file[group] if group in file else {}
+        there = [name for name in held if isinstance(held[name], h5py.Dataset)]
+        return there, {name: held[name][()] for name in names if name in there}
 
 
 def _vector(path: Path, name: str, value: Any) -> Array:

@@ -18,6 +18,7 @@ import numpy as np
 
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.csvtable import read_bytes
+from deatwin.plant.files.formats.apart import unpacked
 from deatwin.plant.files.formats.arrays import ArrayTable, array_table
 from deatwin.plant.files.formats.description import (
     KEY,
@@ -63,7 +64,7 @@ def read_mat(path: str | Path) -> ArrayTable:
     content, name = read_bytes(path), str(path)
     newer = _HDF5 in (content[: len(_HDF5)], content[_USER_BLOCK : _USER_BLOCK + len(_HDF5)])
     with reading(name, "MATLAB"):
-        found = dict(_of_hdf5(content, name) if newer else _of_level_5(content, name))
+        found = unpacked(of_hdf5 if newer else of_level_5, content, name)
     return _table(name, hashlib.sha256(content).hexdigest(), found)
 
 
@@ -138,36 +139,36 @@ def _timing(arrays: Mapping[str, np.ndarray], path: str) -> Timing | None:
     return next(iter(timings.values()), None)
 
 
-def _of_level_5(content: bytes, path: str) -> Iterator[tuple[str, Any]]:
-    """Yield names and values of a file of version 5; fields of structs as ``struct.field``."""
+def of_level_5(content: bytes, path: str, /, *wanted: str) -> dict[str, Any]:
+    """Return names and values of a file of version 5; fields of structs as ``struct.field``."""
     from scipy.io import loadmat, whosmat
 
     require_sound_level_5(content, path)
     listed = whosmat(io.BytesIO(content))
     # Cells are not used: what they declare need not be made room for.
     left = {name for name, shape, kind in listed if kind in _UNUSED or (kind == "struct" and math.prod(shape) != 1)}
-    wanted = [name for name, _, _ in listed if name not in left]
-    for name, value in loadmat(io.BytesIO(content), variable_names=wanted).items():
-        if not name.startswith("__"):
-            yield from _unpacked(name, value)
+    used = [name for name, _, _ in listed if name not in left]
+    held = loadmat(io.BytesIO(content), variable_names=used)
+    return dict(pair for name, value in held.items() if not name.startswith("__") for pair in _values(name, value))
 
 
-def _unpacked(name: str, value: Any) -> Iterator[tuple[str, Any]]:
+def _values(name: str, value: Any) -> Iterator[tuple[str, Any]]:
     """Yield a variable, or the fields of a struct, with texts as texts."""
     if not isinstance(value, np.ndarray):
         return
     if value.dtype.names and value.size == 1:
         for field in value.dtype.names:
-            yield from _unpacked(f"{name}.{field}", value.ravel()[0][field])
+            yield from _values(f"{name}.{field}", value.ravel()[0][field])
     elif value.dtype.kind == "U":
         yield name, "\n".join(value.ravel().tolist())
     elif value.dtype.kind in "fiubc":
         yield name, value
 
 
-def _of_hdf5(content: bytes, path: str) -> Iterator[tuple[str, Any]]:
-    """Yield names and values of a file of version 7.3; fields of structs as ``struct.field``."""
+def of_hdf5(content: bytes, path: str, /, *wanted: str) -> dict[str, Any]:
+    """Return names and values of a file of version 7.3; fields of structs as ``struct.field``."""
     h5py = require("h5py", f"{path}: a MATLAB file of version 7.3")
+    values: dict[str, Any] = {}
     with h5py.File(io.BytesIO(content), "r") as file:
         require_plain_hdf5(file, path)
         found: list[tuple[str, Any]] = []
@@ -177,9 +178,10 @@ def _of_hdf5(content: bytes, path: str) -> Iterator[tuple[str, Any]]:
                 continue
             kind = np.bytes_(node.attrs.get("MATLAB_class", b"")).decode()
             if kind == "char":  # UTF-16 code units, as columns
-                yield name.replace("/", "."), node[()].T.astype("<u2").tobytes().decode("utf-16-le")
+                values[name.replace("/", ".")] = node[()].T.astype("<u2").tobytes().decode("utf-16-le")
             elif node.dtype.kind in "fiub" and kind not in ("cell", "function_handle"):
-                yield name.replace("/", "."), node[()]
+                values[name.replace("/", ".")] = node[()]
+    return values
 
 
 def _identifier(name: str, unit: str) -> str:

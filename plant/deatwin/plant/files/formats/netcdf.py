@@ -16,6 +16,7 @@ import numpy as np
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.conversion import as_dataset
 from deatwin.plant.files.csvtable import read_bytes
+from deatwin.plant.files.formats.apart import unpacked
 from deatwin.plant.files.formats.arrays import ArrayTable, array_table
 from deatwin.plant.files.formats.description import KEY, read_description
 from deatwin.plant.files.formats.optional import reading, require
@@ -58,20 +59,9 @@ def read_netcdf(path: str | Path) -> ArrayTable:
     content, name = read_bytes(path), str(path)
     if content[:3] not in _ENGINES:
         raise DataError(f"{name}: not a NetCDF file")
-    xarray, engine = _xarray(f"{name}: a NetCDF file"), _ENGINES[content[:3]]
-    # HDF5 files of other programs may have no named dimensions.
-    options = {"phony_dims": "access"} if engine == "h5netcdf" else {}
+    _xarray(f"{name}: a NetCDF file")
     with reading(name, "NetCDF"):
-        if engine == "h5netcdf":
-            with require("h5py", name).File(io.BytesIO(content), "r") as file:
-                require_plain_hdf5(file, name)
-        with xarray.open_dataset(Metered(content, name), engine=engine, decode_times=False, **options) as dataset:
-            found = {
-                str(key): (np.array(variable.values), str(variable.attrs.get("units", "")))
-                for key, variable in dataset.variables.items()
-                if variable.ndim == 1
-            }
-            attributes = {str(key): value for key, value in dataset.attrs.items() if isinstance(value, str)}
+        found, attributes = unpacked(variables_of, content, name)
     columns, units = {}, {}
     for header, (values, unit) in found.items():
         columns[header], units[header] = _in_seconds(values, unit)
@@ -83,6 +73,26 @@ def read_netcdf(path: str | Path) -> ArrayTable:
         units,
         declared=read_description(described, name) if described else Declared(provenance=attributes),
     )
+
+
+def variables_of(
+    content: bytes, path: str, /, *wanted: str
+) -> tuple[dict[str, tuple[np.ndarray, str]], dict[str, str]]:
+    """Return the variables along one dimension with their units, and the texts that are attributes of the file."""
+    xarray, engine = _xarray(path), _ENGINES[content[:3]]
+    # HDF5 files of other programs may have no named dimensions.
+    options = {"phony_dims": "access"} if engine == "h5netcdf" else {}
+    if engine == "h5netcdf":
+        with require("h5py", path).File(io.BytesIO(content), "r") as file:
+            require_plain_hdf5(file, path)
+    with xarray.open_dataset(Metered(content, path), engine=engine, decode_times=False, **options) as dataset:
+        found = {
+            str(key): (np.array(variable.values), str(variable.attrs.get("units", "")))
+            for key, variable in dataset.variables.items()
+            if variable.ndim == 1
+        }
+        attributes = {str(key): value for key, value in dataset.attrs.items() if isinstance(value, str)}
+    return found, attributes
 
 
 def write_netcdf(path: str | Path, recording: Recording) -> None:
