@@ -12,6 +12,7 @@ from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming, cannot_rule_out, is_as_likely
 from deatwin.ident.mismatch.naming.forms import in_form, with_fewer
+from deatwin.ident.mismatch.naming.pairs import with_a_second
 from deatwin.ident.mismatch.naming.screen import Footprint
 from deatwin.ident.mismatch.naming.sets import CLEARLY_BETTER, Finished, Names, Search
 from deatwin.ident.mismatch.naming.trial import Fitted
@@ -35,10 +36,11 @@ def name_causes(
     Each promising effect is built into the base plant alone, then into its rival forms, since another reading of what
     the rig file leaves open costs less than a further effect; where one suffices, or none takes most of the mismatch,
     only into those that fit clearly better without any, lest it explain a wrong form away. Where none suffices, each
-    further one beside the best, and so on to three. The effects that were there before a step are replaced in turn:
-    the best single effect may only imitate two others, and it has rivals beside the new one, too. Where all this was
-    done in a rival form and in vain, it is done in the rig file's own. Of several, one is left out where another form
-    does its work; where nothing explains, the best pair is tried in the other forms, too.
+    further one beside the best, and so on to three; where one does, a second one that has a part of its own. The
+    effects that were there before a step are replaced in turn: the best single effect may only imitate two others, and
+    it has rivals beside the new one, too. Where all this was done in a rival form and in vain, it is done in the rig
+    file's own. Of several, one is left out where another form does its work; where nothing explains, the best pair is
+    tried in the other forms, too.
 
     Parameters
     ----------
@@ -77,7 +79,7 @@ def name_causes(
     search, naming = _with_more(taken, own, tell)
     fit = search.tried[()].calibration
     others = [form for form in (base, *rivals) if form.calibration is not fit]
-    search, naming = with_fewer(search, naming, others)
+    search, naming = with_fewer(search, with_a_second(search, naming), others)
     return replace(search.on_everything(naming), failed=tuple(search.failed))
 
 

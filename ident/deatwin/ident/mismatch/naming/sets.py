@@ -13,12 +13,22 @@ from deatwin.ident.mismatch.naming.candidate import Candidate, noise_seen
 from deatwin.ident.mismatch.naming.decide import STRONG, Naming, decide, with_distances
 from deatwin.ident.mismatch.naming.limits import with_limits
 from deatwin.ident.mismatch.naming.overlap import with_overlap
+from deatwin.ident.mismatch.naming.pairs import barely
 from deatwin.ident.mismatch.naming.screen import Footprint, Lead, footprints, leads
 from deatwin.ident.mismatch.naming.shortlist import shortlist
 from deatwin.ident.mismatch.naming.siblings import siblings
 from deatwin.ident.mismatch.naming.trial import Fitted, Trial, run_trials, trials_of, with_fitted
 from deatwin.ident.mismatch.naming.whole import judged_on_everything, settled_on_everything
-from deatwin.ident.mismatch.naming.worth import MOST, acts, explained, gained, is_near_floor, suffices, takes_most
+from deatwin.ident.mismatch.naming.worth import (
+    MOST,
+    TRIFLE,
+    acts,
+    explained,
+    gained,
+    is_near_floor,
+    suffices,
+    takes_most,
+)
 from deatwin.plant.model import Plant
 
 __all__ = ["BESIDE", "CLEARLY_BETTER", "Finished", "Names", "Search", "each_without_one"]
@@ -31,10 +41,6 @@ ALONE = 3
 """Of the effects that were tried alone, those that are tried beside others whatever their score."""
 CLEARLY_BETTER = 0.8
 """A rival form is gone on with where its best single effect leaves less than this share of the mean square."""
-TRIFLE = 0.05
-"""Share of the mismatch's energy below which a further effect mends what another one does to the plant's own error."""
-BARELY = 0.5
-"""Of the model error's power: a second effect that counts for less is none, and for certain one from the whole on."""
 BENT = 1.5
 """Largest ratio by which an explanation may raise the model error by which all are judged."""
 Finished = Callable[[float], None]
@@ -195,24 +201,15 @@ class Search:
 
     def each_counts(self, names: Names) -> bool:
         """Whether what returns when any effect of `names` is taken out is more than the model error, and no trifle."""
-        least = max(self._floor_of(names), self._trifle)
-        return all(gained(self.tried[names], less) >= least for less in self._without_one(names))
-
-    def each_counts_barely(self, names: Names) -> bool:
-        """The same of `names` and half of that error's power, on the fitted and on the unseen part: none is luck."""
-        full, least = self.tried[names], max(BARELY * self._floor_of(names), self._trifle)
-        return all(
-            min(less.fitted_test.rms**2 - full.fitted_test.rms**2, less.unseen_test.rms**2 - full.unseen_test.rms**2)
-            >= least
-            for less in self._without_one(names)
-        )
+        least = max(self.floor_power(names), TRIFLE * self.mismatch_power)
+        return all(gained(self.tried[names], less) >= least for less in self.without_one(names))
 
     @property
-    def _trifle(self) -> float:
-        """Mean square that is none of the mismatch's effects."""
-        return TRIFLE * float(self.tried[()].losses.mean() - self.noise**2)
+    def mismatch_power(self) -> float:
+        """Mean square of what the base plant leaves beyond the noise."""
+        return float(self.tried[()].losses.mean() - self.noise**2)
 
-    def _without_one(self, names: Names) -> Iterator[Candidate]:
+    def without_one(self, names: Names) -> Iterator[Candidate]:
         """The sets without one effect of `names`, those first that are known: each other one takes a fit."""
         for rest in sorted(each_without_one(names), key=lambda rest: rest not in self.tried):
             if rest not in self.tried and "+".join(rest) not in self.failed:
@@ -220,7 +217,7 @@ class Search:
             if rest in self.tried:
                 yield self.tried[rest]
 
-    def _floor_of(self, names: Names) -> float:
+    def floor_power(self, names: Names) -> float:
         """Power of the plant's own error."""
         return float(self.tried[names].calibration.plant.rig.model_error ** 2)
 
@@ -242,10 +239,10 @@ class Search:
         It is led by a rival that is likelier by far and suffices as far as anybody knows the plant's own error: what is
         improbable beside it keeps a limit by luck.
         """
-        naming = self._decided(stage, lambda c: c.adequate and self._counts(c))
+        naming = self._decided(stage, lambda c: c.adequate and self.counts(c))
         if naming.best is None or len(naming.best.effects) > MOST_NEARLY:
             return naming
-        enough = [c for c in naming.rivals if suffices(c, self.tried[()]) and self._counts(c)]
+        enough = [c for c in naming.rivals if suffices(c, self.tried[()]) and self.counts(c)]
         likeliest = max(enough, key=lambda c: c.evidence, default=naming.best)
         return naming.led_by(likeliest) if likeliest.evidence - naming.best.evidence > STRONG else naming
 
@@ -273,7 +270,7 @@ class Search:
             naming = self._sufficing([names for names in self.tried if len(names) == size])
             if naming.best is not None:
                 return naming
-        found = self._surely(self.barely, self._sufficing)
+        found = self._surely(lambda: barely(self), self._sufficing)
         return naming if found.best is None else found
 
     def settled(self, stage: Sequence[Names]) -> Naming:
@@ -297,26 +294,10 @@ class Search:
 
     def _may_settle(self, candidate: Candidate) -> bool:
         most = explained(candidate, self.tried[()]) > MOST
-        return is_near_floor(candidate.fitted_test) and most and self._counts(candidate)
+        return is_near_floor(candidate.fitted_test) and most and self.counts(candidate)
 
     def _sufficing(self, stage: Sequence[Names]) -> Naming:
-        return self._decided(stage, lambda c: suffices(c, self.tried[()]) and self._counts(c))
-
-    def barely(self) -> Naming:
-        """The decision over pairs that explain the recordings, though one of the two counts for less than the floor.
-
-        What is left without that one is too much for the plant's own error, and what it takes away too little to be
-        certain of it: the other one alone stays a rival.
-        """
-        pairs = [names for names, c in self.tried.items() if len(names) == 2 and c.adequate and self._counts(c)]
-        counting = [names for names in pairs if self.each_counts_barely(names)]
-        naming = self._decision([self.tried[names] for names in counting], lambda _: True)
-        if naming.best is None:
-            return naming
-        best = naming.best
-        floor = self._floor_of(best.effects)
-        doubted = [less for less in self._without_one(best.effects) if gained(best, less) < floor]
-        return naming.as_likely(doubted)
+        return self._decided(stage, lambda c: suffices(c, self.tried[()]) and self.counts(c))
 
     def on_everything(self, naming: Naming) -> Naming:
         """The decision `naming` with the rivals that all recordings together bring back.
@@ -326,7 +307,7 @@ class Search:
         judged = judged_on_everything(naming, self.bench, self._takes_most)
         return with_overlap(with_limits(judged, self._takes_most), self._takes_most)
 
-    def _counts(self, candidate: Candidate) -> bool:
+    def counts(self, candidate: Candidate) -> bool:
         """Whether a candidate takes away most of the mismatch, and its effects act."""
         return self._takes_most(candidate) and acts(candidate, self.tried[()])
 
@@ -339,9 +320,10 @@ class Search:
 
     def _decided(self, stage: Sequence[Names], good: Callable[[Candidate], bool]) -> Naming:
         competing = [names for names in stage if not self._is_padded(names)]  # to know that may take fits
-        return self._decision([self.tried[names] for names in competing], good)
+        return self.decision([self.tried[names] for names in competing], good)
 
-    def _decision(self, competing: Sequence[Candidate], good: Callable[[Candidate], bool]) -> Naming:
+    def decision(self, competing: Sequence[Candidate], good: Callable[[Candidate], bool]) -> Naming:
+        """The decision among candidates, of which those that are `good` may lead."""
         naming = decide(tuple(self.tried.values()), competing, self.noise, good, self._takes_most)
         return with_distances(naming, competing, self.bench, self._takes_most)
 

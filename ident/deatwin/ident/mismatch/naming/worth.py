@@ -8,12 +8,15 @@ from deatwin.ident.mismatch.excess import Excess
 from deatwin.ident.mismatch.naming.candidate import Candidate
 
 __all__ = [
-    "MOST", "SUFFICIENT", "acts", "explained", "gained", "is_near_floor", "share_explained", "suffices", "takes_most",
+    "MOST", "SUFFICIENT", "TRIFLE", "acts", "explained", "gained", "is_near_floor", "share_explained", "suffices",
+    "takes_most",
 ]  # fmt: skip
 
 MOST = 0.5
 """Share of the mismatch's energy that an explanation takes away: a base plant that is nearly adequate becomes so with
 any effect."""
+TRIFLE = 0.05
+"""Share of the mismatch's energy below which a further effect mends what another one does to the plant's own error."""
 ACTING = 0.5
 """Share of the fall of the rms residual, that the effects of an explanation must do by themselves at least; where the
 fit without them has found its minimum it is all, by the triangle inequality."""

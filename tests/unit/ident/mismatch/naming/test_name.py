@@ -295,8 +295,8 @@ def test_an_effect_that_does_little_by_itself_is_no_cause():
     """The fit with it is better since the one without had not found its minimum; from there it had to do 3.6."""
     base = candidate(rms=5.7)
     there, idle = candidate("creep", rms=2.1, alone=3.7), candidate("creep", rms=2.1, alone=1.7)
-    assert search_over(base, there)._counts(there)
-    assert not search_over(base, idle)._counts(idle)
+    assert search_over(base, there).counts(there)
+    assert not search_over(base, idle).counts(idle)
 
 
 def test_what_is_as_likely_as_the_best_is_a_rival_though_it_misses_a_limit_by_a_hair():
@@ -338,8 +338,8 @@ def test_what_takes_away_little_of_a_small_mismatch_is_no_explanation():
     base = candidate(rms=2.4)  # with a noise of 2, 1.76 is missing in square, and 1.44 would be adequate
     little, most = candidate("creep", rms=2.3), candidate("mullins", rms=2.1)
     assert little.adequate and most.adequate
-    assert not search_over(base, little)._counts(little)
-    assert search_over(base, most)._counts(most)
+    assert not search_over(base, little).counts(little)
+    assert search_over(base, most).counts(most)
 
 
 def form(*explanations: Candidate, least: float = 1.0):

@@ -1,0 +1,124 @@
+"""A second effect beside one that suffices, on residuals of given sizes: 2 µm of noise, 1.2 µm of model error."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from deatwin.ident.greybox import FitStatus
+from deatwin.ident.mismatch.naming.candidate import Candidate
+from deatwin.ident.mismatch.naming.decide import Naming
+from deatwin.ident.mismatch.naming.pairs import with_a_second
+from deatwin.ident.mismatch.naming.sets import Search
+
+NOISE, RIG = 2.0, SimpleNamespace(model_error=1.2)
+CLIP, CREEP, PAIR = ("amplifier_saturation",), ("creep",), ("amplifier_saturation", "creep")
+
+
+@pytest.fixture(autouse=True)
+def no_simulation(monkeypatch):
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.with_distances", lambda naming, *_: naming)
+
+
+def candidate(effects: tuple[str, ...], rms: float, unseen: float | None = None) -> Candidate:
+    """An explanation that leaves residuals of exactly these sizes on the fitted and on the unseen part."""
+    fitted, late = np.tile([rms, -rms], 3500), np.tile([unseen or rms, -(unseen or rms)], 1500)
+    calibration = SimpleNamespace(
+        plant=SimpleNamespace(rig=RIG, effects=()), residuals=fitted, names=("a",) * (7 + len(effects)),
+        status=FitStatus.SETTLED, rms=rms,
+    )  # fmt: skip
+    does = np.full(fitted.size, np.inf)
+    return Candidate(effects=effects, calibration=calibration, unseen=late, noise=NOISE, contribution=does)
+
+
+class Known(Search):
+    """A search that finds what is given: a pair beside the first effect, and others in that one's place."""
+
+    def __init__(self, *candidates: Candidate, replaced: tuple[Candidate, ...] = ()) -> None:
+        super().__init__(SimpleNamespace(effects=(), jobs=1), candidates[0], ())
+        self.tried.update({c.effects: c for c in (*candidates, *replaced)})
+        self.others, self.asked = [c.effects for c in replaced], 0
+
+    def beside(self, names, finished=None):
+        self.asked += 1
+        return [PAIR]
+
+    def replacing(self, before, best):
+        assert (before, best) == (CLIP, PAIR)
+        return self.others
+
+
+def decided(search: Search) -> Naming:
+    """The decision over the clipping alone, and over a second effect beside it."""
+    first = search.tried[CLIP]
+    alone = Naming(
+        candidates=tuple(search.tried.values()), best=first, rivals=(), probabilities={CLIP: 1.0}, noise=NOISE
+    )
+    return with_a_second(search, alone)
+
+
+def test_a_second_effect_with_a_part_of_its_own_is_named_beside_one_that_suffices():
+    # of 5² - 2² = 21 creep takes 3² - 2.2² = 4.2: more than a tenth, and more than 1.2²; alone 3.8, far from most
+    search = Known(candidate((), 5.0), candidate(CLIP, 3.0), candidate(CREEP, 4.6), candidate(PAIR, 2.2))
+    naming = decided(search)
+    assert naming.best is search.tried[PAIR]
+    assert naming.rivals == ()
+
+
+def test_one_that_counts_for_less_than_the_floor_leaves_the_first_alone_a_rival():
+    # of 3.5² - 2² = 8.25 it takes 2.4² - 2.15² = 1.14: more than a tenth and half of 1.2², less than the whole
+    search = Known(candidate((), 3.5), candidate(CLIP, 2.4), candidate(CREEP, 3.3), candidate(PAIR, 2.15))
+    naming = decided(search)
+    assert naming.best is search.tried[PAIR]
+    assert naming.rivals == (search.tried[CLIP],)
+    assert naming.probabilities[CLIP] == naming.probabilities[PAIR]
+
+
+def test_what_acts_as_well_in_the_place_of_the_second_is_a_rival():
+    other = candidate(("amplifier_saturation", "dielectric_absorption"), 2.205)
+    lost = candidate(("amplifier_saturation", "sensor_drift"), 2.9)
+    search = Known(
+        candidate((), 5.0), candidate(CLIP, 3.0), candidate(CREEP, 4.6), candidate(("dielectric_absorption",), 4.6),
+        candidate(("sensor_drift",), 4.6), candidate(PAIR, 2.2), replaced=(other, lost),
+    )  # fmt: skip
+    assert decided(search).rivals == (other,)
+
+
+@pytest.mark.parametrize(
+    ("base", "clip", "creep", "pair", "why"),
+    [
+        (5.0, (3.0, 3.0), 3.3, (2.2, 2.2), "alone it takes 14.1 of 21, as the first does: both do the same"),
+        (5.0, (2.55, 2.55), 4.6, (2.2, 2.2), "it takes 1.7 of 21: a term that the first one's law lacks"),
+        (5.0, (3.0, 2.6), 4.6, (2.2, 2.55), "of the unseen part it takes 0.26, less than half of 1.2²: luck"),
+        (5.0, (3.0, 3.0), 4.6, (2.4, 2.4), "the two leave 1.3 of the fitted part, more than 1.2: no explanation"),
+        (5.0, (3.0, 3.0), 4.6, (2.2, 3.2), "the unseen part refutes the two"),
+    ],
+)
+def test_otherwise_the_first_stands_as_it_did(base, clip, creep, pair, why):
+    search = Known(candidate((), base), candidate(CLIP, *clip), candidate(CREEP, creep), candidate(PAIR, *pair))
+    naming = decided(search)
+    assert search.asked == 1
+    assert (naming.best, naming.rivals) == (search.tried[CLIP], ()), why
+
+
+def test_nothing_is_tried_beside_one_that_leaves_no_room():
+    # it leaves 2.3² - 2² = 1.3 of 21
+    search = Known(candidate((), 5.0), candidate(CLIP, 2.3), candidate(CREEP, 4.6), candidate(PAIR, 2.05))
+    assert decided(search).best is search.tried[CLIP]
+    assert search.asked == 0
+
+
+def test_an_answer_of_two_and_none_are_left_as_they_are():
+    search = Known(candidate((), 5.0), candidate(CLIP, 3.0), candidate(CREEP, 4.6), candidate(PAIR, 2.2))
+    for best in (None, search.tried[PAIR]):
+        naming = Naming(candidates=(), best=best, rivals=(), probabilities={}, noise=NOISE)
+        assert with_a_second(search, naming) is naming
+    assert search.asked == 0
+
+
+def test_the_pair_must_be_likelier_by_far(monkeypatch):
+    search = Known(candidate((), 5.0), candidate(CLIP, 3.0), candidate(CREEP, 4.6), candidate(PAIR, 2.2))
+    gain = search.tried[PAIR].evidence - search.tried[CLIP].evidence
+    for strong, found in ((0.9 * gain, PAIR), (1.1 * gain, CLIP)):
+        monkeypatch.setattr("deatwin.ident.mismatch.naming.pairs.STRONG", strong)
+        assert decided(search).best is search.tried[found]
