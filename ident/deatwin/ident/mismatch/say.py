@@ -116,7 +116,7 @@ def _ambiguous(diagnosis: Diagnosis) -> str:
 
 
 def _unknown(diagnosis: Diagnosis) -> str:
-    refuted = "; the unseen data refuted the explanation that fitted best" if _refuted(diagnosis) else ""
+    refuted = "; the recordings refuted the explanation that fitted best" if _refuted(diagnosis) else ""
     form = diagnosis.free_form
     shape = "" if form is None else (
         "; a free-form term, which is a description and not physics, lowers the error on unseen data from "

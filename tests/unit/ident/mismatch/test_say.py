@@ -232,7 +232,7 @@ def test_a_small_share_is_said_to_be_small():
 
 
 def test_a_refuted_explanation_and_a_free_form_are_no_causes():
-    assert "the unseen data refuted" in DIAGNOSES["unknown, refuted"].sentence
+    assert "the recordings refuted" in DIAGNOSES["unknown, refuted"].sentence
     assert "not physics" in DIAGNOSES["unknown, free form"].sentence
 
 

@@ -1,7 +1,7 @@
 """Does the explanation hold on data that no fit has seen?
 
 Free runs before and after, on the whole unseen part, on each record and at each third of the amplitudes; each effect
-taken out again; and shams of each effect, which must not do as well.
+taken out again; shams of each effect, which must not do as well; and the strength of each, which must not change.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from deatwin.ident.mismatch.datasets import table
 from deatwin.ident.mismatch.losses import block_losses, bootstrap_gain
 from deatwin.ident.mismatch.naming.candidate import Candidate, judge
 from deatwin.ident.mismatch.refit.search import settle
+from deatwin.ident.mismatch.verify.constancy import Constancy, constancies
 from deatwin.ident.mismatch.verify.shams import Sham, sham_effects
 from deatwin.ident.mismatch.verify.transfer import Transfer, transfers
 from deatwin.plant.amplitudes import amplitude_unit, written_amplitude
@@ -83,6 +84,8 @@ class Verification:
         Of each kind for each effect.
     transfers : tuple of Transfer
         Records, where there are several, and thirds of the amplitudes.
+    constancies : tuple of Constancy
+        One for each effect that is no event.
     noise : float
         Rms.
     output_unit : str
@@ -97,6 +100,7 @@ class Verification:
     ablations: tuple[Ablation, ...] = ()
     shams: tuple[Sham, ...] = ()
     transfers: tuple[Transfer, ...] = ()
+    constancies: tuple[Constancy, ...] = ()
     noise: float = 0.0
     output_unit: str = ""
 
@@ -116,6 +120,11 @@ class Verification:
         ]
         found += [f"{s.effect} {s.kind.value} does as well" for s in self.shams if not s.rejected]
         found += [f"the error grows on unseen data: {t.part}" for t in self.transfers if t.worse]
+        found += [
+            f"the strength of {c.effect} would change by {100 * c.change:.0f} % of itself during the recordings"
+            for c in self.constancies
+            if not c.holds
+        ]
         return tuple(found)
 
     def to_dict(self) -> dict[str, Any]:
@@ -146,6 +155,7 @@ class Verification:
                 }
                 for t in self.transfers
             ],
+            "constancy": [{**asdict(c), "holds": c.holds} for c in self.constancies],
         }  # fmt: skip
 
     def to_xarray(self) -> Any:
@@ -175,6 +185,11 @@ class Verification:
                     "gain_high": (unit, "upper 95 % bound of the fall"),
                     "floor": (unit, "rms of noise and model error"),
                     "model_error": (unit, "rms of the plant's own error"),
+                }),
+                **table("constancy", [{**asdict(c), "holds": c.holds} for c in self.constancies], {
+                    "change": ("", "relative change of the strength during the recordings"),
+                    "score": ("", "the same in standard deviations"),
+                    "own": ("", "share of its power that nothing else can make"),
                 }),
             },
             {"stage": stages},
@@ -251,6 +266,7 @@ def verify(
         ablations=tuple(_ablation(name, base, amended, without, rng) for name, without in reduced.items()),
         shams=() if bench is None else _shams(amended, reduced, bench, rng),
         transfers=() if bench is None else transfers(base, amended, bench, rng),
+        constancies=() if bench is None else constancies(amended.calibration, bench.fitted, amended.effects),
         noise=amended.noise, output_unit=amended.calibration.plant.rig.output_unit,
     )  # fmt: skip
 

@@ -1,0 +1,104 @@
+"""Is a named effect as strong at the end of the recordings as at their beginning?
+
+The catalogue's mechanisms are what they are all the time: what changes, such as a drift or a creep, changes by its own
+law. An effect whose strength would have to grow from nothing stands for something else: a clock that runs fast looks
+like a delay, which grows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from deatwin.ident.greybox.fit import Calibration, Part
+from deatwin.ident.greybox.tangent import taken_off, tangent_basis
+
+__all__ = ["Constancy", "constancies"]
+
+WHOLE = 1.0
+"""Change by more than the effect's own mean strength: a law that is not quite the catalogue's changes by less."""
+SURE = 4.0
+"""Standard deviations, as far as the scatter over so many stretches of the recordings tells: one in five thousand."""
+STRETCHES = 50
+OWN = 0.1
+"""Least share of the change's power in the readings that nothing else in the plant can make."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Constancy:
+    """How the strength of one effect would change from the beginning to the end of what was fitted.
+
+    Parameters
+    ----------
+    effect : str
+        Canonical name.
+    change : float
+        Relative to its mean, to first order.
+    score : float
+        In standard deviations.
+    own : float
+        Share of its power in the readings that no parameter of the plant can take up, from 0 to 1.
+    """
+
+    effect: str
+    change: float
+    score: float
+    own: float
+
+    @property
+    def holds(self) -> bool:
+        """Whether the effect may be what it is called: its strength does not surely change by the whole of itself."""
+        return abs(self.change) <= WHOLE or abs(self.score) <= SURE or self.own < OWN
+
+
+def constancies(fit: Calibration, parts: Sequence[Part], effects: Sequence[str]) -> tuple[Constancy, ...]:
+    """Let the strength of each effect of a fit change evenly with time, all other parameters being free.
+
+    Parameters
+    ----------
+    fit : Calibration
+        On `parts`.
+    parts : sequence of Part
+        What was fitted.
+    effects : sequence of str
+        Names of effects; events, which begin at a time of their own, are passed over, and those whose strength was
+        not fitted.
+
+    Returns
+    -------
+    tuple of Constancy
+        In the order of the effects.
+    """
+    basis, running = tangent_basis(fit.jacobian), _running(parts)
+    return tuple(_constancy(name, by * running, basis, fit) for name, by in _by_strength(fit, effects))
+
+
+def _by_strength(fit: Calibration, effects: Sequence[str]) -> Iterator[tuple[str, np.ndarray]]:
+    """Derivatives of the readings by the relative strength of effects, shape (n,), SI."""
+    strengths = {e.name: f"{e.name}.{e.strength}" for e in fit.plant.effects if not e.event}
+    for effect in effects:
+        name = strengths.get(effect)
+        if name in fit.names:
+            parameter = fit.plant.parameters[name]
+            slope = parameter.scale.slope(parameter.value)
+            yield effect, fit.jacobian[:, fit.names.index(name)] * (parameter.value / slope)
+
+
+def _running(parts: Sequence[Part]) -> np.ndarray:
+    """Time since the beginning of each experiment, shape (n,): it runs through 2 in the longest, and its mean is 0."""
+    since = np.concatenate([part.timepts - part.timepts[0] for part in parts])
+    return 2.0 * (since - since.mean()) / since.max()
+
+
+def _constancy(effect: str, change: np.ndarray, basis: np.ndarray, fit: Calibration) -> Constancy:
+    """By the part of the change that nothing in the `basis` of the other parameters can make."""
+    free = taken_off(change, basis)
+    power = float(free @ free)
+    if power <= 0.0:
+        return Constancy(effect=effect, change=0.0, score=0.0, own=0.0)
+    half = float(free @ fit.residuals) / power
+    sums = [float(np.sum(s)) for s in np.array_split(free * (fit.residuals - half * free), STRETCHES)]
+    deviation = max(float(np.linalg.norm(sums)) / power, np.finfo(float).tiny)
+    return Constancy(effect=effect, change=2.0 * half, score=half / deviation, own=power / float(change @ change))

@@ -1,0 +1,122 @@
+"""Whether the strength of an effect changes with time: on residuals that are given, and on a clock that runs fast."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+
+from deatwin.ident.greybox.fit import Part, calibrate
+from deatwin.ident.mismatch.verify.constancy import Constancy, constancies
+from deatwin.plant import Delay, Diaphragm, Experiment, Plant, Recording
+from deatwin.plant.excitation import band_limited_noise
+from deatwin.plant.integrator.compiled import compiler
+from deatwin.plant.parameters import Scale
+
+SAMPLES, STEP = 5000, 0.02
+TIMES = STEP * np.arange(SAMPLES)
+EVENLY = 2.0 * (TIMES - TIMES.mean()) / TIMES.max()
+NOISE = 2e-6
+
+
+def fit_of(residuals: np.ndarray, *others: np.ndarray, scale: Scale = Scale.LINEAR, event: str = "") -> SimpleNamespace:
+    """A fit with one effect of strength 4, by which the readings change as white noise does, and other parameters."""
+    by_strength = np.random.default_rng(5).normal(size=SAMPLES)  # of the relative strength, m
+    slope = scale.slope(4.0)
+    effect = SimpleNamespace(name="delay", strength="time", event=event)
+    return SimpleNamespace(
+        plant=SimpleNamespace(
+            effects=(effect,), parameters={"delay.time": SimpleNamespace(value=4.0, scale=scale)}
+        ),
+        names=("delay.time", *("other",) * len(others)), residuals=residuals,
+        jacobian=np.column_stack([by_strength * slope / 4.0, *others]),
+    )  # fmt: skip
+
+
+PARTS = (SimpleNamespace(timepts=TIMES + 7.0),)
+BY_STRENGTH = np.random.default_rng(5).normal(size=SAMPLES)
+WHITE = np.random.default_rng(6).normal(size=SAMPLES)
+
+
+@pytest.mark.parametrize("scale", list(Scale))
+def test_a_strength_that_grows_from_nothing_changes_by_twice_its_mean(scale):
+    (found,) = constancies(fit_of(EVENLY * BY_STRENGTH + 0.1 * WHITE, scale=scale), PARTS, ("delay",))
+    # white noise of 0.1 over 5000 samples whose derivatives have the mean square 1/3: 0.1 sqrt(3/5000), doubled
+    assert found.change == pytest.approx(2.0, abs=4 * 0.2 * np.sqrt(3 / SAMPLES))
+    assert found.score > 100
+    assert found.own == pytest.approx(1.0, abs=0.01)
+    assert not found.holds
+
+
+def test_a_strength_that_stays_is_found_to_change_for_sure_once_in_thousands_of_times():
+    rng, scores = np.random.default_rng(1), []
+    for _ in range(400):
+        (found,) = constancies(fit_of(rng.normal(size=SAMPLES)), PARTS, ("delay",))
+        scores.append(found.score)
+    # Student's law with 49 degrees of freedom; of 400 draws the standard deviation is known to 3.5 %
+    assert np.std(scores) == pytest.approx(np.sqrt(49 / 47), rel=0.12)
+    assert np.abs(scores).max() < 4.5
+
+
+def test_a_change_that_another_parameter_can_make_is_no_change():
+    nearly = EVENLY * BY_STRENGTH + 0.1 * np.random.default_rng(7).normal(size=SAMPLES)
+    (found,) = constancies(fit_of(2.0 * EVENLY * BY_STRENGTH, nearly), PARTS, ("delay",))
+    assert found.own < 0.05
+    assert found.holds
+    (none,) = constancies(fit_of(WHITE, EVENLY * BY_STRENGTH), PARTS, ("delay",))
+    assert none.own == pytest.approx(0.0, abs=1e-12)
+    assert none.holds
+
+
+def test_time_begins_anew_in_each_experiment():
+    half = SAMPLES // 2
+    parts = (SimpleNamespace(timepts=TIMES[:half]), SimpleNamespace(timepts=TIMES[:half] + 500.0))
+    anew = np.tile(TIMES[:half], 2)
+    growing = 2.0 * (anew - anew.mean()) / anew.max()
+    (found,) = constancies(fit_of(growing * BY_STRENGTH), parts, ("delay",))
+    assert found.change == pytest.approx(2.0, rel=1e-9)
+
+
+def test_events_other_effects_and_strengths_that_were_not_fitted_are_passed_over():
+    assert constancies(fit_of(WHITE, event="at"), PARTS, ("delay",)) == ()
+    assert constancies(fit_of(WHITE), PARTS, ("creep",)) == ()
+    fixed = fit_of(WHITE)
+    fixed.names = ("other",)
+    assert constancies(fixed, PARTS, ("delay",)) == ()
+
+
+@pytest.mark.parametrize(
+    ("change", "score", "own", "holds"),
+    [
+        (1.2, 9.0, 0.5, False), (-1.2, -9.0, 0.5, False),
+        (0.9, 30.0, 0.5, True), (3.0, 3.0, 0.5, True), (3.0, 9.0, 0.05, True),
+    ],
+)  # fmt: skip
+def test_what_speaks_against_an_effect(change, score, own, holds):
+    assert Constancy(effect="delay", change=change, score=score, own=own).holds is holds
+
+
+@pytest.mark.skipif(compiler() is None, reason="many runs: without a C compiler they take ten times as long")
+def test_a_clock_that_runs_fast_is_no_delay():
+    plant, rng = Plant(rig=Diaphragm()), np.random.default_rng(11)
+    command = band_limited_noise(rng, 60.0, STEP)
+    blank = Experiment(recordings=(Recording.from_arrays(command, np.zeros_like(command), STEP),))
+    times = blank.recordings[0].timepts
+    noise = NOISE * rng.normal(size=times.size)
+    delayed = plant.with_effects(Delay(time=0.002)).simulate(blank).outputs[0][0]
+    exact = plant.simulate(blank).outputs[0][0]
+    skewed = CubicSpline(times, exact)(times * (1 - 0.002 / times[-1]))  # 0 to 2 ms late, so that first order holds
+
+    def judged(output: np.ndarray) -> tuple[Constancy, float]:
+        experiment = Experiment(recordings=(Recording.from_arrays(command, output + noise, STEP),))
+        parts = (Part(experiment=experiment, masks=(np.ones(times.size, dtype=bool),)),)
+        fit = calibrate(plant.with_effects(Delay(time=0.003)), parts)
+        (found,) = constancies(fit, parts, ("delay",))
+        return found, fit.plant.parameters["delay.time"].value
+
+    assert judged(delayed)[0].holds
+    fast, mean = judged(skewed)
+    # From the beginning to the end the delay grows by 2 ms, whatever mean the membrane's own damping leaves to it. The
+    # command is held from sample to sample, so that what lies between two readings is no spline.
+    assert fast.change * mean == pytest.approx(2e-3, rel=0.25)
+    assert not fast.holds
