@@ -310,6 +310,21 @@ def test_mechanisms_share_no_code_with_the_catalogue():
         assert set(ours) <= {"deatwin.plant.effects.base", "deatwin.plant.parameters", "deatwin.plant.errors"}
 
 
+def test_what_commands_of_one_polarity_do_not_show_has_both_or_is_in_no_pair():
+    for seed in (1, 2, 3):
+        shifted = [spec for spec in case_specs("standard", seed) if "ground_shift" in spec.effects]
+        assert {spec.excitation for spec in shifted} == {"both_polarities"}
+        assert {spec.kind for spec in shifted} == {"effect", "pair"}
+        long = [spec for spec in case_specs("long", seed) if "ground_shift" in spec.effects]
+        assert {(spec.kind, spec.excitation) for spec in long} == {("effect", "noise+holds")}
+    assert any("ground_shift" in pair for pair in pairable())
+
+
+def test_each_of_a_pair_with_a_ground_shift_is_seen():
+    spec = next(s for s in case_specs("standard", 1) if s.kind == "pair" and "ground_shift" in s.effects)
+    assert min(make(spec).ratios.values()) >= 0.7  # of the noise, after a refit, as for every pair
+
+
 def test_the_standard_study_has_the_cases_that_were_asked_for():
     specs = case_specs("standard", 1)
     kinds = Counter(spec.kind for spec in specs)

@@ -13,7 +13,7 @@ from deatwin.plant.errors import DataError
 from deatwin.scenarios.concealed_physics.excitations import RICH
 from deatwin.scenarios.concealed_physics.key import KEY, OUTSIDE, TIES
 from deatwin.scenarios.concealed_physics.mechanisms import log_uniform
-from deatwin.scenarios.concealed_physics.reach import reach
+from deatwin.scenarios.concealed_physics.reach import SHOWN_BY, reach
 from deatwin.scenarios.concealed_physics.sizes import Size, size_named
 from deatwin.scenarios.concealed_physics.specimens import Specimen, make
 from deatwin.scenarios.concealed_physics.specs import CaseSpec
@@ -53,7 +53,7 @@ def case_specs(size: str, seed: int) -> tuple[CaseSpec, ...]:
     rng = np.random.default_rng([seed, len(size)])
     effects = _few_effects(of.effects, of.library, rng) if of.library else _effects(of, rng)
     several = [
-        *_clean(of.clean), *effects, *_outside(of.outside, rng), *_pairs(of.pairs, of.library, rng),
+        *_clean(of.clean), *effects, *_outside(of.outside, rng), *_pairs(of, rng),
         *_ties(of.ties, of.library, rng),
     ]  # fmt: skip
     # A block of seeds for each study.
@@ -64,19 +64,22 @@ def case_specs(size: str, seed: int) -> tuple[CaseSpec, ...]:
     )
 
 
-def pairable(library: Sequence[str] = ()) -> tuple[tuple[str, str], ...]:
+def pairable(library: Sequence[str] = (), excitation: str = "") -> tuple[tuple[str, str], ...]:
     """Pairs of concealed mechanisms that belong to different families and can both be seen.
 
     Parameters
     ----------
     library : sequence of str
         Effects that the diagnosis knows; empty for the whole catalogue.
+    excitation : str
+        The commands, joined by ``+``; empty where they are to be drawn.
 
     Returns
     -------
     tuple of pairs of str
     """
-    seen = _seen_well(library)
+    given = excitation.split("+") if excitation else RICH
+    seen = [name for name in _seen_well(library) if SHOWN_BY.get(name, given[0]) in given]
     family = {name: effect_named(KEY[name][0]).family for name in seen}
     return tuple((a, b) for a, b in combinations(seen, 2) if family[a] is not family[b])
 
@@ -124,9 +127,9 @@ def _outside(count: int, rng: np.random.Generator) -> Iterator[Given]:
         }  # fmt: skip
 
 
-def _pairs(count: int, library: Sequence[str], rng: np.random.Generator) -> Iterator[Given]:
-    possible = pairable(library)
-    for k, number in enumerate(rng.permutation(len(possible))[:count]):
+def _pairs(of: Size, rng: np.random.Generator) -> Iterator[Given]:
+    possible = pairable(of.library, of.excitation)
+    for k, number in enumerate(rng.permutation(len(possible))[: of.pairs]):
         pair = possible[number]
         yield {
             "name": f"pair-{k + 1:02d}", "kind": "pair", "effects": pair, "truth": tuple(KEY[n][0] for n in pair),
@@ -151,6 +154,8 @@ def _recorded(given: Given, excitation: str, rng: np.random.Generator) -> Given:
         "excitation": str(rng.choice(RICH)), "records": int(rng.choice([1, 2])),
         "noise_share": round(log_uniform(rng, *NOISE_SHARES), 4),
     }  # fmt: skip
+    for name in SHOWN_BY.keys() & set(given["effects"]):
+        drawn["excitation"] = SHOWN_BY[name]
     if excitation:
         drawn |= {"excitation": excitation, "records": 1 + excitation.count("+")}
     if given["kind"] == "tie":

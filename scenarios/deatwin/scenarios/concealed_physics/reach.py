@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
-__all__ = ["REACH", "VISIBLE", "reach"]
+__all__ = ["REACH", "SHOWN_BY", "VISIBLE", "reach"]
 
 VISIBLE = 0.3
 """Structural residual over noise from which on a mechanism counts as visible: the lowest rung of the ladder."""
@@ -25,6 +25,9 @@ both polarities for `ground_shift`, which reaches 0.2 with one. Of full refits t
 `hard_clip` and `cracked_electrode` (noise with holds), `trap_conduction` and `crooked_optics` (noise to 1 Hz); the
 others are of a refit to first order on the reduced one, the smaller of that at the largest size and ten times that at
 a tenth of it."""
+
+SHOWN_BY: Mapping[str, str] = MappingProxyType({"ground_shift": "both_polarities"})
+"""The only commands under which a mechanism reaches so far."""
 
 
 def reach(mechanism: str) -> float:
