@@ -30,6 +30,9 @@ from deatwin.plant.calibrated import CalibratedPlant
 
 __all__ = ["Findings", "conclude"]
 
+ELSEWHERE = 0.05
+"""Probability that none of the laws that competed is the truth: of 48 causes that were named in a study of concealed
+physics (long recordings, seed 2006) two were wrong, where evidence alone said one in ten thousand."""
 NOWHERE: Mapping[str, list[Any]] = {"time": [], "frequency": [], "region": [], "place": [], "response": []}
 """Where nothing is missing."""
 
@@ -195,8 +198,10 @@ def _causes(findings: Findings) -> tuple[Cause, ...]:
             parameters[short] = Interval(value=value, low=low, high=high, unit=parameter.unit)
         weight = sum(p for names, p in naming.probabilities.items() if effect.name in names)
         causes.append(
-            Cause(effect=effect.name, family=effect.family.value, probability=min(1.0, weight),
-                  share_explained=shares[effect.name], parameters=parameters)
+            Cause(
+                effect=effect.name, family=effect.family.value, probability=(1.0 - ELSEWHERE) * min(1.0, weight),
+                share_explained=shares[effect.name], parameters=parameters,
+            )
         )  # fmt: skip
     return tuple(sorted(causes, key=lambda c: -c.share_explained))
 

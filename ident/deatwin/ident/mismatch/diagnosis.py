@@ -114,7 +114,7 @@ class Cause:
     effect, family : str
         Canonical names.
     probability : float
-        Of this effect being part of the explanation, among the explanations compared.
+        Of this effect being part of the truth: among the explanations compared, and less what others there may be.
     share_explained : float
         Share of the mismatch's energy that goes with it, from 0 to 1.
     parameters : mapping of str to Interval
