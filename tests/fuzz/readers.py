@@ -122,7 +122,7 @@ def require_clear(text: str, path: Path) -> None:
     assert "\x1b" not in rest, repr(rest)
 
 
-def forked(unpack: Callable[..., object], content: bytes, path: str, *wanted: str) -> str:
+def forked(unpack: Callable[..., object], content: bytes, path: str, *wanted: str) -> apart.Outcome:
     """What `apart.trial` finds, a hundred times as fast: the other process is a copy of this one."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # threads of this process: the copy needs none
@@ -135,7 +135,7 @@ def forked(unpack: Callable[..., object], content: bytes, path: str, *wanted: st
             unpack(content, path, *wanted)
         finally:
             os._exit(0)
-    return "the library that unpacks it crashes" if os.WIFSIGNALED(os.waitpid(child, 0)[1]) else ""
+    return apart.Outcome.CRASHED if os.WIFSIGNALED(os.waitpid(child, 0)[1]) else apart.Outcome.THROUGH
 
 
 @contextmanager

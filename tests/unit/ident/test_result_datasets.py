@@ -23,6 +23,7 @@ from deatwin.ident.mismatch.locate.response import ResponseDifference
 from deatwin.ident.mismatch.locate.time import Times, Window
 from deatwin.ident.mismatch.locate.track import Track
 from deatwin.ident.mismatch.naming.decide import Distance
+from deatwin.ident.mismatch.verify.constancy import Constancy
 from deatwin.ident.mismatch.verify.shams import Sham, ShamKind
 from deatwin.ident.mismatch.verify.transfer import Transfer
 from deatwin.ident.mismatch.verify.verify import Ablation, Verification
@@ -98,6 +99,7 @@ VERIFICATION = Verification(
            Sham(effect="creep", kind=ShamKind.BACKWARDS, skipped="no memory")),
     transfers=(Transfer(part="steps.csv", before=2e-6, after=4e-6, gain_low=-3e-6, gain_high=-1e-6, floor=2.2e-6,
                         model_error=1e-6),),
+    constancies=(Constancy(effect="creep", change=-1.5, deviation=0.1, own=0.5), Constancy(effect="delay", own=0.04)),
 )  # fmt: skip
 TRACKS = tuple(
     Track(timepts=start + np.array([0.0, 0.5]), residual=np.array([1e-6, 2e-6]) + start, signals={}, sample_time=0.5)
@@ -189,8 +191,11 @@ EXPECTED = {
         "transfer_part": (("transfer",), "", ["steps.csv"]), "transfer_before": (("transfer",), "m", [2e-6]),
         "transfer_gain_high": (("transfer",), "m", [-1e-6]), "transfer_floor": (("transfer",), "m", [2.2e-6]),
         "transfer_model_error": (("transfer",), "m", [1e-6]), "transfer_worse": (("transfer",), "", [1.0]),
+        "constancy_effect": (("constancy",), "", ["creep", "delay"]),
+        "constancy_change": (("constancy",), "", [-1.5, NONE]), "constancy_own": (("constancy",), "", [0.5, 0.04]),
+        "constancy_deviation": (("constancy",), "", [0.1, NONE]), "constancy_holds": (("constancy",), "", [0.0, 1.0]),
     }, {"holds": 0, "failures": VERIFICATION.failures}),
-    "bare verification": (replace(VERIFICATION, ablations=(), shams=(), transfers=()), {
+    "bare verification": (replace(VERIFICATION, ablations=(), shams=(), transfers=(), constancies=()), {
         "gain_low": ((), "m", 7e-6),
     }, {"holds": 1}),
     "times": (TIMES, {

@@ -196,7 +196,7 @@ NOT_FROM_THE_COMMAND_LINE = {
     "arrays.py: columns; at most": "as of a CSV",
     "unpacked.py: more entries of a cell or struct": "no library writes such a file; test_intake.py does",
     "unpacked.py: no element can be of type": "no library writes such a file; test_readers_fuzzed.py does",
-    "apart.py: the file is damaged": "what crashes a library today need not tomorrow; test_apart.py makes it",
+    "apart.py: .*: .*": "what crashes a library today need not tomorrow; test_apart.py makes it",
     "unpacked.py: more samples than it holds": "no library writes such a file; test_intake.py does",
     "tdms.py: samples and has": "no library writes such a file",
     "table.py: it must be positive and finite": "readers pass over such a clock, or call the description damaged",

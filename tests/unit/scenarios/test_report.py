@@ -15,6 +15,7 @@ import pytest
 from deatwin.ident.mismatch import CandidateSummary, Cause, Diagnosis, Evidence, Interval, Verdict
 from deatwin.ident.mismatch.diagnosis import FittedParameter
 from deatwin.ident.mismatch.gate.gate import gate
+from deatwin.ident.mismatch.verify.constancy import Constancy
 from deatwin.ident.mismatch.verify.shams import Sham, ShamKind
 from deatwin.ident.mismatch.verify.transfer import Transfer
 from deatwin.ident.mismatch.verify.verify import Ablation, Verification
@@ -110,6 +111,9 @@ VERIFIED = Verification(
             model_error=1e-6,
         ),
     ),
+    constancies=(
+        Constancy(effect="creep", change=-1.264, deviation=0.083, own=0.5), Constancy(effect="delay", own=0.04),
+    ),
 )  # fmt: skip
 
 
@@ -197,7 +201,8 @@ def test_the_page_shows_every_step_in_order(tmp_path: Path) -> None:
         "0.00250", "0.610 µm", "film: stiffness", "1234", "creep and delay (9.10)", "x v", "-0.0123", "94 %",
         "at the ball", "from 30 to 2.0 %",
         "creep with the opposite sign does as well", "the error grows on unseen data: lowest amplitudes", "6.78",
-        "97 %", "3.12 %", "not judged: it hardly differs",
+        "97 %", "3.12 %", "not judged: it hardly differs", "-126 ± 8 %", "cannot be told",
+        "the strength of creep would change by -126 % of itself over the fitted part",
     )  # fmt: skip
     for text in shown:
         assert text in page, text

@@ -30,9 +30,10 @@ from deatwin.plant.calibrated import CalibratedPlant
 
 __all__ = ["Findings", "conclude"]
 
-ELSEWHERE = 0.05
-"""Probability that none of the laws that competed is the truth: of 48 causes that were named in a study of concealed
-physics (long recordings, seed 2006) two were wrong, where evidence alone said one in ten thousand."""
+MARGIN = 0.05
+"""Left of a cause's probability to what evidence cannot know: of 48 causes that were named in a study of concealed
+physics (long recordings, seed 2006) two were wrong, where evidence alone said one in ten thousand. That is 0.5 to 14 %
+(95 %): a margin, and no estimate."""
 NOWHERE: Mapping[str, list[Any]] = {"time": [], "frequency": [], "region": [], "place": [], "response": []}
 """Where nothing is missing."""
 
@@ -199,7 +200,7 @@ def _causes(findings: Findings) -> tuple[Cause, ...]:
         weight = sum(p for names, p in naming.probabilities.items() if effect.name in names)
         causes.append(
             Cause(
-                effect=effect.name, family=effect.family.value, probability=(1.0 - ELSEWHERE) * min(1.0, weight),
+                effect=effect.name, family=effect.family.value, probability=(1.0 - MARGIN) * min(1.0, weight),
                 share_explained=shares[effect.name], parameters=parameters,
             )
         )  # fmt: skip

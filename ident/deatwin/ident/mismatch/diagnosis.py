@@ -114,7 +114,7 @@ class Cause:
     effect, family : str
         Canonical names.
     probability : float
-        Of this effect being part of the truth: among the explanations compared, and less what others there may be.
+        Of this effect being part of the truth: among the explanations compared, less a margin for what nobody compared.
     share_explained : float
         Share of the mismatch's energy that goes with it, from 0 to 1.
     parameters : mapping of str to Interval
@@ -156,7 +156,7 @@ class Diagnosis:
     next_experiment, free_form : mapping or None
         Advice and free-form remainder, where there are any.
     verification : mapping or None
-        How the best explanation did on unseen data, where there was one: ablation, shams, transfer.
+        What the best explanation had to bear, where there was one: ablation, shams, transfer, constancy.
     faults : tuple of mapping
         Faults of the recordings.
     parameters : mapping of str to FittedParameter

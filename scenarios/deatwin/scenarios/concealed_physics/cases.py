@@ -64,24 +64,26 @@ def case_specs(size: str, seed: int) -> tuple[CaseSpec, ...]:
     )
 
 
-def pairable(library: Sequence[str] = (), excitation: str = "") -> tuple[tuple[str, str], ...]:
-    """Pairs of concealed mechanisms that belong to different families and can both be seen.
+def pairable(library: Sequence[str] = ()) -> tuple[tuple[str, str], ...]:
+    """Pairs of concealed mechanisms that belong to different families and can both be seen, with the best commands.
 
     Parameters
     ----------
     library : sequence of str
         Effects that the diagnosis knows; empty for the whole catalogue.
-    excitation : str
-        The commands, joined by ``+``; empty where they are to be drawn.
 
     Returns
     -------
     tuple of pairs of str
     """
-    given = excitation.split("+") if excitation else RICH
-    seen = [name for name in _seen_well(library) if SHOWN_BY.get(name, given[0]) in given]
+    seen = _seen_well(library)
     family = {name: effect_named(KEY[name][0]).family for name in seen}
     return tuple((a, b) for a, b in combinations(seen, 2) if family[a] is not family[b])
+
+
+def _is_shown(mechanism: str, excitation: str) -> bool:
+    """Whether commands that are given, or may be drawn, show a mechanism."""
+    return not excitation or mechanism not in SHOWN_BY or SHOWN_BY[mechanism] in excitation.split("+")
 
 
 def _seen_well(library: Sequence[str]) -> list[str]:
@@ -128,9 +130,10 @@ def _outside(count: int, rng: np.random.Generator) -> Iterator[Given]:
 
 
 def _pairs(of: Size, rng: np.random.Generator) -> Iterator[Given]:
-    possible = pairable(of.library, of.excitation)
-    for k, number in enumerate(rng.permutation(len(possible))[: of.pairs]):
-        pair = possible[number]
+    every = pairable(of.library)
+    shuffled = [every[number] for number in rng.permutation(len(every))]
+    shown = [pair for pair in shuffled if all(_is_shown(name, of.excitation) for name in pair)]
+    for k, pair in enumerate(shown[: of.pairs]):
         yield {
             "name": f"pair-{k + 1:02d}", "kind": "pair", "effects": pair, "truth": tuple(KEY[n][0] for n in pair),
             "target_ratio": log_uniform(rng, *PAIR_RATIOS),
@@ -154,8 +157,8 @@ def _recorded(given: Given, excitation: str, rng: np.random.Generator) -> Given:
         "excitation": str(rng.choice(RICH)), "records": int(rng.choice([1, 2])),
         "noise_share": round(log_uniform(rng, *NOISE_SHARES), 4),
     }  # fmt: skip
-    for name in SHOWN_BY.keys() & set(given["effects"]):
-        drawn["excitation"] = SHOWN_BY[name]
+    for name in given["effects"]:
+        drawn["excitation"] = SHOWN_BY.get(name, drawn["excitation"])
     if excitation:
         drawn |= {"excitation": excitation, "records": 1 + excitation.count("+")}
     if given["kind"] == "tie":

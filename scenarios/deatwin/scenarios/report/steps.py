@@ -153,12 +153,15 @@ def verification(found: Mapping[str, Any] | None) -> dict[str, Sequence[Mapping[
     Returns
     -------
     dict of str to sequence of mapping
-        ``transfer``, ``ablation`` and ``shams``; empty without a verification.
+        ``transfer``, ``ablation``, ``shams`` and ``constancy``; empty without a verification.
     """
     if found is None:
-        return {"transfer": [], "ablation": [], "shams": []}
+        return {"transfer": [], "ablation": [], "shams": [], "constancy": []}
     shams = [
         {**sham, "shown": sham["skipped"] if sham["share"] is None else f"{three_digits(100 * sham['share'])} %"}
         for sham in found["shams"]
     ]
-    return {"transfer": found["transfer"], "ablation": found["ablation"], "shams": shams}
+    return {
+        "transfer": found["transfer"], "ablation": found["ablation"], "shams": shams,
+        "constancy": found.get("constancy", []),  # former versions did not look
+    }  # fmt: skip

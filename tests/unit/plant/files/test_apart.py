@@ -2,6 +2,7 @@
 
 import importlib
 import io
+import os
 import shutil
 from pathlib import Path
 
@@ -13,7 +14,8 @@ from deatwin.plant.files import read_recordings
 from deatwin.plant.files.formats import apart
 
 UNPACKERS = """
-import os, time
+import os, signal
+def killed(content, path, *wanted): os.kill(os.getpid(), signal.SIGKILL)
 def crashing(content, path, *wanted): os.abort()
 def busy(content, path, *wanted):
     while True: pass
@@ -29,7 +31,6 @@ def unpackers(tmp_path, monkeypatch):
     """Functions that the other process can import."""
     (tmp_path / "unpackers_of_a_test.py").write_text(UNPACKERS)
     monkeypatch.syspath_prepend(str(tmp_path))
-    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     monkeypatch.setattr(apart, "_survived", set())
     return importlib.import_module("unpackers_of_a_test")
 
@@ -50,16 +51,32 @@ def test_a_crash_is_an_error_that_names_the_file(unpackers):
 
 def test_a_library_that_does_not_come_back_is_an_error_that_names_the_file(unpackers, monkeypatch):
     monkeypatch.setattr(apart, "SECONDS", 1.0)
-    with pytest.raises(DataError, match=r"^of\.mat: the library that unpacks it was still busy after 1 s; the file"):
+    with pytest.raises(DataError, match=r"^of\.mat: the library that unpacks it does not come back; the file is"):
         apart.unpacked(unpackers.busy, b"abc", "of.mat")
 
 
 def test_a_file_is_tried_once(unpackers, monkeypatch):
     tried = []
-    monkeypatch.setattr(apart, "trial", lambda unpack, *rest: tried.append(rest) or "")
+    monkeypatch.setattr(apart, "trial", lambda unpack, *rest: tried.append(rest) or apart.Outcome.THROUGH)
     for content in (b"abc", b"abc", b"abd"):
         apart.unpacked(unpackers.counted, content, "of.mat")
     assert tried == [(b"abc", "of.mat"), (b"abd", "of.mat")]
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="the system has no such signals")
+def test_what_the_system_ends_is_no_fault_of_the_file(unpackers):
+    with pytest.raises(DataError, match=r"^of\.mat: the process that unpacked it was ended from outside"):
+        apart.unpacked(unpackers.killed, b"abc", "of.mat")
+
+
+def test_where_nothing_can_be_started_the_file_is_read_as_ever_and_tried_the_next_time(unpackers, monkeypatch):
+    monkeypatch.setattr(apart.spawn, "get_executable", lambda: "no/such/python")
+    assert apart.unpacked(unpackers.counted, b"abc", "of.mat")[0] == 3
+    monkeypatch.undo()
+    monkeypatch.setattr(apart, "_survived", set())
+    unknown = type("Nowhere", (), {"__module__": "no_such_module", "__name__": "f", "__call__": lambda *_: 7})()
+    assert apart.unpacked(unknown, b"abc", "of.mat") == 7
+    assert not apart._survived
 
 
 def test_a_program_of_one_file_does_not_begin_again(unpackers, monkeypatch):

@@ -3,21 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from deatwin.ident.mismatch.naming.decide import STRONG, Naming
 from deatwin.ident.mismatch.naming.worth import TRIFLE, gained, takes_most
 
 if TYPE_CHECKING:
-    from deatwin.ident.mismatch.naming.sets import Names, Search
+    from deatwin.ident.mismatch.naming.sets import Search
 
-__all__ = ["barely", "with_a_second"]
+__all__ = ["Names", "barely", "each_without_one", "with_a_second"]
 
 BARELY = 0.5
 """Of the model error's power: a second effect that counts for less is none, and for certain one from the whole on."""
 TENTH = 0.1
 """Of the mismatch's energy: no mechanism's law is known to the last term, and a second effect that takes less beside
 one that suffices mends the law of that one."""
+
+Names = tuple[str, ...]
+
+
+def each_without_one(names: Names) -> list[Names]:
+    """The sets that are left when each effect of `names` in turn is taken out."""
+    return [tuple(name for name in names if name != old) for old in names]
 
 
 def barely(search: Search) -> Naming:
@@ -36,14 +44,15 @@ def barely(search: Search) -> Naming:
     Naming
     """
     pairs = [names for names, c in search.tried.items() if len(names) == 2 and c.adequate and search.counts(c)]
-    return _doubted(search, [names for names in pairs if _each_counts_barely(search, names)])
+    return _doubted(search, [names for names in pairs if _each_takes(search, names, TRIFLE)])
 
 
 def with_a_second(search: Search, naming: Naming) -> Naming:
     """The decision of a search, or where that is a single effect, one over pairs whose second has a part of its own.
 
     What suffices alone may leave as much as nobody knows the plant's own error by, and a second effect may be in that:
-    one that takes a share of the mismatch which no term that the law of the first may lack would.
+    one that takes a share of the mismatch which no term that the law of the first may lack would, on the fitted and on
+    the unseen part, for the tail of a slow effect is mended by anything.
 
     Parameters
     ----------
@@ -59,22 +68,36 @@ def with_a_second(search: Search, naming: Naming) -> Naming:
         less than the floor, the first one alone stays a rival.
     """
     first = naming.best
-    if first is None or len(first.effects) > 1 or not _leaves_room(search, first.effects):
+    if first is None or len(first.effects) > 1 or first.adequate or not _leaves_room(search, first.effects):
         return naming
     beside = [names for names in search.beside(first.effects) if _is_of_two(search, names)]
     best = search.best_of(beside)
     if best is None:
-        return naming
-    others = [names for names in search.replacing(first.effects, best) if _is_of_two(search, names)]
-    found = _doubted(search, list(dict.fromkeys((*beside, *others))))
-    likelier = found.best is not None and found.best.evidence - first.evidence > STRONG
-    return found if likelier else naming
+        return _with_all(search, naming)
+    for rest in each_without_one(best):  # a fit that was given up, or rough, says little of an effect alone
+        search.fit_from(best, rest)
+    others = search.replacing(first.effects, best)
+    found = _doubted(search, [names for names in dict.fromkeys((*beside, *others)) if _is_of_two(search, names)])
+    alone = search.tried[first.effects].evidence
+    likelier = found.best is not None and found.best.evidence - alone > STRONG
+    return found if likelier else _with_all(search, naming)
+
+
+def _with_all(search: Search, naming: Naming) -> Naming:
+    """The same decision, with all that was tried since."""
+    tried = tuple(search.tried.values())
+    now = {id(c.calibration): c for c in tried}
+    best, *rivals = (now.get(id(c.calibration), c) for c in (naming.best, *naming.rivals) if c is not None)
+    return replace(naming, candidates=tried, best=best, rivals=tuple(rivals), noise=search.noise)
 
 
 def _leaves_room(search: Search, names: Names) -> bool:
     """Whether what an explanation leaves beyond the noise is enough for a second effect that counts."""
-    left = float(search.tried[names].losses.mean()) - search.noise**2
-    return left >= max(BARELY * search.floor_power(names), TENTH * search.mismatch_power)
+    left, base = search.tried[names], search.tried[()]
+    return all(
+        after.size**2 >= max(BARELY * search.floor_power(names), TENTH * before.size**2)
+        for after, before in ((left.fitted_test, base.fitted_test), (left.unseen_test, base.unseen_test))
+    )
 
 
 def _is_of_two(search: Search, names: Names) -> bool:
@@ -82,22 +105,23 @@ def _is_of_two(search: Search, names: Names) -> bool:
 
     Where each of them takes most of the mismatch alone, both do mostly the same, and together they bend their law.
     """
-    pair = search.tried[names]
-    if not (pair.adequate and search.counts(pair) and _each_counts_barely(search, names)):
+    pair, base = search.tried[names], search.tried[()]
+    if not (pair.adequate and search.counts(pair) and _each_takes(search, names, TENTH)):
         return False
-    alone = list(search.without_one(names))
-    apart = not all(takes_most(less, search.tried[()]) for less in alone)
-    return apart and all(gained(pair, less) >= TENTH * search.mismatch_power for less in alone)
+    return not all(takes_most(less, base) for less in search.without_one(names))
 
 
-def _each_counts_barely(search: Search, names: Names) -> bool:
-    """Whether each effect of a pair counts for half of the floor on the fitted and on the unseen part: none is luck."""
-    full = search.tried[names]
-    least = max(BARELY * search.floor_power(names), TRIFLE * search.mismatch_power)
+def _each_takes(search: Search, names: Names, share: float) -> bool:
+    """Whether each effect of a set takes a share of the mismatch, and barely counts, on both parts: none is luck."""
+    full, base = search.tried[names], search.tried[()]
+    barely_counts = BARELY * search.floor_power(names)
     return all(
-        min(less.fitted_test.rms**2 - full.fitted_test.rms**2, less.unseen_test.rms**2 - full.unseen_test.rms**2)
-        >= least
+        without.rms**2 - left.rms**2 >= max(barely_counts, share * (before.rms**2 - search.noise**2))
         for less in search.without_one(names)
+        for without, left, before in (
+            (less.fitted_test, full.fitted_test, base.fitted_test),
+            (less.unseen_test, full.unseen_test, base.unseen_test),
+        )
     )
 
 

@@ -13,7 +13,7 @@ from deatwin.ident.mismatch.naming.candidate import Candidate, noise_seen
 from deatwin.ident.mismatch.naming.decide import STRONG, Naming, decide, with_distances
 from deatwin.ident.mismatch.naming.limits import with_limits
 from deatwin.ident.mismatch.naming.overlap import with_overlap
-from deatwin.ident.mismatch.naming.pairs import barely
+from deatwin.ident.mismatch.naming.pairs import Names, barely, each_without_one
 from deatwin.ident.mismatch.naming.screen import Footprint, Lead, footprints, leads
 from deatwin.ident.mismatch.naming.shortlist import shortlist
 from deatwin.ident.mismatch.naming.siblings import siblings
@@ -44,12 +44,6 @@ CLEARLY_BETTER = 0.8
 BENT = 1.5
 """Largest ratio by which an explanation may raise the model error by which all are judged."""
 Finished = Callable[[float], None]
-Names = tuple[str, ...]
-
-
-def each_without_one(names: Names) -> list[Names]:
-    """The sets that are left when each effect of `names` in turn is taken out."""
-    return [tuple(name for name in names if name != old) for old in names]
 
 
 class Search:
@@ -260,7 +254,7 @@ class Search:
         best = naming.best.effects
         fewer = each_without_one(best)
         for rest in fewer:
-            self._fit_from(best, rest)
+            self.fit_from(best, rest)
         again = over([rest for rest in fewer if rest in self.tried])
         return decision() if again.best is None else again
 
@@ -349,7 +343,7 @@ class Search:
         unbent = with_fitted(self.bench.nominal.with_rig(plant.rig), plant)
         self.attempt([Trial(start=unbent, bent=plant, without=self.tried[()].calibration)])
 
-    def _fit_from(self, full: Names, rest: Names) -> None:
+    def fit_from(self, full: Names, rest: Names) -> None:
         """Fit some of the effects of a candidate from its values, and keep the better fit."""
         before, less = self.tried.get(rest), self.plant_of(full, rest)
         self.attempt([Trial(start=less, bent=less, without=self.tried[()].calibration)])

@@ -1,4 +1,4 @@
-"""Is a named effect as strong at the end of the recordings as at their beginning?
+"""Is a named effect as strong at the end of what was fitted as at its beginning?
 
 The catalogue's mechanisms are what they are all the time: what changes, such as a drift or a creep, changes by its own
 law. An effect whose strength would have to grow from nothing stands for something else: a clock that runs fast looks
@@ -11,6 +11,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import stdtrit
 
 from deatwin.ident.greybox.fit import Calibration, Part
 from deatwin.ident.greybox.tangent import taken_off, tangent_basis
@@ -18,39 +19,42 @@ from deatwin.ident.greybox.tangent import taken_off, tangent_basis
 __all__ = ["Constancy", "constancies"]
 
 WHOLE = 1.0
-"""Change by more than the effect's own mean strength: a law that is not quite the catalogue's changes by less."""
-SURE = 4.0
-"""Standard deviations, as far as the scatter over so many stretches of the recordings tells: one in five thousand."""
-STRETCHES = 50
+"""Change by as much as the effect's own strength: a law that is not quite the catalogue's changes by less."""
+STRETCHES = 20
+"""Of the recordings, over which a deviation is estimated: of some ten seconds, longer than most residuals remember."""
+SURELY = float(stdtrit(STRETCHES - 1, 0.975))
+"""Deviations from an estimate to the end of its 95 % interval."""
 OWN = 0.1
-"""Least share of the change's power in the readings that nothing else in the plant can make."""
+"""Least share of the change's power in the readings that nothing else in the plant can make: with less, what a law
+lacks, a tenth of what the effect does, is magnified to the whole of it."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Constancy:
-    """How the strength of one effect would change from the beginning to the end of what was fitted.
+    """How the strength of one effect would change from the beginning to the end of the fitted part.
 
     Parameters
     ----------
     effect : str
         Canonical name.
-    change : float
-        Relative to its mean, to first order.
-    score : float
-        In standard deviations.
     own : float
-        Share of its power in the readings that no parameter of the plant can take up, from 0 to 1.
+        Share of the change's power in the readings that no parameter of the plant can take up, from 0 to 1.
+    change, deviation : float or None
+        Relative to the fitted strength, to first order, and its standard deviation; None where `own` is too small to
+        tell.
     """
 
     effect: str
-    change: float
-    score: float
     own: float
+    change: float | None = None
+    deviation: float | None = None
 
     @property
     def holds(self) -> bool:
-        """Whether the effect may be what it is called: its strength does not surely change by the whole of itself."""
-        return abs(self.change) <= WHOLE or abs(self.score) <= SURE or self.own < OWN
+        """Whether the effect may be what it is called: its strength does not surely change by more than itself."""
+        if self.change is None or self.deviation is None:
+            return True
+        return abs(self.change) - SURELY * self.deviation <= WHOLE
 
 
 def constancies(fit: Calibration, parts: Sequence[Part], effects: Sequence[str]) -> tuple[Constancy, ...]:
@@ -89,16 +93,16 @@ def _by_strength(fit: Calibration, effects: Sequence[str]) -> Iterator[tuple[str
 def _running(parts: Sequence[Part]) -> np.ndarray:
     """Time since the beginning of each experiment, shape (n,): it runs through 2 in the longest, and its mean is 0."""
     since = np.concatenate([part.timepts - part.timepts[0] for part in parts])
-    return 2.0 * (since - since.mean()) / since.max()
+    return 2.0 * (since - since.mean()) / max(float(since.max()), np.finfo(float).tiny)
 
 
 def _constancy(effect: str, change: np.ndarray, basis: np.ndarray, fit: Calibration) -> Constancy:
     """By the part of the change that nothing in the `basis` of the other parameters can make."""
-    free = taken_off(change, basis)
+    free, whole = taken_off(change, basis), float(change @ change)
     power = float(free @ free)
-    if power <= 0.0:
-        return Constancy(effect=effect, change=0.0, score=0.0, own=0.0)
+    own = min(power / whole, 1.0) if whole > 0.0 else 0.0
+    if own < OWN:
+        return Constancy(effect=effect, own=own)
     half = float(free @ fit.residuals) / power
     sums = [float(np.sum(s)) for s in np.array_split(free * (fit.residuals - half * free), STRETCHES)]
-    deviation = max(float(np.linalg.norm(sums)) / power, np.finfo(float).tiny)
-    return Constancy(effect=effect, change=2.0 * half, score=half / deviation, own=power / float(change @ change))
+    return Constancy(effect=effect, own=own, change=2.0 * half, deviation=2.0 * float(np.linalg.norm(sums)) / power)

@@ -1,7 +1,8 @@
-"""Does the explanation hold on data that no fit has seen?
+"""Does the explanation hold, above all on data that no fit has seen?
 
 Free runs before and after, on the whole unseen part, on each record and at each third of the amplitudes; each effect
-taken out again; shams of each effect, which must not do as well; and the strength of each, which must not change.
+taken out again; shams of each effect, which must not do as well; and the strength of each over what was
+fitted, which must not change.
 """
 
 from __future__ import annotations
@@ -121,9 +122,9 @@ class Verification:
         found += [f"{s.effect} {s.kind.value} does as well" for s in self.shams if not s.rejected]
         found += [f"the error grows on unseen data: {t.part}" for t in self.transfers if t.worse]
         found += [
-            f"the strength of {c.effect} would change by {100 * c.change:.0f} % of itself during the recordings"
+            f"the strength of {c.effect} would change by {100 * c.change:.0f} % of itself over the fitted part"
             for c in self.constancies
-            if not c.holds
+            if c.change is not None and not c.holds
         ]
         return tuple(found)
 
@@ -187,8 +188,8 @@ class Verification:
                     "model_error": (unit, "rms of the plant's own error"),
                 }),
                 **table("constancy", [{**asdict(c), "holds": c.holds} for c in self.constancies], {
-                    "change": ("", "relative change of the strength during the recordings"),
-                    "score": ("", "the same in standard deviations"),
+                    "change": ("", "relative change of the strength over the fitted part"),
+                    "deviation": ("", "its standard deviation"),
                     "own": ("", "share of its power that nothing else can make"),
                 }),
             },

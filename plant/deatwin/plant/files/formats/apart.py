@@ -5,24 +5,55 @@ asked for it. What becomes of the process of the trial is one clear error here.
 """
 
 import hashlib
+import json
+import signal
 import subprocess
 import sys
+from enum import Enum
+from multiprocessing import spawn
 from typing import Protocol, TypeVar
 
 from deatwin.plant.errors import DataError
 
-__all__ = ["Unpacker", "trial", "unpacked"]
+__all__ = ["Outcome", "Unpacker", "trial", "unpacked"]
 
 SECONDS = 60.0  # that a trial may take for a small file
 BYTES_PER_SECOND = 2_000_000  # that a slow disk and a slow machine unpack
-_FAULTS = 0xC0000000  # exit codes of Windows from here on are faults of the process (NTSTATUS, severity "error")
-_PROGRAM = (
-    "import importlib, sys; unpack = getattr(importlib.import_module(sys.argv[1]), sys.argv[2]); "
-    "unpack(sys.stdin.buffer.read(), *sys.argv[3:])"
-)
+_ENDING = ("SIGKILL", "SIGTERM", "SIGINT", "SIGHUP")  # sent by the system or the user, not by a fault
+_FROM_OUTSIDE = tuple(-getattr(signal, name) for name in _ENDING if hasattr(signal, name))
+_BEGUN, _THROUGH = b"begun", b"through"
+# Errors of Python come to their end here: they are raised again where they can be told.
+_PROGRAM = """
+import importlib, json, sys
+sys.path[:] = json.loads(sys.argv[1])
+unpack = getattr(importlib.import_module(sys.argv[2]), sys.argv[3])
+content = sys.stdin.buffer.read()
+sys.stdout.write("begun ")
+sys.stdout.flush()
+try:
+    unpack(content, *sys.argv[4:])
+except Exception:
+    pass
+sys.stdout.write("through")
+"""
 _survived: set[tuple[str, ...]] = set()  # what need not be tried again
 
 Content = TypeVar("Content", covariant=True)
+
+
+class Outcome(Enum):
+    """How a trial ended; the text says it of the file."""
+
+    THROUGH = "it can be unpacked"
+    UNTRIED = "no process could be started to try it"
+    CRASHED = "the library that unpacks it crashes; the file is damaged"
+    BUSY = "the library that unpacks it does not come back; the file is damaged"
+    ENDED = "the process that unpacked it was ended from outside, perhaps for want of memory; try again"
+
+    @property
+    def is_fault(self) -> bool:
+        """Whether the file is not to be unpacked in this process."""
+        return self not in (Outcome.THROUGH, Outcome.UNTRIED)
 
 
 class Unpacker(Protocol[Content]):
@@ -74,13 +105,15 @@ def unpacked(unpack: Unpacker[Content], content: bytes, path: str, *wanted: str)
     """
     case = (unpack.__module__, unpack.__name__, hashlib.sha256(content).hexdigest(), *wanted)
     if case not in _survived:
-        if end := trial(unpack, content, path, *wanted):
-            raise DataError(f"{path}: {end}; the file is damaged")
-        _survived.add(case)
+        outcome = trial(unpack, content, path, *wanted)
+        if outcome.is_fault:
+            raise DataError(f"{path}: {outcome.value}")
+        if outcome is Outcome.THROUGH:
+            _survived.add(case)
     return unpack(content, path, *wanted)
 
 
-def trial(unpack: Unpacker[object], content: bytes, path: str, *wanted: str) -> str:
+def trial(unpack: Unpacker[object], content: bytes, path: str, *wanted: str) -> Outcome:
     """Unpack a file in another process, and say how that went.
 
     Parameters
@@ -96,17 +129,23 @@ def trial(unpack: Unpacker[object], content: bytes, path: str, *wanted: str) -> 
 
     Returns
     -------
-    str
-        What became of the process, empty where it came to its end: with errors of Python, too, since those can be
-        raised in this one.
+    Outcome
+        Through, too, with errors of Python: those can be raised in this process.
     """
-    if getattr(sys, "frozen", False) or not sys.executable:
-        return ""  # there is no interpreter to start: a program of one file would begin again
+    program = spawn.get_executable()
+    if getattr(sys, "frozen", False) or not program:
+        return Outcome.UNTRIED  # there is no interpreter to start: a program of one file would begin again
     # -P: what lies in the working folder is not imported
-    command = [sys.executable, "-P", "-c", _PROGRAM, unpack.__module__, unpack.__name__, path, *wanted]
+    command = [program, "-P", "-c", _PROGRAM, json.dumps(sys.path), unpack.__module__, unpack.__name__, path, *wanted]
     most = SECONDS + len(content) / BYTES_PER_SECOND
     try:
-        code = subprocess.run(command, input=content, timeout=most, capture_output=True, check=False).returncode
+        ended = subprocess.run(command, input=content, timeout=most, capture_output=True, check=False)
     except subprocess.TimeoutExpired:
-        return f"the library that unpacks it was still busy after {most:.0f} s"
-    return "the library that unpacks it crashes" if code < 0 or code >= _FAULTS else ""
+        return Outcome.BUSY
+    except OSError:
+        return Outcome.UNTRIED
+    if _THROUGH in ended.stdout:
+        return Outcome.THROUGH
+    if _BEGUN not in ended.stdout:
+        return Outcome.UNTRIED
+    return Outcome.ENDED if ended.returncode in _FROM_OUTSIDE else Outcome.CRASHED

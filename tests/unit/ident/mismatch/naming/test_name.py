@@ -181,7 +181,7 @@ def test_a_pair_gives_way_to_one_effect_whose_rough_fit_was_far_from_its_minimum
         if rest == ("creep",):
             search.tried[rest] = settled
 
-    monkeypatch.setattr(search, "_fit_from", fit)
+    monkeypatch.setattr(search, "fit_from", fit)
     monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.with_distances", lambda naming, *_: naming)
     assert search.decided_surely([pair.effects]).best is settled
     search.tried[("creep",)], settled = stuck, stuck  # where the second look finds nothing better, both stay
@@ -210,7 +210,7 @@ def test_a_pair_of_which_one_effect_counts_for_less_than_the_floor_is_doubted(mo
     # 1.2² is 1.44. Without creep 2.34² - 2.06² = 1.23 return, or 0.68 of 2.22²: less than half
     pair = candidate("creep", "delay", rms=2.06)
     search = search_over(base, creep, delay, pair)
-    monkeypatch.setattr(Search, "_fit_from", lambda *_: None)
+    monkeypatch.setattr(Search, "fit_from", lambda *_: None)
     monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.suffices", lambda *_: False)
     naming = search.nearly()
     found = [] if naming.best is None else [naming.best.effects, *(c.effects for c in naming.rivals)]
@@ -220,7 +220,7 @@ def test_a_pair_of_which_one_effect_counts_for_less_than_the_floor_is_doubted(mo
 
 def test_a_second_effect_that_is_a_trifle_of_the_mismatch_is_none_whatever_it_counts_for(monkeypatch):
     monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.with_distances", lambda naming, *_: naming)
-    monkeypatch.setattr(Search, "_fit_from", lambda *_: None)
+    monkeypatch.setattr(Search, "fit_from", lambda *_: None)
     monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.suffices", lambda *_: False)
     # without creep 4.18² - 2.3² = 12.2 return, eight times 1.2², but of 22² - 2² a fortieth
     base, creep, delay = candidate(rms=22.0), candidate("creep", rms=20.0), candidate("delay", rms=4.18)
@@ -264,7 +264,7 @@ def test_of_two_that_settle_none_is_named_where_one_is_enough(monkeypatch, alone
         if rest == ("creep",):
             search.tried[rest] = candidate("creep", rms=alone)
 
-    monkeypatch.setattr(search, "_fit_from", fit)
+    monkeypatch.setattr(search, "fit_from", fit)
     settled = replace(NOTHING, best=both)
     monkeypatch.setattr(search, "_settled", lambda stage: settled if both.effects in stage else NOTHING)
     monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.with_distances", lambda naming, *_: naming)
@@ -519,7 +519,7 @@ def elsewhere(monkeypatch):
                 other.tried.update(found)
                 return list(found)
 
-            for name, does in (("attempt", attempt), ("judge_by_the_best", len), ("_fit_from", lambda *_: None)):
+            for name, does in (("attempt", attempt), ("judge_by_the_best", len), ("fit_from", lambda *_: None)):
                 monkeypatch.setattr(other, name, does)
             return other
 

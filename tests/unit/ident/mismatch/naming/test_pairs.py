@@ -1,11 +1,13 @@
 """A second effect beside one that suffices, on residuals of given sizes: 2 µm of noise, 1.2 µm of model error."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from deatwin.ident.greybox import FitStatus
+from deatwin.ident.mismatch.naming import name
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming
 from deatwin.ident.mismatch.naming.pairs import with_a_second
@@ -32,16 +34,22 @@ def candidate(effects: tuple[str, ...], rms: float, unseen: float | None = None)
 
 
 class Known(Search):
-    """A search that finds what is given: a pair beside the first effect, and others in that one's place."""
+    """A search that finds what is given: a pair beside the first effect, others in that one's place, better fits."""
 
-    def __init__(self, *candidates: Candidate, replaced: tuple[Candidate, ...] = ()) -> None:
+    def __init__(
+        self, *candidates: Candidate, replaced: tuple[Candidate, ...] = (), better: tuple[Candidate, ...] = ()
+    ) -> None:
         super().__init__(SimpleNamespace(effects=(), jobs=1), candidates[0], ())
         self.tried.update({c.effects: c for c in (*candidates, *replaced)})
-        self.others, self.asked = [c.effects for c in replaced], 0
+        self.others, self.asked, self.better = [c.effects for c in replaced], 0, {c.effects: c for c in better}
 
     def beside(self, names, finished=None):
         self.asked += 1
         return [PAIR]
+
+    def fit_from(self, full, rest):
+        assert full == PAIR
+        self.tried[rest] = self.better.get(rest, self.tried[rest])
 
     def replacing(self, before, best):
         assert (before, best) == (CLIP, PAIR)
@@ -89,6 +97,7 @@ def test_what_acts_as_well_in_the_place_of_the_second_is_a_rival():
     [
         (5.0, (3.0, 3.0), 3.3, (2.2, 2.2), "alone it takes 14.1 of 21, as the first does: both do the same"),
         (5.0, (2.55, 2.55), 4.6, (2.2, 2.2), "it takes 1.7 of 21: a term that the first one's law lacks"),
+        (5.0, (2.5, 3.5), 4.6, (2.2, 2.2), "of the fitted part it takes 1.4 of 21: it mends the tail of the first"),
         (5.0, (3.0, 2.6), 4.6, (2.2, 2.55), "of the unseen part it takes 0.26, less than half of 1.2²: luck"),
         (5.0, (3.0, 3.0), 4.6, (2.4, 2.4), "the two leave 1.3 of the fitted part, more than 1.2: no explanation"),
         (5.0, (3.0, 3.0), 4.6, (2.2, 3.2), "the unseen part refutes the two"),
@@ -101,11 +110,37 @@ def test_otherwise_the_first_stands_as_it_did(base, clip, creep, pair, why):
     assert (naming.best, naming.rivals) == (search.tried[CLIP], ()), why
 
 
-def test_nothing_is_tried_beside_one_that_leaves_no_room():
-    # it leaves 2.3² - 2² = 1.3 of 21
-    search = Known(candidate((), 5.0), candidate(CLIP, 2.3), candidate(CREEP, 4.6), candidate(PAIR, 2.05))
+@pytest.mark.parametrize(
+    ("base", "clip", "why"),
+    [
+        (5.0, (2.4, 2.4), "it leaves 1.8 of 21, less than a tenth"),
+        (5.0, (3.0, 2.3), "it leaves 1.3 of 21 on the unseen part"),
+        (3.0, (2.3, 2.3), "it leaves 1.3 of 5, but no more than the plant's own error of 1.2"),
+    ],
+)
+def test_nothing_is_tried_beside_one_that_leaves_no_room(base, clip, why):
+    search = Known(candidate((), base), candidate(CLIP, *clip), candidate(CREEP, 4.6), candidate(PAIR, 2.05))
     assert decided(search).best is search.tried[CLIP]
-    assert search.asked == 0
+    assert search.asked == 0, why
+
+
+def test_what_was_given_up_alone_is_fitted_from_the_pair_before_it_counts():
+    # given up at 4.6 creep takes 3.8 of 21 alone; carried to its minimum of 3.3 it takes most, as the first does
+    known = candidate((), 5.0), candidate(CLIP, 3.0), candidate(CREEP, 4.6), candidate(PAIR, 2.2)
+    assert decided(Known(*known)).best.effects == PAIR
+    assert decided(Known(*known, better=(candidate(CREEP, 3.3),))).best.effects == CLIP
+    # and so is the first: at 2.25 it leaves little of which the second could be a part
+    assert decided(Known(*known, better=(candidate(CLIP, 2.25),))).best.effects == CLIP
+
+
+def test_an_answer_that_stands_knows_all_that_was_tried_since():
+    search = Known(candidate((), 5.0), candidate(CLIP, 3.0), candidate(CREEP, 3.3), candidate(PAIR, 2.2))
+    first = Naming(candidates=(), best=search.tried[CLIP], rivals=(), probabilities={CLIP: 1.0}, noise=NOISE)
+    search.tried = {names: replace(c, noise=1.9) for names, c in search.tried.items()}
+    naming = with_a_second(search, first)
+    assert naming.candidates == tuple(search.tried.values())
+    assert naming.best is search.tried[CLIP]
+    assert naming.noise == 1.9
 
 
 def test_an_answer_of_two_and_none_are_left_as_they_are():
@@ -122,3 +157,19 @@ def test_the_pair_must_be_likelier_by_far(monkeypatch):
     for strong, found in ((0.9 * gain, PAIR), (1.1 * gain, CLIP)):
         monkeypatch.setattr("deatwin.ident.mismatch.naming.pairs.STRONG", strong)
         assert decided(search).best is search.tried[found]
+
+
+def test_a_search_for_causes_ends_with_the_look_for_a_second_one(monkeypatch):
+    search = Known(candidate((), 5.0), candidate(CLIP, 3.0), candidate(CREEP, 4.6), candidate(PAIR, 2.2))
+    alone = Naming(
+        candidates=tuple(search.tried.values()), best=search.tried[CLIP], rivals=(), probabilities={CLIP: 1.0},
+        noise=NOISE,
+    )  # fmt: skip
+    monkeypatch.setattr(name, "Search", lambda *_: search)
+    monkeypatch.setattr(search, "judge_by_the_best", lambda stage: None)
+    monkeypatch.setattr(search, "decided", lambda stage: alone)
+    monkeypatch.setattr(search, "on_everything", lambda naming: naming)
+    monkeypatch.setattr(name, "_with_more", lambda *_: (search, alone))
+    monkeypatch.setattr(name, "with_fewer", lambda search, naming, forms: (search, naming))
+    found = name.name_causes(search.bench, search.tried[()], ())
+    assert found.best.effects == PAIR

@@ -7,7 +7,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from deatwin.ident.greybox.fit import Part, calibrate
-from deatwin.ident.mismatch.verify.constancy import Constancy, constancies
+from deatwin.ident.mismatch.verify.constancy import SURELY, Constancy, constancies
 from deatwin.plant import Delay, Diaphragm, Experiment, Plant, Recording
 from deatwin.plant.excitation import band_limited_noise
 from deatwin.plant.integrator.compiled import compiler
@@ -43,25 +43,27 @@ def test_a_strength_that_grows_from_nothing_changes_by_twice_its_mean(scale):
     (found,) = constancies(fit_of(EVENLY * BY_STRENGTH + 0.1 * WHITE, scale=scale), PARTS, ("delay",))
     # white noise of 0.1 over 5000 samples whose derivatives have the mean square 1/3: 0.1 sqrt(3/5000), doubled
     assert found.change == pytest.approx(2.0, abs=4 * 0.2 * np.sqrt(3 / SAMPLES))
-    assert found.score > 100
+    assert found.change / found.deviation > 100
     assert found.own == pytest.approx(1.0, abs=0.01)
     assert not found.holds
 
 
-def test_a_strength_that_stays_is_found_to_change_for_sure_once_in_thousands_of_times():
-    rng, scores = np.random.default_rng(1), []
+def test_the_interval_of_a_change_holds_the_true_one_in_95_of_100_draws():
+    rng, held = np.random.default_rng(1), []
     for _ in range(400):
-        (found,) = constancies(fit_of(rng.normal(size=SAMPLES)), PARTS, ("delay",))
-        scores.append(found.score)
-    # Student's law with 49 degrees of freedom; of 400 draws the standard deviation is known to 3.5 %
-    assert np.std(scores) == pytest.approx(np.sqrt(49 / 47), rel=0.12)
-    assert np.abs(scores).max() < 4.5
+        true = rng.uniform(-3.0, 3.0)
+        residuals = 0.5 * true * EVENLY * BY_STRENGTH + 20.0 * rng.normal(size=SAMPLES)
+        (found,) = constancies(fit_of(residuals), PARTS, ("delay",))
+        held.append(abs(found.change - true) <= SURELY * found.deviation)
+    # of 400 draws at 95 %, with Student's law of 19 degrees of freedom: 92 to 98 % is three deviations
+    assert 0.92 <= np.mean(held) <= 0.98
 
 
 def test_a_change_that_another_parameter_can_make_is_no_change():
     nearly = EVENLY * BY_STRENGTH + 0.1 * np.random.default_rng(7).normal(size=SAMPLES)
     (found,) = constancies(fit_of(2.0 * EVENLY * BY_STRENGTH, nearly), PARTS, ("delay",))
     assert found.own < 0.05
+    assert found == Constancy(effect="delay", own=found.own)
     assert found.holds
     (none,) = constancies(fit_of(WHITE, EVENLY * BY_STRENGTH), PARTS, ("delay",))
     assert none.own == pytest.approx(0.0, abs=1e-12)
@@ -86,14 +88,15 @@ def test_events_other_effects_and_strengths_that_were_not_fitted_are_passed_over
 
 
 @pytest.mark.parametrize(
-    ("change", "score", "own", "holds"),
+    ("change", "deviation", "holds"),
+    # 95 % of Student's law with 19 degrees of freedom: 2.09 deviations
     [
-        (1.2, 9.0, 0.5, False), (-1.2, -9.0, 0.5, False),
-        (0.9, 30.0, 0.5, True), (3.0, 3.0, 0.5, True), (3.0, 9.0, 0.05, True),
+        (1.5, 0.2, False), (-1.5, 0.2, False),
+        (1.5, 0.25, True), (0.9, 0.01, True), (30.0, 20.0, True), (None, None, True),
     ],
 )  # fmt: skip
-def test_what_speaks_against_an_effect(change, score, own, holds):
-    assert Constancy(effect="delay", change=change, score=score, own=own).holds is holds
+def test_what_speaks_against_an_effect(change, deviation, holds):
+    assert Constancy(effect="delay", change=change, deviation=deviation, own=0.5).holds is holds
 
 
 @pytest.mark.skipif(compiler() is None, reason="many runs: without a C compiler they take ten times as long")

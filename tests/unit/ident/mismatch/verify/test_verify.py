@@ -11,6 +11,7 @@ from deatwin.ident.greybox.fit import calibrate
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.gate.gate import gate, split
 from deatwin.ident.mismatch.naming.candidate import Candidate, judge
+from deatwin.ident.mismatch.verify.constancy import Constancy
 from deatwin.ident.mismatch.verify.shams import ShamKind, _Court, backwards, phase_randomised, sham_effects
 from deatwin.ident.mismatch.verify.transfer import Transfer
 from deatwin.ident.mismatch.verify.verify import Ablation, Verification, _ablation, shares_explained, verify
@@ -206,6 +207,7 @@ def test_two_causes_are_each_needed():
     assert {(s.effect, s.kind) for s in found.shams} == {(e.name, kind) for e in effects for kind in ShamKind}
     assert [t.part for t in found.transfers][2:] == ["lowest amplitudes", "middle amplitudes", "highest amplitudes"]
     assert len(found.transfers) == 5
+    assert [c.effect for c in found.constancies] == ["creep", "permittivity_drift"]
     assert not any(t.worse for t in found.transfers)
     # The bounds hold the gain, and what the parts leave is what the whole leaves.
     for t in found.transfers:
@@ -243,6 +245,7 @@ def test_each_failure_is_said_and_is_enough():
         ({"gain_low": 0.0}, "does not fall"),
         ({"ablations": (taken,)}, "without creep"),
         ({"transfers": (part,)}, "steps.csv"),
+        ({"constancies": (Constancy(effect="delay", own=0.5, change=2.0, deviation=0.1),)}, "the strength of delay"),
     ):
         assert not verification(**failed).holds
         assert said in verification(**failed).failures[0]
