@@ -212,7 +212,7 @@ class Search:
                 yield self.tried[rest]
 
     def floor_power(self, names: Names) -> float:
-        """Power of the plant's own error."""
+        """Power of the plant's own error, as the set `names` is judged by it."""
         return float(self.tried[names].calibration.plant.rig.model_error ** 2)
 
     def judge_by_the_best(self, stage: Sequence[Names]) -> None:
@@ -317,7 +317,7 @@ class Search:
         return self.decision([self.tried[names] for names in competing], good)
 
     def decision(self, competing: Sequence[Candidate], good: Callable[[Candidate], bool]) -> Naming:
-        """The decision among candidates, of which those that are `good` may lead."""
+        """The decision among the `competing` candidates, of which those that are `good` may lead."""
         naming = decide(tuple(self.tried.values()), competing, self.noise, good, self._takes_most)
         return with_distances(naming, competing, self.bench, self._takes_most)
 
@@ -344,7 +344,7 @@ class Search:
         self.attempt([Trial(start=unbent, bent=plant, without=self.tried[()].calibration)])
 
     def fit_from(self, full: Names, rest: Names) -> None:
-        """Fit some of the effects of a candidate from its values, and keep the better fit."""
+        """Fit `rest`, some of the effects of the set `full`, from the values of that, and keep the better fit."""
         before, less = self.tried.get(rest), self.plant_of(full, rest)
         self.attempt([Trial(start=less, bent=less, without=self.tried[()].calibration)])
         if before is not None and before.calibration.rms <= self.tried[rest].calibration.rms:
