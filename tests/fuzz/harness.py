@@ -25,6 +25,7 @@ def run(kinds: str) -> None:
     """
     parser = argparse.ArgumentParser(description=f"Fuzz the readers of {kinds.lower()} with atheris.")
     parser.add_argument("--seconds", type=int, default=60)
+    parser.add_argument("--runs", type=int, default=-1, help="at most so many; with PYTHONHASHSEED nearly the same ones")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--kind", help="only this one")
     parser.add_argument("--finds", default=".", help="folder for files that break a reader")
@@ -62,8 +63,9 @@ def run(kinds: str) -> None:
             (Path(corpus) / str(number)).write_bytes(bytes((number * k * 37 + k) % 256 for k in range(200)))
         atexit.register(sys.stdout.flush)
         atheris.Setup(
-            [sys.argv[0], f"-max_total_time={given.seconds}", f"-seed={given.seed}", "-max_len=4096", "-timeout=60",
-             "-rss_limit_mb=3000", f"-artifact_prefix={given.finds}/", "-print_final_stats=1", corpus],
+            [sys.argv[0], f"-max_total_time={given.seconds}", f"-runs={given.runs}", f"-seed={given.seed}",
+             "-max_len=4096", "-timeout=60", "-rss_limit_mb=3000", f"-artifact_prefix={given.finds}/",
+             "-print_final_stats=1", corpus],
             one,
         )  # fmt: skip
         atheris.Fuzz()
