@@ -25,7 +25,7 @@ def run(kinds: str) -> None:
     """
     parser = argparse.ArgumentParser(description=f"Fuzz the readers of {kinds.lower()} with atheris.")
     parser.add_argument("--seconds", type=int, default=60)
-    parser.add_argument("--runs", type=int, default=-1, help="at most so many; with PYTHONHASHSEED nearly the same ones")
+    parser.add_argument("--runs", type=int, default=-1, help="at most so many; nearly the same with PYTHONHASHSEED")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--kind", help="only this one")
     parser.add_argument("--finds", default=".", help="folder for files that break a reader")
