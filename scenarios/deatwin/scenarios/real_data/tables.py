@@ -145,7 +145,7 @@ def matlab_vectors(
     return found
 
 
-def level_5_numbers(content: bytes, path: str, /, *wanted: str) -> tuple[list[str], dict[str, Any]]:
+def level_5_numbers(content: bytes, path: str, *wanted: str) -> tuple[list[str], dict[str, Any]]:
     """Return the names of the variables that hold numbers, and those wanted of them."""
     from scipy.io import loadmat, whosmat
 
@@ -186,15 +186,14 @@ def hdf5_vectors(path: Path, group: str, names: Sequence[str]) -> tuple[Array, .
     return found
 
 
-def hdf5_arrays(content: bytes, path: str, /, *wanted: str) -> tuple[list[str], dict[str, Any]]:
-    """Return the names of the datasets of a group, which comes first, and those wanted of them."""
+def hdf5_arrays(content: bytes, path: str, group: str, *wanted: str) -> tuple[list[str], dict[str, Any]]:
+    """Return the names of the datasets of a group, and those wanted of them."""
     h5py = require("h5py", path)
-    group, *names = wanted
     with h5py.File(io.BytesIO(content), "r") as file:
         require_plain_hdf5(file, path)
         held = file[group] if group in file else {}
         there = [name for name in held if isinstance(held[name], h5py.Dataset)]
-        return there, {name: held[name][()] for name in names if name in there}
+        return there, {name: held[name][()] for name in wanted if name in there}
 
 
 def _vector(path: Path, name: str, value: Any) -> Array:

@@ -9,13 +9,14 @@ import json
 import signal
 import subprocess
 import sys
+from collections.abc import Callable
 from enum import Enum
 from multiprocessing import spawn
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 from deatwin.plant.errors import DataError
 
-__all__ = ["Outcome", "Unpacker", "trial", "unpacked"]
+__all__ = ["Outcome", "trial", "unpacked"]
 
 SECONDS = 60.0  # that a trial may take for a small file
 BYTES_PER_SECOND = 2_000_000  # that a slow disk and a slow machine unpack
@@ -38,7 +39,7 @@ sys.stdout.write("through")
 """
 _survived: set[tuple[str, ...]] = set()  # what need not be tried again
 
-Content = TypeVar("Content", covariant=True)
+Content = TypeVar("Content")
 
 
 class Outcome(Enum):
@@ -56,31 +57,7 @@ class Outcome(Enum):
         return self not in (Outcome.THROUGH, Outcome.UNTRIED)
 
 
-class Unpacker(Protocol[Content]):
-    """A function of a module that unpacks the bytes of a file."""
-
-    __module__: str
-    __name__: str
-
-    def __call__(self, content: bytes, path: str, /, *wanted: str) -> Content:
-        """Unpack.
-
-        Parameters
-        ----------
-        content : bytes
-            The file.
-        path : str
-            Its name, for error texts.
-        *wanted : str
-            What of it, where not all is needed.
-
-        Returns
-        -------
-        object
-        """
-
-
-def unpacked(unpack: Unpacker[Content], content: bytes, path: str, *wanted: str) -> Content:
+def unpacked(unpack: Callable[..., Content], content: bytes, path: str, *wanted: str) -> Content:
     """Return what a function makes of a file, unless it does not survive that.
 
     Parameters
@@ -113,13 +90,13 @@ def unpacked(unpack: Unpacker[Content], content: bytes, path: str, *wanted: str)
     return unpack(content, path, *wanted)
 
 
-def trial(unpack: Unpacker[object], content: bytes, path: str, *wanted: str) -> Outcome:
+def trial(unpack: Callable[..., object], content: bytes, path: str, *wanted: str) -> Outcome:
     """Unpack a file in another process, and say how that went.
 
     Parameters
     ----------
     unpack : callable
-        A function of a module.
+        As for `unpacked`.
     content : bytes
         The file.
     path : str

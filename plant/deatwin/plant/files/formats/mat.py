@@ -139,7 +139,7 @@ def _timing(arrays: Mapping[str, np.ndarray], path: str) -> Timing | None:
     return next(iter(timings.values()), None)
 
 
-def of_level_5(content: bytes, path: str, /, *wanted: str) -> dict[str, Any]:
+def of_level_5(content: bytes, path: str) -> dict[str, Any]:
     """Return names and values of a file of version 5; fields of structs as ``struct.field``."""
     from scipy.io import loadmat, whosmat
 
@@ -165,7 +165,7 @@ def _values(name: str, value: Any) -> Iterator[tuple[str, Any]]:
         yield name, value
 
 
-def of_hdf5(content: bytes, path: str, /, *wanted: str) -> dict[str, Any]:
+def of_hdf5(content: bytes, path: str) -> dict[str, Any]:
     """Return names and values of a file of version 7.3; fields of structs as ``struct.field``."""
     h5py = require("h5py", f"{path}: a MATLAB file of version 7.3")
     values: dict[str, Any] = {}

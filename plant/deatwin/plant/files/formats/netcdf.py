@@ -59,7 +59,6 @@ def read_netcdf(path: str | Path) -> ArrayTable:
     content, name = read_bytes(path), str(path)
     if content[:3] not in _ENGINES:
         raise DataError(f"{name}: not a NetCDF file")
-    _xarray(f"{name}: a NetCDF file")
     with reading(name, "NetCDF"):
         found, attributes = unpacked(variables_of, content, name)
     columns, units = {}, {}
@@ -75,11 +74,9 @@ def read_netcdf(path: str | Path) -> ArrayTable:
     )
 
 
-def variables_of(
-    content: bytes, path: str, /, *wanted: str
-) -> tuple[dict[str, tuple[np.ndarray, str]], dict[str, str]]:
+def variables_of(content: bytes, path: str) -> tuple[dict[str, tuple[np.ndarray, str]], dict[str, str]]:
     """Return the variables along one dimension with their units, and the texts that are attributes of the file."""
-    xarray, engine = _xarray(path), _ENGINES[content[:3]]
+    xarray, engine = _xarray(f"{path}: a NetCDF file"), _ENGINES[content[:3]]
     # HDF5 files of other programs may have no named dimensions.
     options = {"phony_dims": "access"} if engine == "h5netcdf" else {}
     if engine == "h5netcdf":
