@@ -54,7 +54,9 @@ class FinishedSteps:
         self.share, self.doing = share, doing
 
     def take(self, step: Step) -> None:
-        """Take a step that is through, in place of a former one of the same subject.
+        """Take a step that is through, in place of a former one of the same subject, and say which.
+
+        How many fits there will be nobody knows: between two shares of the work they show that it goes on.
 
         Parameters
         ----------
@@ -62,6 +64,8 @@ class FinishedSteps:
             What it found.
         """
         self._steps[step.name, step.subject] = step
+        if step.subject:
+            self._progress(self.share, f"{self.doing} ({step.subject})")
 
     def save(self, folder: ResultFolder, plant: Plant, record: RunRecord) -> str:
         """Write the steps, in place of what was kept of a former interrupted run.

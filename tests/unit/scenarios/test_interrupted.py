@@ -211,6 +211,26 @@ def test_a_judged_fit_replaces_the_rough_one(
     assert best["result"]["unseen"] == pytest.approx(2e-3, rel=0.2)
 
 
+def test_a_fit_is_shown_where_no_share_is_told_and_kept_where_it_is_interrupted_then() -> None:
+    said: list[tuple[float, str]] = []
+
+    def progress(share: float, doing: str) -> None:
+        said.append((share, doing))
+        if "slip" in doing:
+            raise KeyboardInterrupt
+
+    finished = partial.FinishedSteps(progress)
+    finished.tell(0.3, "building in effects")
+    finished.take(Step(name="locate", result={}))
+    finished.take(Step(name="fit", subject="creep", result={}))
+    with pytest.raises(KeyboardInterrupt):
+        finished.take(Step(name="fit", subject="creep+slip", result={}))
+    assert said == [
+        (0.3, "building in effects"), (0.3, "building in effects (creep)"), (0.3, "building in effects (creep+slip)"),
+    ]  # fmt: skip
+    assert "locate, 2 fits with effects" in finished._listed()
+
+
 def test_before_the_first_step_nothing_is_written(
     on_bench: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -74,8 +74,7 @@ def with_a_second(search: Search, naming: Naming) -> Naming:
     best = search.best_of(beside)
     if best is None:
         return _with_all(search, naming)
-    for rest in each_without_one(best):  # a fit that was given up, or rough, says little of an effect alone
-        search.fit_from(best, rest)
+    search.fit_fewer(best)
     others = search.replacing(first.effects, best)
     found = _doubted(search, [names for names in dict.fromkeys((*beside, *others)) if _is_of_two(search, names)])
     alone = search.tried[first.effects].evidence

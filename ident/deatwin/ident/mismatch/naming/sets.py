@@ -241,21 +241,14 @@ class Search:
         return naming.led_by(likeliest) if likeliest.evidence - naming.best.evidence > STRONG else naming
 
     def decided_surely(self, stage: Sequence[Names]) -> Naming:
-        """The decision over a `stage`; where fewer effects suffice, fitted from where the best set is, that over fewer.
-
-        A fit of fewer effects that was given up or left rough may have been far from its minimum.
-        """
+        """The decision over a `stage`, or over fewer effects where these suffice, fitted from where the best set is."""
         return self._surely(lambda: self.decided(stage), self.decided)
 
     def _surely(self, decision: Callable[[], Naming], over: Callable[[Sequence[Names]], Naming]) -> Naming:
         naming = decision()
         if naming.best is None:
             return naming
-        best = naming.best.effects
-        fewer = each_without_one(best)
-        for rest in fewer:
-            self.fit_from(best, rest)
-        again = over([rest for rest in fewer if rest in self.tried])
+        again = over(self.fit_fewer(naming.best.effects))
         return decision() if again.best is None else again
 
     def nearly(self) -> Naming:
@@ -342,6 +335,16 @@ class Search:
         plant = self.plant_of(full, rest)
         unbent = with_fitted(self.bench.nominal.with_rig(plant.rig), plant)
         self.attempt([Trial(start=unbent, bent=plant, without=self.tried[()].calibration)])
+
+    def fit_fewer(self, full: Names) -> list[Names]:
+        """Fit `full` without each of its effects in turn, from its values; the sets that could be fitted.
+
+        A fit of fewer effects that was given up or left rough may have been far from its minimum.
+        """
+        fewer = each_without_one(full)
+        for rest in fewer:
+            self.fit_from(full, rest)
+        return [rest for rest in fewer if rest in self.tried]
 
     def fit_from(self, full: Names, rest: Names) -> None:
         """Fit `rest`, some of the effects of the set `full`, from the values of that, and keep the better fit."""
