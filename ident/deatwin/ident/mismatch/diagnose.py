@@ -119,6 +119,7 @@ def diagnose(
     tell(0.8, "verifying on unseen data")
     verification = verify(base.chosen, naming.best or base.chosen, for_verification, bench, naming.candidates)
     keep(found_step("verify", verification if verification.ablations else None))
+    naming = _doubting(naming, verification)
     verdict = _verdict(bench, checked, base, detection, naming, verification)
     named = naming.best is not None and verdict in (Verdict.NAMED, Verdict.AMBIGUOUS)
     answer = naming.best if named and naming.best is not None else base.chosen
@@ -197,9 +198,19 @@ def _verdict(
         if not detection.testable:
             return Verdict.NOT_TESTABLE
         return Verdict.PARAMETERS if _nominal_is_off(bench, base) else Verdict.NONE
-    if naming.best is None or not verification.holds:
+    stands = verification.holds or (verification.doubted and naming.rivals)
+    if naming.best is None or not stands:
         return Verdict.DISTURBANCE if detection.disturbance else Verdict.UNKNOWN
     return Verdict.AMBIGUOUS if naming.rivals else Verdict.NAMED
+
+
+def _doubting(naming: Naming, verification: Verification) -> Naming:
+    """The naming, with the explanation that lacks a doubted effect among the rivals; none where one is not known."""
+    if naming.best is None or not verification.doubted:
+        return naming
+    known = {frozenset(c.effects): c for c in naming.candidates if not c.calibration.given_up}
+    rest = [known.get(frozenset(naming.best.effects) - {name}) for name in verification.doubted]
+    return naming.as_likely([c for c in rest if c is not None])
 
 
 def _nominal_is_off(bench: Bench, base: Base) -> bool:

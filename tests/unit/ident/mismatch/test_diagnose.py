@@ -1,15 +1,19 @@
 """The whole engine on small simulated experiments in which something is concealed, or nothing."""
 
 import json
+from dataclasses import replace
 from importlib.resources import files
+from types import SimpleNamespace
 
 import jsonschema
 import numpy as np
 import pytest
 
 from deatwin.ident.mismatch import Diagnosis, Verdict, diagnose
-from deatwin.ident.mismatch.diagnose import _motion
-from deatwin.ident.mismatch.gate.gate import gate
+from deatwin.ident.mismatch.diagnose import _doubting, _motion, _verdict
+from deatwin.ident.mismatch.gate.gate import Soundness, gate
+from deatwin.ident.mismatch.naming.decide import Naming
+from deatwin.ident.mismatch.verify.verify import Ablation, Verification
 from deatwin.plant import (
     Creep,
     DataError,
@@ -125,6 +129,39 @@ def test_physics_outside_the_catalogue_is_unknown():
     # a free form may stand in the model, never among the causes
     assert found.model.plant.effect_names == (() if found.free_form is None else ("free_form",))
     assert found.sentence.startswith("Something is missing that no effect of the catalogue explains")
+
+
+def known(*effects: str, given_up: bool = False) -> SimpleNamespace:
+    return SimpleNamespace(effects=effects, calibration=SimpleNamespace(given_up=given_up))
+
+
+@pytest.mark.parametrize(
+    ("alone", "spared", "verdict"),
+    [
+        (known("creep"), 0.0, Verdict.AMBIGUOUS),  # the delay is not certain: creep alone is its rival
+        (known("creep", given_up=True), 0.0, Verdict.UNKNOWN),  # nobody knows how well creep alone does
+        (known("creep"), 1e-6, Verdict.NAMED),
+    ],
+)
+def test_an_effect_that_unseen_data_do_not_show_makes_the_explanation_without_it_a_rival(alone, spared, verdict):
+    pair, base = known("creep", "delay"), known()
+    naming = Naming(
+        candidates=(base, alone, pair), best=pair, rivals=(), probabilities={("creep", "delay"): 1.0}, noise=2e-6
+    )
+    taken = {name: Ablation(effect=name, fitted=4e-6, unseen=5e-6, gain_low=1e-6, share=0.5) for name in pair.effects}
+    taken["delay"] = replace(taken["delay"], gain_low=spared)
+    verified = Verification(
+        fitted_before=9e-6, fitted_after=2e-6, unseen_before=10e-6, unseen_after=2.1e-6, gain_low=7e-6,
+        ablations=tuple(taken.values()),
+    )  # fmt: skip
+    found = _doubting(naming, verified)
+    sound, missing = SimpleNamespace(soundness=Soundness.SOUND), SimpleNamespace(mismatch=True, disturbance=False)
+    assert _verdict(None, sound, None, missing, found, verified) is verdict
+    if verdict is Verdict.AMBIGUOUS:
+        assert found.rivals == (alone,)
+        assert found.probabilities == {("creep", "delay"): 0.5, ("creep",): 0.5}  # evidence does not compare them
+    else:
+        assert found.rivals == ()
 
 
 def test_a_fault_of_the_recording_is_said_before_physics(creeping):

@@ -9,6 +9,7 @@ import numpy as np
 
 from deatwin.ident.greybox.fit import Calibration, calibrate
 from deatwin.ident.greybox.status import FitStatus
+from deatwin.ident.greybox.tangent import linearised_rms
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.candidate import Candidate, judge
 from deatwin.ident.mismatch.naming.screen import Lead
@@ -23,7 +24,8 @@ FAILED_SEARCH = 1.02
 FEW = 4
 """Simulations that show whether the way from the bent plant leads anywhere."""
 NEAR = 1.1
-"""Fits whose rms is within this ratio of the best are carried to the end, besides those that leave hardly anything."""
+"""Fits that are within this ratio of the best rms, or by their linearised minimum were on the way there when they ran
+out of simulations, are carried to the end, besides those that leave hardly anything."""
 HOPELESS = 1.5
 """A fit is given up where its linearised minimum is above the rms of another one by this ratio. At the first point of
 a fit to all samples that is mostly within 15 % of where it ends."""
@@ -132,7 +134,7 @@ def run_trials(
             if finished is not None:
                 finished(done / len(trials))
         rival = min([rival, *(fit.rms for fit in fits)])
-    near = [k for k, fit in enumerate(fits) if fit.rms < NEAR * rival or is_promising(fit, noise)]
+    near = [k for k, fit in enumerate(fits) if _within_reach(fit) < NEAR * rival or is_promising(fit, noise)]
     finished_fits = run_jobs(_finished, [(bench, fits[k]) for k in near], workers=bench.jobs)
     for k, fit in zip(near, finished_fits, strict=True):
         fits[k] = fit
@@ -190,6 +192,11 @@ def _tried(bench: Bench, trial: Trial, hopeless: float) -> Calibration:
 def _finished(bench: Bench, fit: Calibration) -> Calibration:
     """The fit carried to the end, with an event that it cannot place where the unseen part has it."""
     return in_its_gap(finish(fit, bench.fitted), bench.fitted, bench.everything)
+
+
+def _within_reach(fit: Calibration) -> float:
+    """Rms that a fit left, or would have left had it not run out of simulations: a stop is found step by step."""
+    return linearised_rms(fit.residuals, fit.jacobian) if fit.status is FitStatus.STOPPED else fit.rms
 
 
 def _better(one: Calibration, other: Calibration) -> Calibration:

@@ -128,6 +128,15 @@ class Verification:
         ]
         return tuple(found)
 
+    @property
+    def doubted(self) -> tuple[str, ...]:
+        """Effects of several without which the error on unseen data does not return for certain, though with others.
+
+        Nothing else may speak against the explanation: then it stands, and the one without that effect beside it.
+        """
+        spared = tuple(a.effect for a in self.ablations if not a.returns)
+        return spared if len(self.failures) == len(spared) < len(self.ablations) else ()
+
     def to_dict(self) -> dict[str, Any]:
         """The field ``verification`` of ``diagnosis.json``; amplitudes in the unit that is reported."""
         size = amplitude_unit(self.output_unit)[1]

@@ -256,6 +256,21 @@ def test_each_failure_is_said_and_is_enough():
     assert not verification(transfers=(replace(part, after=2.24e-6),)).holds
 
 
+def test_a_doubt_of_one_effect_is_none_of_the_others():
+    sure = Ablation(effect="creep", fitted=4e-6, unseen=5e-6, gain_low=1e-6, share=0.5)
+    spared = Ablation(effect="delay", fitted=2.2e-6, unseen=2.2e-6, gain_low=-1e-8, share=0.1)
+    both = verification(ablations=(sure, spared))
+    assert not both.holds
+    assert both.doubted == ("delay",)
+    for other in (
+        {"ablations": (sure,)},  # nothing is doubted
+        {"ablations": (spared,)},  # nothing is left
+        {"ablations": (spared, replace(spared, effect="creep"))},  # nothing is certain
+        {"ablations": (sure, spared), "gain_low": 0.0},  # the whole is refuted
+    ):
+        assert verification(**other).doubted == ()
+
+
 def bursts(size: float, blocks: int, bad: int) -> np.ndarray:
     """Residuals of 2 µm, in blocks of fifty samples, the first of which are larger."""
     scale = np.where(np.arange(blocks) < bad, size, 2e-6)
