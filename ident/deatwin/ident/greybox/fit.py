@@ -10,6 +10,7 @@ import numpy as np
 
 from deatwin.ident.greybox.minimum import EVALUATIONS, TOLERANCE, minimise
 from deatwin.ident.greybox.status import FitStatus
+from deatwin.ident.greybox.tangent import linearised_rms
 from deatwin.plant.datasets import dataset
 from deatwin.plant.errors import DataError
 from deatwin.plant.model import Plant
@@ -170,6 +171,11 @@ class Calibration:
     def rms(self) -> float:
         """Root mean square of the residuals, SI."""
         return float(np.sqrt(np.mean(self.residuals**2)))
+
+    @property
+    def within_reach(self) -> float:
+        """Rms that is left, SI; of a fit that ran out of simulations, what its linear model would leave."""
+        return linearised_rms(self.residuals, self.jacobian) if self.status is FitStatus.STOPPED else self.rms
 
     @property
     def given_up(self) -> bool:

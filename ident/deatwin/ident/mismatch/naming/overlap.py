@@ -2,16 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming
 from deatwin.ident.mismatch.naming.worth import gained
 
-__all__ = ["with_overlap"]
+__all__ = ["SHARED", "in_common", "with_overlap"]
 
 SHARED = 0.5
 """Share of what a pair explains, from which on the two are doubted: either alone explains so much of it."""
+
+
+def in_common(pair: Candidate, alone: Sequence[Candidate], base: Candidate) -> float:
+    """What two effects have in common of what they explain.
+
+    Parameters
+    ----------
+    pair : Candidate
+        With both.
+    alone : sequence of Candidate
+        With each of them.
+    base : Candidate
+        With neither.
+
+    Returns
+    -------
+    float
+        Mean square that either alone takes away; negative where one shows the other.
+    """
+    return sum(gained(single, base) for single in alone) - gained(pair, base)
 
 
 def with_overlap(naming: Naming, possible: Callable[[Candidate], bool]) -> Naming:
@@ -36,11 +56,10 @@ def with_overlap(naming: Naming, possible: Callable[[Candidate], bool]) -> Namin
     if best is None or len(best.effects) != 2:
         return naming
     singles = {c.effects: c for c in naming.candidates if len(c.effects) == 1 and not c.calibration.given_up}
-    alone = [singles.get((name,)) for name in best.effects]
-    if any(c is None for c in alone):
+    alone = [singles[name,] for name in best.effects if (name,) in singles]
+    if len(alone) < len(best.effects):
         return naming
-    whole = gained(best, naming.base)
-    common = sum(gained(c, naming.base) for c in alone if c is not None) - whole
-    if common < SHARED * whole:
+    common = in_common(best, alone, naming.base)
+    if common < SHARED * gained(best, naming.base):
         return naming
     return naming.as_likely([c for c in singles.values() if gained(c, naming.base) >= common and possible(c)])

@@ -7,7 +7,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from deatwin.ident.mismatch.naming.decide import STRONG, Naming
-from deatwin.ident.mismatch.naming.worth import TRIFLE, gained, takes_most
+from deatwin.ident.mismatch.naming.overlap import SHARED, in_common
+from deatwin.ident.mismatch.naming.worth import TRIFLE, gained
 
 if TYPE_CHECKING:
     from deatwin.ident.mismatch.naming.sets import Search
@@ -102,12 +103,12 @@ def _leaves_room(search: Search, names: Names) -> bool:
 def _is_of_two(search: Search, names: Names) -> bool:
     """Whether a pair explains the recordings, and each of the two does what the law of the other may not lack.
 
-    Where each of them takes most of the mismatch alone, both do mostly the same, and together they bend their law.
+    Where they have most of it in common, both do mostly the same, and together they bend their law.
     """
     pair, base = search.tried[names], search.tried[()]
     if not (pair.adequate and search.counts(pair) and _each_takes(search, names, TENTH)):
         return False
-    return not all(takes_most(less, base) for less in search.without_one(names))
+    return in_common(pair, list(search.without_one(names)), base) < SHARED * gained(pair, base)
 
 
 def _each_takes(search: Search, names: Names, share: float) -> bool:

@@ -9,7 +9,6 @@ import numpy as np
 
 from deatwin.ident.greybox.fit import Calibration, calibrate
 from deatwin.ident.greybox.status import FitStatus
-from deatwin.ident.greybox.tangent import linearised_rms
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.candidate import Candidate, judge
 from deatwin.ident.mismatch.naming.screen import Lead
@@ -134,7 +133,7 @@ def run_trials(
             if finished is not None:
                 finished(done / len(trials))
         rival = min([rival, *(fit.rms for fit in fits)])
-    near = [k for k, fit in enumerate(fits) if _within_reach(fit) < NEAR * rival or is_promising(fit, noise)]
+    near = [k for k, fit in enumerate(fits) if fit.within_reach < NEAR * rival or is_promising(fit, noise)]
     finished_fits = run_jobs(_finished, [(bench, fits[k]) for k in near], workers=bench.jobs)
     for k, fit in zip(near, finished_fits, strict=True):
         fits[k] = fit
@@ -192,11 +191,6 @@ def _tried(bench: Bench, trial: Trial, hopeless: float) -> Calibration:
 def _finished(bench: Bench, fit: Calibration) -> Calibration:
     """The fit carried to the end, with an event that it cannot place where the unseen part has it."""
     return in_its_gap(finish(fit, bench.fitted), bench.fitted, bench.everything)
-
-
-def _within_reach(fit: Calibration) -> float:
-    """Rms that a fit left, or would have left had it not run out of simulations: a stop is found step by step."""
-    return linearised_rms(fit.residuals, fit.jacobian) if fit.status is FitStatus.STOPPED else fit.rms
 
 
 def _better(one: Calibration, other: Calibration) -> Calibration:

@@ -23,7 +23,8 @@ if TYPE_CHECKING:
 __all__ = ["Base", "calibrate_base", "differences"]
 
 OPENS_AS_WELL = 1.2
-"""Largest ratio of rms residuals on the openings of the experiments for a form to be fitted to all of them."""
+"""Largest ratio of rms residuals on the openings of the experiments for a form to be fitted to all of them; by its
+linear model, where its few simulations did not do."""
 MORE_STARTS, SPREAD = 2, 0.2
 """Fits also start from so many other values, off by this much: what data sheets of elastomers are wrong by."""
 
@@ -110,7 +111,7 @@ def calibrate_base(bench: Bench) -> Base:
     forms = [bench.nominal.with_rig(rig) for rig in bench.nominal.rig.rivals()]
     near = run_jobs(approach, [(form, bench.fitted) for form in forms], workers=bench.jobs)
     limit = np.inf if first is None else OPENS_AS_WELL * _opening_rms(first.calibration.plant, bench)
-    running = [fit.plant for fit in near if fit.status.ok and fit.rms < limit]
+    running = [fit.plant for fit in near if fit.status.ok and fit.within_reach < limit]
     floor = bench.nominal.rig.noise if first is None else first.noise
     fits = run_jobs(settle, [(form, bench.fitted, floor) for form in running], workers=bench.jobs)
     known = [first, *(_judged(bench, fit) for fit in fits)]

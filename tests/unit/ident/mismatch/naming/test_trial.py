@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from deatwin.ident.greybox import FitStatus
+from deatwin.ident.greybox import Calibration, FitStatus
 from deatwin.ident.mismatch.naming import trial
 from deatwin.ident.mismatch.naming.trial import Trial, _tried, run_trials
 from deatwin.plant import Creep, Diaphragm, Plant
@@ -49,34 +49,29 @@ def test_what_is_explained_to_first_order_is_promised():
     assert Trial(start=None, bent=None, without=fit_of(5.0), share=0.64).promised == pytest.approx(3.0)
 
 
-def rough(name: str, rms: float, linearised: float, status: FitStatus) -> SimpleNamespace:
+def rough(rms: float, linearised: float, status: FitStatus) -> Calibration:
     """A fit whose linear model would leave so much, by one more step of its only parameter."""
     along, across = np.tile([1.0, 1.0], 50), np.tile([1.0, -1.0], 50)
-    residuals = linearised * across + float(np.sqrt(rms**2 - linearised**2)) * along
-    plant = SimpleNamespace(rig=SimpleNamespace(model_error=0.1))
-    return SimpleNamespace(
-        name=name, status=status, rms=rms, residuals=residuals, jacobian=along[:, None], plant=plant, given_up=False
-    )
+    return Calibration(
+        plant=SimpleNamespace(rig=SimpleNamespace(model_error=0.1)), names=("a",), covariance=np.eye(1),
+        residuals=linearised * across + float(np.sqrt(rms**2 - linearised**2)) * along, jacobian=along[:, None],
+        status=status, at_bound=(), evaluations=10,
+    )  # fmt: skip
 
 
 def test_what_ran_out_of_simulations_on_its_way_to_the_best_is_carried_to_the_end(monkeypatch):
     """The place of a stop is found step by step; a rough fit of it may leave more than a wrong effect does at best."""
     settled, stopped = FitStatus.SETTLED, FitStatus.STOPPED
-    fits = [
-        rough("best", 2.0, 2.0, settled),
-        rough("at its own end", 3.0, 2.1, settled),  # its linear model errs: it has ended there
-        rough("on its way", 3.0, 2.19, stopped),  # 1.1 x 2.0 is 2.2
-        rough("on its way elsewhere", 3.0, 2.21, stopped),
-        rough("beside", 2.19, 2.19, settled),
-    ]
-    finished: list[str] = []
-
-    def finish(bench, fit):
-        finished.append(fit.name)
-        return fit
-
+    fits = {
+        "best": rough(2.0, 2.0, settled),
+        "at its own end": rough(3.0, 2.1, settled),  # its linear model errs: it has ended there
+        "on its way": rough(3.0, 2.19, stopped),  # 1.1 x 2.0 is 2.2
+        "on its way elsewhere": rough(3.0, 2.21, stopped),
+        "beside": rough(2.19, 2.19, settled),
+    }
+    finished: list[Calibration] = []
     monkeypatch.setattr(trial, "_tried", lambda bench, fit, hopeless: fit)
-    monkeypatch.setattr(trial, "_finished", finish)
+    monkeypatch.setattr(trial, "_finished", lambda bench, fit: finished.append(fit) or fit)
     monkeypatch.setattr(trial, "judge", lambda bench, fit, noise: fit)
-    assert run_trials(SimpleNamespace(jobs=1), fits, 0.5) == fits
-    assert finished == ["best", "on its way", "beside"]
+    assert run_trials(SimpleNamespace(jobs=1), list(fits.values()), 0.5) == list(fits.values())
+    assert finished == [fits["best"], fits["on its way"], fits["beside"]]

@@ -1,0 +1,50 @@
+"""Which forms of the base plant are fitted to all samples."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+
+from deatwin.ident.greybox import Calibration, FitStatus
+from deatwin.ident.mismatch.refit import base
+
+ALONG, ACROSS = np.tile([1.0, 1.0], 50), np.tile([1.0, -1.0], 50)
+
+
+def opened(form: str, rms: float, linearised: float, status: FitStatus = FitStatus.STOPPED) -> Calibration:
+    """A fit of the openings whose linear model would leave so much."""
+    residuals = linearised * ACROSS + float(np.sqrt(rms**2 - linearised**2)) * ALONG
+    return Calibration(
+        plant=form, names=("a",), covariance=np.eye(1), residuals=residuals, jacobian=ALONG[:, None], status=status,
+        at_bound=(), evaluations=8,
+    )  # fmt: skip
+
+
+def test_a_form_that_ran_out_of_simulations_is_judged_by_its_linear_model(monkeypatch):
+    openings = {
+        "as well": opened("as well", 2.3, 2.3),
+        "worse": opened("worse", 2.5, 2.5),
+        "on its way": opened("on its way", 4.0, 2.3),
+        "elsewhere": opened("elsewhere", 4.0, 2.5),
+        "worse at its end": opened("worse at its end", 2.5, 2.3, FitStatus.SETTLED),
+    }
+    nominal = SimpleNamespace(rig=SimpleNamespace(noise=0.1, rivals=lambda: list(openings)), with_rig=lambda rig: rig)
+    # whatever a form is given, the nominal one leaves 2 on the openings: the limit is 2.4
+    first = SimpleNamespace(adequate=False, calibration=SimpleNamespace(plant=None), noise=0.1)
+    settled: list[str] = []
+    monkeypatch.setattr(base, "_fitted_well", lambda bench, form: first)
+    monkeypatch.setattr(base, "_opening_rms", lambda plant, bench: 2.0)
+    monkeypatch.setattr(base, "approach", lambda form, parts: openings[form])
+    monkeypatch.setattr(base, "settle", lambda plant, parts, noise: settled.append(plant))
+    monkeypatch.setattr(base, "_judged", lambda bench, fit: None)
+    monkeypatch.setattr(base, "replace", lambda candidate, noise: candidate)
+    monkeypatch.setattr(base, "_preferred", lambda usable: usable[0])
+    base.calibrate_base(SimpleNamespace(nominal=nominal, fitted=(), jobs=1))
+    assert settled == ["as well", "on its way"]
+
+
+def test_what_is_within_reach_of_a_fit():
+    stopped = opened("", 4.0, 2.3)
+    assert np.isclose(stopped.within_reach, 2.3)
+    for status in (FitStatus.SETTLED, FitStatus.GIVEN_UP):
+        assert np.isclose(replace(stopped, status=status).within_reach, 4.0)
