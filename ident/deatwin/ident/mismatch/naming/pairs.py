@@ -71,24 +71,25 @@ def with_a_second(search: Search, naming: Naming) -> Naming:
     first = naming.best
     if first is None or len(first.effects) > 1 or first.adequate or not _leaves_room(search, first.effects):
         return naming
-    beside = [names for names in search.beside(first.effects) if _is_of_two(search, names)]
-    best = search.best_of(beside)
+    search.beside(first.effects)
+    best = search.best_of(_of_two(search, first.effects))
     if best is None:
         return _with_all(search, naming)
     search.fit_fewer(best)
-    others = search.replacing(first.effects, best)
-    found = _doubted(search, [names for names in dict.fromkeys((*beside, *others)) if _is_of_two(search, names)])
+    search.replacing(first.effects, best)
+    found = _doubted(search, _of_two(search))
     alone = search.tried[first.effects].evidence
     likelier = found.best is not None and found.best.evidence - alone > STRONG
     return found if likelier else _with_all(search, naming)
 
 
 def _with_all(search: Search, naming: Naming) -> Naming:
-    """The same decision, with all that was tried since."""
+    """The same decision, with all that was tried since; its best one may have a better fit by now."""
     tried = tuple(search.tried.values())
     now = {id(c.calibration): c for c in tried}
-    best, *rivals = (now.get(id(c.calibration), c) for c in (naming.best, *naming.rivals) if c is not None)
-    return replace(naming, candidates=tried, best=best, rivals=tuple(rivals), noise=search.noise)
+    best = None if naming.best is None else search.tried[naming.best.effects]
+    rivals = tuple(now.get(id(c.calibration), c) for c in naming.rivals)  # those of other forms are not in this search
+    return replace(naming, candidates=tried, best=best, rivals=rivals, noise=search.noise)
 
 
 def _leaves_room(search: Search, names: Names) -> bool:
@@ -98,6 +99,12 @@ def _leaves_room(search: Search, names: Names) -> bool:
         after.size**2 >= max(BARELY * search.floor_power(names), TENTH * before.size**2)
         for after, before in ((left.fitted_test, base.fitted_test), (left.unseen_test, base.unseen_test))
     )
+
+
+def _of_two(search: Search, first: Names = ()) -> list[Names]:
+    """The pairs of two things that were tried, some before one was found to do; those with the `first` effects."""
+    pairs = [names for names in search.tried if len(names) == 2 and {*first} <= {*names}]
+    return [names for names in pairs if _is_of_two(search, names)]
 
 
 def _is_of_two(search: Search, names: Names) -> bool:

@@ -41,18 +41,19 @@ class Known(Search):
     ) -> None:
         super().__init__(SimpleNamespace(effects=(), jobs=1), candidates[0], ())
         self.tried.update({c.effects: c for c in (*candidates, *replaced)})
-        self.others, self.asked, self.better = [c.effects for c in replaced], 0, {c.effects: c for c in better}
+        self.pair, self.asked = PAIR, 0
+        self.others, self.better = [c.effects for c in replaced], {c.effects: c for c in better}
 
     def beside(self, names, finished=None):
         self.asked += 1
         return [PAIR]
 
     def fit_from(self, full, rest):
-        assert full == PAIR
+        assert full == self.pair
         self.tried[rest] = self.better.get(rest, self.tried[rest])
 
     def replacing(self, before, best):
-        assert (before, best) == (CLIP, PAIR)
+        assert (before, best) == (CLIP, self.pair)
         return self.others
 
 
@@ -136,7 +137,19 @@ def test_what_was_given_up_alone_is_fitted_from_the_pair_before_it_counts():
     assert decided(Known(*known)).best.effects == PAIR
     assert decided(Known(*known, better=(candidate(CREEP, 3.1),))).best.effects == CLIP
     # and so is the first: at 2.25 it leaves little of which the second could be a part
-    assert decided(Known(*known, better=(candidate(CLIP, 2.25),))).best.effects == CLIP
+    better = candidate(CLIP, 2.25)
+    assert decided(Known(*known, better=(better,))).best is better
+
+
+def test_a_pair_that_was_tried_before_a_single_effect_was_found_to_do_counts():
+    other = ("amplifier_saturation", "hysteresis")
+    search = Known(
+        candidate((), 5.0), candidate(CLIP, 3.0), candidate(CREEP, 4.6), candidate(("hysteresis",), 4.6),
+        candidate(PAIR, 2.8), candidate(other, 2.2),
+    )  # fmt: skip
+    search.pair = other  # what is tried beside the first now leaves too much
+    naming = decided(search)
+    assert naming.best is search.tried[other]
 
 
 def test_an_answer_that_stands_knows_all_that_was_tried_since():
