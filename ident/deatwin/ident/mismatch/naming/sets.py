@@ -85,19 +85,28 @@ class Search:
         """Sets of one more effect beside the best of a `stage`, and in its place; none where none helps.
 
         Beside what leaves a trifle none could count. But it may only imitate two others: then the best of those that
-        leave more is gone on with. Two that do not take most of the mismatch are no beginning of three. `finished` is
-        called with the share that is done.
+        leave more is gone on with, and beside a single one where nothing helps, the next best. Two that do not take
+        most of the mismatch are no beginning of three. `finished` is called with the share that is done.
         """
-        before = self.best_of([names for names in stage if not self.leaves_a_trifle(names)])
-        if before is None or (len(before) > 1 and not self._takes_most(self.tried[before])):
-            return []
-        found = self.beside(before, finished)
-        # In their order, not all at once: to know whether a set counts may take a fit.
-        ranked = sorted(found, key=lambda names: -self.tried[names].evidence)
-        best = next((names for names in ranked if self.each_counts(names)), None)
-        if best is None:
-            return []  # a further effect does not help: another one beside it would not be understood
-        return found + self.replacing(before, best)
+        found: list[Names] = []
+        for before in self._beginnings(stage):
+            beside = self.beside(before, finished)
+            found += beside
+            finished = None  # nobody knew of a second beginning
+            # In their order, not all at once: to know whether a set counts may take a fit.
+            ranked = sorted(beside, key=lambda names: -self.tried[names].evidence)
+            best = next((names for names in ranked if self.each_counts(names)), None)
+            if best is not None:
+                return found + self.replacing(before, best)
+        return []  # a further effect does not help: another one beside it would not be understood
+
+    def _beginnings(self, stage: Sequence[Names]) -> list[Names]:
+        """The sets of a `stage` beside which a further effect is looked for, in their order."""
+        left = [names for names in stage if not self.leaves_a_trifle(names)]
+        ranked = sorted(left, key=lambda names: -self.tried[names].evidence)
+        if any(len(names) > 1 for names in ranked):
+            return [names for names in ranked[:1] if self._takes_most(self.tried[names])]
+        return [*ranked[:1], *(names for names in ranked[1:2] if self._takes_most(self.tried[names]))]
 
     def beside(self, names: Names, finished: Finished | None = None) -> list[Names]:
         """Try each promising effect beside those of `names`; `finished` is called with the share that is done."""

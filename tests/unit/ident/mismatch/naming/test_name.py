@@ -479,6 +479,30 @@ def test_what_leaves_a_trifle_may_imitate_two_others():
     assert search.with_one_more([near.effects]) == [] and len(asked) == 1
 
 
+@pytest.mark.parametrize(
+    "next_best, asked",
+    [
+        (12.0, [("creep",), ("sensor_jump",)]),
+        (20.1, [("creep",)]),  # 20.1^2 is more than half of 28.3^2
+    ],
+)
+def test_where_nothing_counts_beside_the_best_the_next_best_is_gone_on_with_if_it_takes_most(next_best, asked):
+    """What is best alone may only imitate two others, of which the next best is one."""
+    base, creep, jump = candidate(rms=28.3), candidate("creep", rms=11.5), candidate("sensor_jump", rms=next_best)
+    idle, pair = candidate("creep", "delay", rms=11.4), candidate("charge_injection", "sensor_jump", rms=5.0)
+    others = candidate("delay", rms=28.0), candidate("charge_injection", rms=18.0)
+    search = search_over(base, creep, jump, idle, pair, *others)
+    beside = {("creep",): [idle.effects], ("sensor_jump",): [pair.effects]}
+    been, told = [], []
+    search.beside = lambda names, finished: told.append(finished) or been.append(names) or beside[names]
+    search.replacing = lambda before, best: [("replaced", *before)]
+    stage = [others[0].effects, jump.effects, creep.effects]
+    found = search.with_one_more(stage, len)
+    assert been == asked
+    assert told == [len, None][: len(asked)]  # the share that is done does not go back
+    assert found == ([idle.effects, pair.effects, ("replaced", "sensor_jump")] if len(asked) == 2 else [])
+
+
 @pytest.mark.parametrize("left, goes_on", [(7.4, False), (5.0, True)])
 def test_two_that_do_not_take_most_are_no_beginning_of_three(left, goes_on):
     """Of a mismatch of 8.7² - 2² µm² a pair that leaves 7.4 µm takes 29 %, one that leaves 5.0 µm 70 %."""
