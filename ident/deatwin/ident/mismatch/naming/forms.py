@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming, cannot_rule_out
-from deatwin.ident.mismatch.naming.screen import footprints, leads
+from deatwin.ident.mismatch.naming.screen import leads
 from deatwin.ident.mismatch.naming.sets import BESIDE, Names, Search, each_without_one
 from deatwin.ident.mismatch.naming.trial import Trial, trials_of, with_fitted
 from deatwin.ident.mismatch.naming.worth import suffices, takes_most
@@ -37,15 +37,13 @@ def in_form(search: Search, rival: Candidate, stage: Sequence[Names]) -> tuple[S
     tuple of Search and list
         With the single effects that were tried there.
     """
-    fit, known = rival.calibration, search.known
+    fit, other = rival.calibration, search.in_form_of(rival)
     unbent = search.bench.nominal.with_rig(fit.plant.rig)
     best = sorted(stage, key=lambda names: -search.tried[names].evidence)[:AGAIN]
     # What an effect promises in another form nobody knows.
     chosen = {name: replace(search.leads[name], share=0.0) for names in best for name in names}
     if search.is_clearly_worse_than(rival):
-        known = footprints(search.bench, fit, search.bench.effects, fit)
-        chosen |= {lead.effect.name: lead for lead in leads(known, fit)[:BESIDE]}
-    other = Search(search.bench, rival, known, search.fitted)
+        chosen |= {lead.effect.name: lead for lead in leads(other.known, fit)[:BESIDE]}
     other.leads = chosen
     found = other.attempt(trials_of(unbent, fit, chosen.values()), rival=search.least_rms(stage))
     other.judge_by_the_best(found)
@@ -123,7 +121,7 @@ def _explained(search: Search, full: Sequence[Names], form: Candidate) -> tuple[
 
 def _begun(search: Search, form: Candidate) -> Search:
     """A search in another form, with the least noise that any plant has shown."""
-    other = Search(search.bench, replace(form, noise=min(form.noise, search.noise)), search.known, search.fitted)
+    other = search.in_form_of(replace(form, noise=min(form.noise, search.noise)))
     other.leads = dict(search.leads)
     return other
 

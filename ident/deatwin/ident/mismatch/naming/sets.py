@@ -55,20 +55,35 @@ class Search:
         Effects and recordings.
     base : Candidate
         Without further effects.
-    known : sequence of Footprint
-        Of all effects in the base plant.
+    known : sequence of Footprint or None
+        Of all effects in the base plant; None to simulate them once they are asked for.
     fitted : callable or None
         Called with each fit.
     """
 
     def __init__(
-        self, bench: Bench, base: Candidate, known: Sequence[Footprint], fitted: Fitted | None = None
+        self, bench: Bench, base: Candidate, known: Sequence[Footprint] | None, fitted: Fitted | None = None
     ) -> None:
-        self.bench, self.known, self.fitted = bench, known, fitted
+        self.bench, self.fitted, self._known = bench, fitted, known
         self.tried: dict[Names, Candidate] = {(): base}
         self.leads: dict[str, Lead] = {}
-        seen = {footprint.effect.name for footprint in known}
-        self.failed = [e.name for e in bench.effects if e.name not in seen]
+        seen = {footprint.effect.name for footprint in known or ()}
+        self.unscreened = [] if known is None else [e.name for e in bench.effects if e.name not in seen]
+        self.failed = list(self.unscreened)
+
+    def in_form_of(self, base: Candidate) -> Search:
+        """A search in another form of the plant, `base`, where nothing was tried yet."""
+        other = Search(self.bench, base, None, self.fitted)
+        other.unscreened, other.failed = self.unscreened, list(self.unscreened)
+        return other
+
+    @property
+    def known(self) -> Sequence[Footprint]:
+        """Footprints of all effects in the base plant of this form: in one with other values they say little of it."""
+        if self._known is None:
+            fit = self.tried[()].calibration
+            self._known = footprints(self.bench, fit, self.bench.effects, fit)
+        return self._known
 
     @property
     def noise(self) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from deatwin.ident.greybox import FitStatus
-from deatwin.ident.mismatch.naming import forms
+from deatwin.ident.mismatch.naming import forms, sets
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import (
     Distance,
@@ -528,6 +528,24 @@ def test_another_form_is_tried_where_it_or_an_effect_takes_much(left, bare, read
     naming = search.decided([])
     assert naming.best is None
     assert search.may_be_misread([delay.effects], naming, candidate(rms=bare)) is read_otherwise
+
+
+def test_another_form_is_screened_by_its_own_plant_once_that_is_asked_for(monkeypatch):
+    """Footprints in a plant that was calibrated in the rig file's form said nothing of a lag in another one."""
+    screened = []
+    monkeypatch.setattr(sets, "footprints", lambda bench, base, effects, fit: screened.append((base, fit)) or ["found"])
+    effects = [SimpleNamespace(name="creep"), SimpleNamespace(name="mullins")]
+    of_creep = SimpleNamespace(effect=effects[0])
+    search = Search(SimpleNamespace(effects=effects, jobs=1), candidate(rms=6.0), [of_creep])
+    assert search.known == [of_creep]
+    form = candidate(rms=5.0)
+    other = search.in_form_of(form)
+    assert screened == []
+    assert other.known == other.known == ["found"]
+    assert screened == [(form.calibration, form.calibration)]
+    assert search.failed == other.failed == ["mullins"]  # which no plant could be simulated with
+    other.failed.append("creep+delay")
+    assert search.in_form_of(form).failed == search.failed == ["mullins"]
 
 
 @pytest.fixture
