@@ -18,9 +18,11 @@ from deatwin.ident.mismatch.excess import excess_over_floor
 from deatwin.ident.mismatch.floor import floor_of, with_model_error
 from deatwin.ident.mismatch.gate.gate import Gate, Soundness, confirm, gate, split
 from deatwin.ident.mismatch.locate import locate, locate_time, readings, tracks
+from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming, nothing_tried
 from deatwin.ident.mismatch.naming.name import name_causes
 from deatwin.ident.mismatch.naming.screen import footprints
+from deatwin.ident.mismatch.naming.worth import takes_most
 from deatwin.ident.mismatch.refit.base import Base, calibrate_base
 from deatwin.ident.mismatch.refit.search import at_its_time
 from deatwin.ident.mismatch.steps import Step, base_step, fit_step, found_step, gate_step
@@ -119,8 +121,9 @@ def diagnose(
     tell(0.8, "verifying on unseen data")
     verification = verify(base.chosen, naming.best or base.chosen, for_verification, bench, naming.candidates)
     keep(found_step("verify", verification if verification.ablations else None))
-    naming = _doubting(naming, verification)
-    verdict = _verdict(bench, checked, base, detection, naming, verification)
+    spared = _without_doubted(naming, verification)
+    naming = naming.as_likely(spared)
+    verdict = _verdict(bench, checked, base, detection, naming, verification.holds or bool(spared))
     named = naming.best is not None and verdict in (Verdict.NAMED, Verdict.AMBIGUOUS)
     answer = naming.best if named and naming.best is not None else base.chosen
 
@@ -190,7 +193,7 @@ def _late_onset(base: Base, checked: Gate) -> float | None:
 
 
 def _verdict(
-    bench: Bench, checked: Gate, base: Base, detection: Detection, naming: Naming, verification: Verification
+    bench: Bench, checked: Gate, base: Base, detection: Detection, naming: Naming, stands: bool
 ) -> Verdict:
     if checked.soundness is Soundness.FAULTY:
         return Verdict.DATA_FAULT
@@ -198,19 +201,22 @@ def _verdict(
         if not detection.testable:
             return Verdict.NOT_TESTABLE
         return Verdict.PARAMETERS if _nominal_is_off(bench, base) else Verdict.NONE
-    stands = verification.holds or (verification.doubted and naming.rivals)
     if naming.best is None or not stands:
         return Verdict.DISTURBANCE if detection.disturbance else Verdict.UNKNOWN
     return Verdict.AMBIGUOUS if naming.rivals else Verdict.NAMED
 
 
-def _doubting(naming: Naming, verification: Verification) -> Naming:
-    """The naming, with the explanation that lacks a doubted effect among the rivals; none where one is not known."""
-    if naming.best is None or not verification.doubted:
-        return naming
+def _without_doubted(naming: Naming, verification: Verification) -> list[Candidate]:
+    """The explanation without each effect that unseen data do not show for certain.
+
+    None where one of them is not known, or does not explain most: then there is nothing that stands without it.
+    """
+    if naming.best is None:
+        return []
     known = {frozenset(c.effects): c for c in naming.candidates if not c.calibration.given_up}
     rest = [known.get(frozenset(naming.best.effects) - {name}) for name in verification.doubted]
-    return naming.as_likely([c for c in rest if c is not None])
+    standing = [c for c in rest if c is not None and (c in naming.rivals or takes_most(c, naming.base))]
+    return standing if len(standing) == len(rest) else []
 
 
 def _nominal_is_off(bench: Bench, base: Base) -> bool:

@@ -184,6 +184,7 @@ class Job:
         except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
             return
         self.share = min(max(share, self.share), 1.0)
+        step = step.partition(" (")[0]  # in brackets stands what of it is done
         if step and share < 1.0 and (not self.steps or self.steps[-1][0] != step):
             self.steps.append((step, self.seconds))
         if "sentence" in facts:

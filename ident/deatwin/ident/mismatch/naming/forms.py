@@ -43,7 +43,7 @@ def in_form(search: Search, rival: Candidate, stage: Sequence[Names]) -> tuple[S
     # What an effect promises in another form nobody knows.
     chosen = {name: replace(search.leads[name], share=0.0) for names in best for name in names}
     if search.is_clearly_worse_than(rival):
-        chosen |= {lead.effect.name: lead for lead in leads(other.known, fit)[:BESIDE]}
+        chosen |= {lead.effect.name: lead for lead in leads(other.known(), fit)[:BESIDE]}
     other.leads = chosen
     found = other.attempt(trials_of(unbent, fit, chosen.values()), rival=search.least_rms(stage))
     other.judge_by_the_best(found)

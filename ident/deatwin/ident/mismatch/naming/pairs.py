@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 
 from deatwin.ident.mismatch.naming.decide import STRONG, Naming
 from deatwin.ident.mismatch.naming.overlap import SHARED, in_common
-from deatwin.ident.mismatch.naming.worth import TRIFLE, gained
+from deatwin.ident.mismatch.naming.worth import TRIFLE, gained, suffices
 
 if TYPE_CHECKING:
+    from deatwin.ident.mismatch.naming.candidate import Candidate
     from deatwin.ident.mismatch.naming.sets import Search
 
 __all__ = ["Names", "barely", "each_without_one", "with_a_second"]
@@ -74,21 +75,25 @@ def with_a_second(search: Search, naming: Naming) -> Naming:
     search.beside(first.effects)
     best = search.best_of(_of_two(search, first.effects))
     if best is None:
-        return _with_all(search, naming)
+        return _with_all(search, naming, first)
     search.fit_fewer(best)
     search.replacing(first.effects, best)
     found = _doubted(search, _of_two(search))
+    if found.best is not None and found.best.effects != best:  # a fit given up, or rough, says little of one alone
+        search.fit_fewer(found.best.effects)
+        found = _doubted(search, _of_two(search))
     alone = search.tried[first.effects].evidence
     likelier = found.best is not None and found.best.evidence - alone > STRONG
-    return found if likelier else _with_all(search, naming)
+    return found if likelier else _with_all(search, naming, first)
 
 
-def _with_all(search: Search, naming: Naming) -> Naming:
-    """The same decision, with all that was tried since; its best one may have a better fit by now."""
+def _with_all(search: Search, naming: Naming, first: Candidate) -> Naming:
+    """The same decision, with all that was tried since; its `first` one has a better fit by now, if that suffices."""
     tried = tuple(search.tried.values())
     now = {id(c.calibration): c for c in tried}
-    best = None if naming.best is None else search.tried[naming.best.effects]
     rivals = tuple(now.get(id(c.calibration), c) for c in naming.rivals)  # those of other forms are not in this search
+    again, before = search.tried[first.effects], now.get(id(first.calibration), first)
+    best = again if suffices(again, search.tried[()]) and search.counts(again) else before
     return replace(naming, candidates=tried, best=best, rivals=rivals, noise=search.noise)
 
 
@@ -115,7 +120,8 @@ def _is_of_two(search: Search, names: Names) -> bool:
     pair, base = search.tried[names], search.tried[()]
     if not (pair.adequate and search.counts(pair) and _each_takes(search, names, TENTH)):
         return False
-    return in_common(pair, list(search.without_one(names)), base) < SHARED * gained(pair, base)
+    alone = list(search.without_one(names))
+    return len(alone) == len(names) and in_common(pair, alone, base) < SHARED * gained(pair, base)
 
 
 def _each_takes(search: Search, names: Names, share: float) -> bool:

@@ -67,23 +67,26 @@ class Search:
         self.bench, self.fitted, self._known = bench, fitted, known
         self.tried: dict[Names, Candidate] = {(): base}
         self.leads: dict[str, Lead] = {}
-        seen = {footprint.effect.name for footprint in known or ()}
-        self.unscreened = [] if known is None else [e.name for e in bench.effects if e.name not in seen]
-        self.failed = list(self.unscreened)
+        self.failed: list[str] = [] if known is None else self._not_screened(known)
 
     def in_form_of(self, base: Candidate) -> Search:
         """A search in another form of the plant, `base`, where nothing was tried yet."""
         other = Search(self.bench, base, None, self.fitted)
-        other.unscreened, other.failed = self.unscreened, list(self.unscreened)
+        other.failed = [name for name in self.failed if "+" not in name]
         return other
 
-    @property
     def known(self) -> Sequence[Footprint]:
-        """Footprints of all effects in the base plant of this form: in one with other values they say little of it."""
+        """Footprints of all effects in the base plant of this form: those of another form say little of it."""
         if self._known is None:
             fit = self.tried[()].calibration
             self._known = footprints(self.bench, fit, self.bench.effects, fit)
+            self.failed = self._not_screened(self._known)
         return self._known
+
+    def _not_screened(self, known: Sequence[Footprint]) -> list[str]:
+        """Effects with which the base plant cannot be simulated, but for those that were fitted all the same."""
+        seen = {footprint.effect.name for footprint in known}
+        return [e.name for e in self.bench.effects if e.name not in seen and (e.name,) not in self.tried]
 
     @property
     def noise(self) -> float:
@@ -95,6 +98,9 @@ class Search:
     def best_of(self, stage: Sequence[Names]) -> Names | None:
         """The set of a `stage` with the most evidence; None of none."""
         return max(stage, key=lambda names: self.tried[names].evidence, default=None)
+
+    def _ranked(self, stage: Sequence[Names]) -> list[Names]:
+        return sorted(stage, key=lambda names: -self.tried[names].evidence)
 
     def with_one_more(self, stage: Sequence[Names], finished: Finished | None = None) -> list[Names]:
         """Sets of one more effect beside the best of a `stage`, and in its place; none where none helps.
@@ -109,16 +115,14 @@ class Search:
             found += beside
             finished = None  # nobody knew of a second beginning
             # In their order, not all at once: to know whether a set counts may take a fit.
-            ranked = sorted(beside, key=lambda names: -self.tried[names].evidence)
-            best = next((names for names in ranked if self.each_counts(names)), None)
+            best = next((names for names in self._ranked(beside) if self.each_counts(names)), None)
             if best is not None:
                 return found + self.replacing(before, best)
         return []  # a further effect does not help: another one beside it would not be understood
 
     def _beginnings(self, stage: Sequence[Names]) -> list[Names]:
         """The sets of a `stage` beside which a further effect is looked for, in their order."""
-        left = [names for names in stage if not self.leaves_a_trifle(names)]
-        ranked = sorted(left, key=lambda names: -self.tried[names].evidence)
+        ranked = self._ranked([names for names in stage if not self.leaves_a_trifle(names)])
         if any(len(names) > 1 for names in ranked):
             return [names for names in ranked[:1] if self._takes_most(self.tried[names])]
         return [*ranked[:1], *(names for names in ranked[1:2] if self._takes_most(self.tried[names]))]
@@ -168,8 +172,7 @@ class Search:
     def _good_alone(self, names: Names) -> list[Lead]:
         """What explained most by itself: the score is blind to what the plant is still bent to imitate."""
         alone = [single for single in self.tried if len(single) == 1 and single[0] not in names]
-        best = sorted(alone, key=lambda single: -self.tried[single].evidence)[:ALONE]
-        return [self.leads[single[0]] for single in best if single[0] in self.leads]
+        return [self.leads[single[0]] for single in self._ranked(alone)[:ALONE] if single[0] in self.leads]
 
     def leaves_a_trifle(self, names: Names) -> bool:
         """Whether no further effect beside `names` could count."""
@@ -219,13 +222,8 @@ class Search:
 
     def each_counts(self, names: Names) -> bool:
         """Whether what returns when any effect of `names` is taken out is more than the model error, and no trifle."""
-        least = max(self.floor_power(names), TRIFLE * self.mismatch_power)
+        least = max(self.floor_power(names), TRIFLE * self.missing([()]))
         return all(gained(self.tried[names], less) >= least for less in self.without_one(names))
-
-    @property
-    def mismatch_power(self) -> float:
-        """Mean square of what the base plant leaves beyond the noise."""
-        return float(self.tried[()].losses.mean() - self.noise**2)
 
     def without_one(self, names: Names) -> Iterator[Candidate]:
         """The sets without one effect of `names`, those first that are known: each other one takes a fit."""
@@ -348,6 +346,7 @@ class Search:
         found = run_trials(self.bench, trials, self.noise, finished, self.fitted, rival)
         self.tried.update({candidate.effects: candidate for candidate in found})
         lost = ["+".join(self._names(t)) for t in trials if self._names(t) not in self.tried]
+        self.failed = [names for names in self.failed if tuple(names.split("+")) not in self.tried]
         self.failed += [names for names in lost if names not in self.failed]
         # What a wrong plant leaves at the top of the spectrum is no noise: the best explanation shows the least.
         noise = min([self.noise, *(noise_seen(c.calibration, self.bench.fitted) for c in found)])
@@ -389,10 +388,10 @@ class Search:
         """What each further effect could explain of what a candidate leaves."""
         fit, base = self.tried[names].calibration, self.tried[()].calibration
         if not names:
-            return leads(self.known, fit)
+            return leads(self.known(), fit)
         free = [effect for effect in self.bench.effects if effect.name not in fit.plant.effect_names]
         times = np.concatenate([part.timepts for part in self.bench.fitted])
         looking = [effect for effect in free if effect.starts(times, fit.residuals)]
         again = footprints(self.bench, base, looking, fit)
         others = {e.name for e in free} - {e.name for e in looking}
-        return leads([*(f for f in self.known if f.effect.name in others), *again], fit)
+        return leads([*(f for f in self.known() if f.effect.name in others), *again], fit)

@@ -107,7 +107,7 @@ class Verification:
 
     @property
     def holds(self) -> bool:
-        """Whether the explanation may be shown as an improvement."""
+        """Whether nothing speaks against the explanation; see `doubted` for when it is shown all the same."""
         return not self.failures
 
     @property

@@ -20,6 +20,7 @@ from deatwin.ident.mismatch.naming.decide import (
 )
 from deatwin.ident.mismatch.naming.forms import with_fewer
 from deatwin.ident.mismatch.naming.name import _best_form, _with_more
+from deatwin.ident.mismatch.naming.screen import Lead
 from deatwin.ident.mismatch.naming.sets import Search
 from deatwin.ident.mismatch.naming.trial import _otherwise
 from deatwin.ident.mismatch.naming.worth import suffices
@@ -490,13 +491,14 @@ def test_where_nothing_counts_beside_the_best_the_next_best_is_gone_on_with_if_i
     """What is best alone may only imitate two others, of which the next best is one."""
     base, creep, jump = candidate(rms=28.3), candidate("creep", rms=11.5), candidate("sensor_jump", rms=next_best)
     idle, pair = candidate("creep", "delay", rms=11.4), candidate("charge_injection", "sensor_jump", rms=5.0)
-    others = candidate("delay", rms=28.0), candidate("charge_injection", rms=18.0)
+    third = candidate("hysteresis", rms=next_best + 0.05)  # there is no third beginning
+    others = candidate("delay", rms=28.0), candidate("charge_injection", rms=18.0), third
     search = search_over(base, creep, jump, idle, pair, *others)
     beside = {("creep",): [idle.effects], ("sensor_jump",): [pair.effects]}
     been, told = [], []
     search.beside = lambda names, finished: told.append(finished) or been.append(names) or beside[names]
     search.replacing = lambda before, best: [("replaced", *before)]
-    stage = [others[0].effects, jump.effects, creep.effects]
+    stage = [others[0].effects, third.effects, jump.effects, creep.effects]
     found = search.with_one_more(stage, len)
     assert been == asked
     assert told == [len, None][: len(asked)]  # the share that is done does not go back
@@ -533,19 +535,39 @@ def test_another_form_is_tried_where_it_or_an_effect_takes_much(left, bare, read
 def test_another_form_is_screened_by_its_own_plant_once_that_is_asked_for(monkeypatch):
     """Footprints in a plant that was calibrated in the rig file's form said nothing of a lag in another one."""
     screened = []
-    monkeypatch.setattr(sets, "footprints", lambda bench, base, effects, fit: screened.append((base, fit)) or ["found"])
     effects = [SimpleNamespace(name="creep"), SimpleNamespace(name="mullins")]
-    of_creep = SimpleNamespace(effect=effects[0])
+    of_creep, of_mullins = (SimpleNamespace(effect=effect) for effect in effects)
+    monkeypatch.setattr(sets, "footprints", lambda _, base, __, fit: screened.append((base, fit)) or [of_mullins])
     search = Search(SimpleNamespace(effects=effects, jobs=1), candidate(rms=6.0), [of_creep])
-    assert search.known == [of_creep]
+    assert search.known() == [of_creep]
     form = candidate(rms=5.0)
     other = search.in_form_of(form)
     assert screened == []
-    assert other.known == other.known == ["found"]
+    assert search.failed == other.failed == ["mullins"]  # with which the rig file's form could not be simulated
+    other.tried["creep",] = candidate("creep", rms=4.0)
+    assert other.known() == other.known() == [of_mullins]
     assert screened == [(form.calibration, form.calibration)]
-    assert search.failed == other.failed == ["mullins"]  # which no plant could be simulated with
+    assert other.failed == []  # the one was screened here, the other fitted
     other.failed.append("creep+delay")
-    assert search.in_form_of(form).failed == search.failed == ["mullins"]
+    assert other.in_form_of(form).failed == []
+    assert search.failed == ["mullins"]
+
+
+@pytest.mark.parametrize("left, tried", [(4.0, {"creep", "delay", "mullins"}), (5.9, {"creep", "delay"})])
+def test_a_form_that_leaves_clearly_less_is_tried_with_what_promises_most_there(monkeypatch, left, tried):
+    lead = {name: Lead(effect=SimpleNamespace(name=name), share=0.5, estimate=None) for name in tried | {"mullins"}}
+    stage = [("creep",), ("delay",)]
+    search = search_over(candidate(rms=6.0), candidate("creep", rms=3.0), candidate("delay", rms=4.0))
+    search.bench.nominal = SimpleNamespace(with_rig=lambda rig: None)
+    search.leads = {name: lead[name] for name in ("creep", "delay")}
+    monkeypatch.setattr(
+        sets, "footprints", lambda bench, base, effects, fit: [SimpleNamespace(effect=lead["mullins"].effect, of=base)]
+    )
+    monkeypatch.setattr(forms, "leads", lambda known, fit: [lead["mullins"]] if known[0].of is fit else [])
+    monkeypatch.setattr(forms, "trials_of", lambda unbent, fit, chosen: list(chosen))
+    monkeypatch.setattr(Search, "attempt", lambda self, trials, rival: [trial.effect.name for trial in trials])
+    monkeypatch.setattr(Search, "judge_by_the_best", lambda self, stage: None)
+    assert set(forms.in_form(search, candidate(rms=left), stage)[1]) == tried
 
 
 @pytest.fixture

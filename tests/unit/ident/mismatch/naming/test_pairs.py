@@ -141,6 +141,18 @@ def test_what_was_given_up_alone_is_fitted_from_the_pair_before_it_counts():
     assert decided(Known(*known, better=(better,))).best is better
 
 
+def test_a_better_fit_of_the_first_that_fails_on_unseen_data_is_not_taken():
+    known = candidate((), 5.0), candidate(CLIP, 2.9), candidate(CREEP, 4.6), candidate(PAIR, 2.2)
+    search = Known(*known, better=(candidate(CLIP, 2.7, 4.5), candidate(CREEP, 2.5)))
+    assert decided(search).best is known[1]
+
+
+def test_two_of_which_one_cannot_be_fitted_alone_are_not_known_to_be_two():
+    search = Known(candidate((), 5.0), candidate(CLIP, 3.0), candidate(PAIR, 2.2))
+    search.failed = ["creep"]
+    assert decided(search).best.effects == CLIP
+
+
 def test_a_pair_that_was_tried_before_a_single_effect_was_found_to_do_counts():
     other = ("amplifier_saturation", "hysteresis")
     search = Known(
