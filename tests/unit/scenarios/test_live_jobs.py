@@ -1,5 +1,6 @@
 """The live view's diagnoses: how they are started, followed, cancelled and refused, and what they leave."""
 
+import json
 import os
 import re
 import signal
@@ -65,6 +66,14 @@ def test_a_job_is_followed_to_its_end(root: Path) -> None:
     assert (job.state, job.share, job.sentence) == (State.DONE, 1.0, "named: it creeps")
     assert [step for step, _ in job.steps] == ["fitting"] and 0 <= job.steps[0][1] <= job.seconds
     assert Desk.look(root).results == ("found",)
+
+
+def test_what_is_done_within_a_step_is_no_step(root: Path) -> None:
+    job = board(root, "").start(order())
+    job.wait(30)
+    for share, step in ((0.3, "building in effects"), (0.3, "building in effects (creep)"), (0.8, "verifying")):
+        job._hear(json.dumps({"share": share, "step": step}))
+    assert [step for step, _ in job.steps] == ["building in effects", "verifying"]
 
 
 def test_a_job_gets_the_arguments_of_the_command(root: Path) -> None:
