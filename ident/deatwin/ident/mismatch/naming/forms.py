@@ -39,9 +39,8 @@ def in_form(search: Search, rival: Candidate, stage: Sequence[Names]) -> tuple[S
     """
     fit, other = rival.calibration, search.in_form_of(rival)
     unbent = search.bench.nominal.with_rig(fit.plant.rig)
-    best = sorted(stage, key=lambda names: -search.tried[names].evidence)[:AGAIN]
     # What an effect promises in another form nobody knows.
-    chosen = {name: replace(search.leads[name], share=0.0) for names in best for name in names}
+    chosen = {n: replace(search.leads[n], share=0.0) for names in search.ranked(stage)[:AGAIN] for n in names}
     if search.is_clearly_worse_than(rival):
         chosen |= {lead.effect.name: lead for lead in leads(other.known(), fit)[:BESIDE]}
     other.leads = chosen

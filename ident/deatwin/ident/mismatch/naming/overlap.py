@@ -8,14 +8,14 @@ from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming
 from deatwin.ident.mismatch.naming.worth import gained
 
-__all__ = ["SHARED", "in_common", "with_overlap"]
+__all__ = ["have_most_in_common", "with_overlap"]
 
 SHARED = 0.5
 """Share of what a pair explains, from which on the two are doubted: either alone explains so much of it."""
 
 
-def in_common(pair: Candidate, alone: Sequence[Candidate], base: Candidate) -> float:
-    """What two effects have in common of what they explain.
+def have_most_in_common(pair: Candidate, alone: Sequence[Candidate], base: Candidate) -> bool:
+    """Whether either of two effects alone explains half of what both do together.
 
     Parameters
     ----------
@@ -28,9 +28,13 @@ def in_common(pair: Candidate, alone: Sequence[Candidate], base: Candidate) -> f
 
     Returns
     -------
-    float
-        Mean square that either alone takes away; negative where one shows the other.
+    bool
     """
+    return _in_common(pair, alone, base) >= SHARED * gained(pair, base)
+
+
+def _in_common(pair: Candidate, alone: Sequence[Candidate], base: Candidate) -> float:
+    """Mean square that either effect of a pair alone takes away; negative where one shows the other."""
     return sum(gained(single, base) for single in alone) - gained(pair, base)
 
 
@@ -57,9 +61,7 @@ def with_overlap(naming: Naming, possible: Callable[[Candidate], bool]) -> Namin
         return naming
     singles = {c.effects: c for c in naming.candidates if len(c.effects) == 1 and not c.calibration.given_up}
     alone = [singles[name,] for name in best.effects if (name,) in singles]
-    if len(alone) < len(best.effects):
+    if len(alone) < len(best.effects) or not have_most_in_common(best, alone, naming.base):
         return naming
-    common = in_common(best, alone, naming.base)
-    if common < SHARED * gained(best, naming.base):
-        return naming
+    common = _in_common(best, alone, naming.base)
     return naming.as_likely([c for c in singles.values() if gained(c, naming.base) >= common and possible(c)])

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from deatwin.ident.mismatch.naming.decide import STRONG, Naming
-from deatwin.ident.mismatch.naming.overlap import SHARED, in_common
+from deatwin.ident.mismatch.naming.overlap import have_most_in_common
 from deatwin.ident.mismatch.naming.worth import TRIFLE, gained, suffices
 
 if TYPE_CHECKING:
@@ -121,7 +121,7 @@ def _is_of_two(search: Search, names: Names) -> bool:
     if not (pair.adequate and search.counts(pair) and _each_takes(search, names, TENTH)):
         return False
     alone = list(search.without_one(names))
-    return len(alone) == len(names) and in_common(pair, alone, base) < SHARED * gained(pair, base)
+    return len(alone) == len(names) and not have_most_in_common(pair, alone, base)
 
 
 def _each_takes(search: Search, names: Names, share: float) -> bool:

@@ -67,26 +67,32 @@ class Search:
         self.bench, self.fitted, self._known = bench, fitted, known
         self.tried: dict[Names, Candidate] = {(): base}
         self.leads: dict[str, Lead] = {}
-        self.failed: list[str] = [] if known is None else self._not_screened(known)
+        self.lost: list[str] = []
+        self._unscreened: list[str] = [] if known is None else self._not_in(known)
 
     def in_form_of(self, base: Candidate) -> Search:
         """A search in another form of the plant, `base`, where nothing was tried yet."""
         other = Search(self.bench, base, None, self.fitted)
-        other.failed = [name for name in self.failed if "+" not in name]
+        other._unscreened = [name for name in self._unscreened if (name,) not in self.tried]
         return other
+
+    @property
+    def failed(self) -> list[str]:
+        """Effects and sets of effects with which no plant could be simulated, in this form as far as that is known."""
+        known = dict.fromkeys((*self._unscreened, *self.lost))
+        return [names for names in known if tuple(names.split("+")) not in self.tried]
 
     def known(self) -> Sequence[Footprint]:
         """Footprints of all effects in the base plant of this form: those of another form say little of it."""
         if self._known is None:
             fit = self.tried[()].calibration
             self._known = footprints(self.bench, fit, self.bench.effects, fit)
-            self.failed = self._not_screened(self._known)
+            self._unscreened = self._not_in(self._known)
         return self._known
 
-    def _not_screened(self, known: Sequence[Footprint]) -> list[str]:
-        """Effects with which the base plant cannot be simulated, but for those that were fitted all the same."""
+    def _not_in(self, known: Sequence[Footprint]) -> list[str]:
         seen = {footprint.effect.name for footprint in known}
-        return [e.name for e in self.bench.effects if e.name not in seen and (e.name,) not in self.tried]
+        return [e.name for e in self.bench.effects if e.name not in seen]
 
     @property
     def noise(self) -> float:
@@ -99,7 +105,8 @@ class Search:
         """The set of a `stage` with the most evidence; None of none."""
         return max(stage, key=lambda names: self.tried[names].evidence, default=None)
 
-    def _ranked(self, stage: Sequence[Names]) -> list[Names]:
+    def ranked(self, stage: Sequence[Names]) -> list[Names]:
+        """The sets of a `stage`, those with the most evidence first."""
         return sorted(stage, key=lambda names: -self.tried[names].evidence)
 
     def with_one_more(self, stage: Sequence[Names], finished: Finished | None = None) -> list[Names]:
@@ -115,14 +122,14 @@ class Search:
             found += beside
             finished = None  # nobody knew of a second beginning
             # In their order, not all at once: to know whether a set counts may take a fit.
-            best = next((names for names in self._ranked(beside) if self.each_counts(names)), None)
+            best = next((names for names in self.ranked(beside) if self.each_counts(names)), None)
             if best is not None:
                 return found + self.replacing(before, best)
         return []  # a further effect does not help: another one beside it would not be understood
 
     def _beginnings(self, stage: Sequence[Names]) -> list[Names]:
         """The sets of a `stage` beside which a further effect is looked for, in their order."""
-        ranked = self._ranked([names for names in stage if not self.leaves_a_trifle(names)])
+        ranked = self.ranked([names for names in stage if not self.leaves_a_trifle(names)])
         if any(len(names) > 1 for names in ranked):
             return [names for names in ranked[:1] if self._takes_most(self.tried[names])]
         return [*ranked[:1], *(names for names in ranked[1:2] if self._takes_most(self.tried[names]))]
@@ -172,7 +179,7 @@ class Search:
     def _good_alone(self, names: Names) -> list[Lead]:
         """What explained most by itself: the score is blind to what the plant is still bent to imitate."""
         alone = [single for single in self.tried if len(single) == 1 and single[0] not in names]
-        return [self.leads[single[0]] for single in self._ranked(alone)[:ALONE] if single[0] in self.leads]
+        return [self.leads[single[0]] for single in self.ranked(alone)[:ALONE] if single[0] in self.leads]
 
     def leaves_a_trifle(self, names: Names) -> bool:
         """Whether no further effect beside `names` could count."""
@@ -345,9 +352,7 @@ class Search:
         """
         found = run_trials(self.bench, trials, self.noise, finished, self.fitted, rival)
         self.tried.update({candidate.effects: candidate for candidate in found})
-        lost = ["+".join(self._names(t)) for t in trials if self._names(t) not in self.tried]
-        self.failed = [names for names in self.failed if tuple(names.split("+")) not in self.tried]
-        self.failed += [names for names in lost if names not in self.failed]
+        self.lost += ["+".join(self._names(t)) for t in trials if self._names(t) not in self.tried]
         # What a wrong plant leaves at the top of the spectrum is no noise: the best explanation shows the least.
         noise = min([self.noise, *(noise_seen(c.calibration, self.bench.fitted) for c in found)])
         self.tried = {names: replace(candidate, noise=noise) for names, candidate in self.tried.items()}
@@ -364,10 +369,9 @@ class Search:
 
         A fit of fewer effects that was given up or left rough may have been far from its minimum.
         """
-        fewer = each_without_one(full)
-        for rest in fewer:
+        for rest in each_without_one(full):
             self.fit_from(full, rest)
-        return [rest for rest in fewer if rest in self.tried]
+        return [rest for rest in each_without_one(full) if rest in self.tried]
 
     def fit_from(self, full: Names, rest: Names) -> None:
         """Fit `rest`, some of the effects of the set `full`, from the values of that, and keep the better fit."""

@@ -235,7 +235,7 @@ def test_a_fit_that_cannot_be_had_is_tried_once(monkeypatch):
 
     def lost(full, rest):
         asked.append(rest)
-        search.failed.append("+".join(rest))
+        search.lost.append("+".join(rest))
 
     monkeypatch.setattr(search, "_fit_some", lost)
     assert search.each_counts(("creep", "delay"))  # as far as it is known: without delay much returns
@@ -544,11 +544,15 @@ def test_another_form_is_screened_by_its_own_plant_once_that_is_asked_for(monkey
     other = search.in_form_of(form)
     assert screened == []
     assert search.failed == other.failed == ["mullins"]  # with which the rig file's form could not be simulated
+    other.lost.append("delay")
     other.tried["creep",] = candidate("creep", rms=4.0)
     assert other.known() == other.known() == [of_mullins]
     assert screened == [(form.calibration, form.calibration)]
-    assert other.failed == []  # the one was screened here, the other fitted
-    other.failed.append("creep+delay")
+    assert other.failed == ["delay"]  # of the others one was screened here and one fitted; what was lost stays so
+    other.tried["delay",] = candidate("delay", rms=4.0)
+    assert other.failed == []
+    other.lost.append("creep+delay")
+    assert other.failed == ["creep+delay"]
     assert other.in_form_of(form).failed == []
     assert search.failed == ["mullins"]
 

@@ -149,7 +149,7 @@ def test_a_better_fit_of_the_first_that_fails_on_unseen_data_is_not_taken():
 
 def test_two_of_which_one_cannot_be_fitted_alone_are_not_known_to_be_two():
     search = Known(candidate((), 5.0), candidate(CLIP, 3.0), candidate(PAIR, 2.2))
-    search.failed = ["creep"]
+    search.lost = ["creep"]
     assert decided(search).best.effects == CLIP
 
 
