@@ -17,8 +17,9 @@ from deatwin.plant.effects.base import Effect
 
 __all__ = ["siblings"]
 
-ALIKE = 0.5
-"""Share of what an effect does to the readings, that another could do to first order, to be tried as well."""
+ALIKE = 0.25
+"""Share of what an effect does to the readings, that another could do to first order, to be tried as well: they
+correlate by a half. The rest may be what the effect that was found imitates badly."""
 LOOKED_AT = 8
 """So many, the most alike at a weak strength, are looked at at their own strength,"""
 MOST = 3
@@ -28,7 +29,7 @@ WEAK = 0.1
 
 
 def siblings(bench: Bench, explanation: Calibration, added: Sequence[str], effects: Sequence[Effect]) -> list[Lead]:
-    """What could do, to first order, most of what an added effect does to the readings.
+    """What could do, to first order, much of what an added effect does to the readings.
 
     In a small mismatch the noise decides which effects promise most of the residual, and where the plant was bent far
     to imitate the mismatch, none does. What an effect does to the plant that was fitted with it has neither fault.

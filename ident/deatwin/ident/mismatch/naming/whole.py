@@ -49,26 +49,32 @@ def settled_on_everything(
     Naming
         Without a best one where none leaves little enough of all recordings, or none is hopeful; led by what is
         likelier by far, if that leaves as little and takes most of the unseen part: else that part would refute it.
+        What describes the fitted part as well, but is no possible rival for its extrapolation, is one if all
+        recordings speak for it.
     """
     noise = tried[0].noise
     known = {c.effects: c for c in stage if possible(c)}
     chosen = {c.effects for c in known.values() if hopeful(c)}
     if not chosen:
         return decide(tried, (), noise, hopeful, possible)
-    competing = [(c, bench.everything) for c in (tried[0], *known.values())]
+    strayed = {c.effects: c for c in stage if c.effects not in known and _describes_the_fitted(c, tried[0])}
+    competing = [(c, bench.everything) for c in (tried[0], *known.values(), *strayed.values())]
     base, *found = run_jobs(_on_everything, competing, workers=bench.jobs)
     if base is None:
         return decide(tried, (), noise, hopeful, possible)
-    wholes = [whole for whole in found if whole is not None]
+    fitted = [whole for whole in found if whole is not None]
+    wholes = [whole for whole in fitted if whole.effects in known]
     enough = [whole for whole in wholes if _settles(whole, base)]
     naming = decide(tried, wholes, noise, lambda whole: whole.effects in chosen and whole in enough, lambda whole: True)
     if naming.best is None:
         return naming
     holding = [whole for whole in enough if _holds(known[whole.effects], tried[0])]
     likeliest = max(holding, key=lambda whole: whole.evidence, default=naming.best)
-    led = naming.led_by(likeliest) if likeliest.evidence - naming.best.evidence > STRONG else naming
-    first, *others = (known[c.effects] for c in (led.best, *led.rivals) if c is not None)
-    return replace(led, best=first, rivals=tuple(others))
+    whole = likeliest if likeliest.evidence - naming.best.evidence > STRONG else naming.best
+    led, first = naming.led_by(whole), known[whole.effects]
+    answer = replace(led, best=first, rivals=tuple(known[c.effects] for c in led.rivals))
+    back = [strayed[w.effects] for w in fitted if w.effects in strayed and whole.evidence - w.evidence < STRONG]
+    return answer.as_likely([c for c in back if _evidence(first.calibration) - _evidence(c.calibration) < STRONG])
 
 
 def judged_on_everything(naming: Naming, bench: Bench, possible: Callable[[Candidate], bool]) -> Naming:
@@ -127,6 +133,12 @@ def _on_everything(candidate: Candidate, parts: Sequence[Part]) -> Candidate | N
     if not fit.status.ok:
         return None
     return replace(candidate, calibration=fit, unseen=np.zeros(0), sizes=tuple((part.size, 0) for part in parts))
+
+
+def _describes_the_fitted(candidate: Candidate, base: Candidate) -> bool:
+    """Whether a fit takes away most of what the base plant leaves of the fitted part, and is near the floor there."""
+    most = share_explained(candidate.fitted_test, base.fitted_test) > MOST
+    return most and is_near_floor(candidate.fitted_test)
 
 
 def _settles(whole: Candidate, base: Candidate) -> bool:

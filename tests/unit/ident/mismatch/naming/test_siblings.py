@@ -77,8 +77,8 @@ def measured(readings: np.ndarray) -> Recording:
     )  # fmt: skip
 
 
-def explained() -> tuple[Any, Any]:
-    part = Part.whole(Experiment(recordings=(measured(GAIN * lagged(COMMANDS, LAG)),)))
+def explained(lag: float = LAG) -> tuple[Any, Any]:
+    part = Part.whole(Experiment(recordings=(measured(GAIN * lagged(COMMANDS, lag)),)))
     fit = calibrate(Plant(rig=Mirror()).with_effects(SensorLag(time=0.02)), [part], tolerance=1e-10)
     return SimpleNamespace(fitted=(part,), jobs=1, nominal=Plant(rig=Mirror())), fit
 
@@ -101,8 +101,16 @@ def test_a_delay_acts_as_a_lag_does_and_a_drift_does_not():
     wanted = off(lagged(COMMANDS, LAG) - COMMANDS)
     change = off(late(found.estimate.time) - COMMANDS)
     share = (change @ wanted) ** 2 / (change @ change) / (wanted @ wanted)
-    assert share > 0.5
+    assert share > 0.25
     assert found.share == pytest.approx(share, rel=0.02)  # the start from rest, one sample, is not quite the same
+
+
+# As above in closed form, a delay of a sample does 0.25 of what a lag of 0.2 s does, and a longer one more; 0.06 of one
+# of 1 s.
+@pytest.mark.parametrize(("lag", "alike"), [(0.2, ["delay"]), (1.0, [])])
+def test_what_correlates_by_a_half_is_alike(lag, alike):
+    bench, fit = explained(lag)
+    assert [lead.effect.name for lead in siblings(bench, fit, ("sensor_lag",), [SensorDrift(), Delay()])] == alike
 
 
 @pytest.mark.parametrize("curvature", [20.0, -20.0])

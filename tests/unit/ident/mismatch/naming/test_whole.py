@@ -155,3 +155,31 @@ def test_what_the_unseen_part_would_refute_does_not_lead(together, unseen, leads
     found = settled(together, LONG, rough, together={"dielectric_absorption": 2.45, "creep": 2.4})
     assert (found.best is rough) is leads
     assert {found.best, *found.rivals} == {LONG, rough}
+
+
+def settled_beside_what_strays(leave, fitted: float, everything: float) -> Naming:
+    """The same, where one that errs on most of the unseen part leaves these sizes of the fitted one and of all."""
+    strayed = candidate("creep", fitted, 12.0)
+    leave({"base": 9.0, "dielectric_absorption": 2.3, "creep": everything})
+    tried = (candidate("base", 9.0, 9.0), LONG, strayed)
+    return settled_on_everything(
+        tried[1:], tried, BENCH, lambda c: c.fitted_test.within_floor, lambda c: c.effects != strayed.effects
+    )
+
+
+# 100 ln(2.33²/2.3²) = 2.6 nats are not strong, 100 ln(2.34²/2.3²) = 3.4 are; 70 ln(2.14²/2.1²) = 2.6, and of 2.15² 3.3.
+# Beside a noise of 2.0 one and a half times the model error of 1.0 are 2.5.
+@pytest.mark.parametrize(("fitted", "everything", "kept"), [
+    (2.1, 2.2, True), (2.1, 2.33, True), (2.1, 2.34, False), (2.1, FAILS, False), (2.14, 2.3, True), (2.15, 2.3, False),
+    (2.6, 2.2, False),
+])  # fmt: skip
+def test_what_strays_on_the_unseen_part_is_a_rival_if_it_describes_the_rest_as_well(together, fitted, everything, kept):
+    found = settled_beside_what_strays(together, fitted, everything)
+    assert found.best is LONG
+    assert [rival.effects for rival in found.rivals] == ([("creep",)] if kept else [])
+
+
+def test_what_strays_is_as_likely_as_the_answer_and_does_not_lead(together):
+    found = settled_beside_what_strays(together, 2.1, 2.1)
+    assert found.best is LONG
+    assert found.probabilities == {LONG.effects: pytest.approx(0.5), ("creep",): pytest.approx(0.5)}
