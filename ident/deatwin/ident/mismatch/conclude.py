@@ -128,6 +128,7 @@ def conclude(findings: Findings) -> Diagnosis:
         free_form=None if findings.discovery is None else findings.discovery.to_dict(),
         causes=causes,
         names=names,
+        rivals=tuple(rival.effects for rival in rivals),
         indistinguishable=_indistinguishable(findings) if findings.named else (),
         next_experiment=findings.advice.to_dict() if findings.advice is not None else None,
         sentence="",

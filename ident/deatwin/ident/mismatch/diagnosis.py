@@ -147,6 +147,8 @@ class Diagnosis:
         What is built into the amended plant.
     names : tuple of str
         Effects that could be the explanation (``set`` in the file).
+    rivals : tuple of tuple of str
+        Effects of each other explanation that the recordings do not rule out; empty for the plant without any.
     indistinguishable : tuple of mapping
         Pairs of explanations with their distance d².
     sentence : str
@@ -179,6 +181,7 @@ class Diagnosis:
     fit: Mapping[str, Any]
     causes: tuple[Cause, ...] = ()
     names: tuple[str, ...] = ()
+    rivals: tuple[tuple[str, ...], ...] = ()
     indistinguishable: tuple[Mapping[str, Any], ...] = ()
     next_experiment: Mapping[str, Any] | None = None
     free_form: Mapping[str, Any] | None = None
@@ -201,6 +204,7 @@ class Diagnosis:
             "locate": dict(self.locate),
             "causes": [_cause_to_dict(cause) for cause in self.causes],
             "set": list(self.names),
+            "rivals": [list(effects) for effects in self.rivals],
             "indistinguishable": [dict(pair) for pair in self.indistinguishable],
             "next_experiment": self.next_experiment,
             "free_form": self.free_form,
@@ -267,6 +271,7 @@ class Diagnosis:
                     "free_form")  # fmt: skip
             return cls(
                 verdict=Verdict(data["verdict"]), causes=causes, names=tuple(data["set"]),
+                rivals=tuple(tuple(effects) for effects in data.get("rivals", ())),
                 indistinguishable=tuple(data["indistinguishable"]), warnings=tuple(data["warnings"]),
                 verification=data.get("verification"), faults=tuple(data.get("faults", ())),
                 parameters={name: FittedParameter(**p) for name, p in data.get("parameters", {}).items()},

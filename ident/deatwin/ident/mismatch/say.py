@@ -104,15 +104,22 @@ def _named(diagnosis: Diagnosis) -> str:
 
 
 def _ambiguous(diagnosis: Diagnosis) -> str:
-    known = {cause.effect for cause in diagnosis.causes}
     guess = ", and ".join(_physics(cause, diagnosis) for cause in diagnosis.causes)
-    others = ", ".join(f"perhaps {_plain(name)}" for name in diagnosis.names if name not in known)
-    # Without other names the rivals are fewer of the same effects.
-    rivals, which = (f", {others}", "the first") if others else (", or only some of these", "all of them")
+    known = [cause.effect for cause in diagnosis.causes]
+    without = [f"without {_plain(name)}" for name in known if _may_be_absent(name, diagnosis)]
+    others = [_plain(name) for name in diagnosis.names if name not in known]
+    rivals = "".join(f", perhaps {other}" for other in (*without, *others))
+    which = "the first" if others else "all of them" if without else "it"
     return (
         f"Something is missing, and these recordings cannot tell what: perhaps {guess}{rivals}; "
         f"with {which} {_gain(diagnosis)}{_next(diagnosis)}."
     )
+
+
+def _may_be_absent(name: str, diagnosis: Diagnosis) -> bool:
+    """Whether a rival is the same without this cause, and nothing in its place."""
+    found = {cause.effect for cause in diagnosis.causes}
+    return any(name not in rival and set(rival) < found for rival in diagnosis.rivals)
 
 
 def _unknown(diagnosis: Diagnosis) -> str:

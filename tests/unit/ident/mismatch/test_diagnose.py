@@ -192,7 +192,8 @@ def test_a_doubt_of_one_of_two_effects_ends_as_ambiguous(doubted):
     certain = {cause.effect: cause.probability for cause in doubted.causes}
     assert certain["electrode_rc"] == pytest.approx(0.95)  # of both explanations, a margin left for others
     assert certain["creep"] == pytest.approx(0.95 / 2)
-    assert "or only some of these" in doubted.sentence
+    assert doubted.rivals == (("electrode_rc",),)
+    assert ", perhaps without creep; with all of them" in doubted.sentence
 
 
 def test_a_fault_of_the_recording_is_said_before_physics(creeping):

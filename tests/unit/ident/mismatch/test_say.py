@@ -76,6 +76,7 @@ def made_up(verdict: Verdict, *causes: Cause, unit: str = "um", size: float = 1.
         locate={"time": [{"from_s": 118.0, "to_s": 240.0, "score": 0.9}], "frequency": [], "region": [], "place": [],
                 "response": None},
         sentence="", causes=causes, names=(*(c.effect for c in causes), *rivals),
+        rivals=tuple((name,) for name in rivals),
         fit={"fitted": {"before": 9.8123 * size, "after": after},
              "unseen": {"before": 10.2419 * size, "after": after, "gain_low": 7.4 * size if causes else None}},
         parameters={"shear_modulus": FittedParameter(value=26e3, low=25e3, high=27e3, unit="Pa", nominal=3e4)},
@@ -183,12 +184,15 @@ def test_each_verdict_says_only_what_it_may():
         assert ("perhaps" in said) is (diagnosis.verdict is Verdict.AMBIGUOUS)
 
 
-def test_two_effects_of_which_one_may_do():
-    alone = replace(made_up(Verdict.AMBIGUOUS, CREEP, JUMP), names=("creep", "sensor_jump"))
-    said = say(alone)
-    assert ", or only some of these; with all of them the error on unseen data falls" in said
-    beside = say(made_up(Verdict.AMBIGUOUS, CREEP, JUMP))
-    assert ", perhaps delay; with the first the error on unseen data falls" in beside
+@pytest.mark.parametrize(("rivals", "also", "said"), [
+    ((("sensor_jump",),), (), ", perhaps without creep; with all of them the error"),
+    ((("sensor_jump",), ("creep",)), (), ", perhaps without creep, perhaps without sensor jump; with all of them the"),
+    ((("sensor_jump", "delay"), ("delay",)), ("delay",), "-11.0), perhaps delay; with the first"),
+    ((("sensor_jump",), ("creep", "delay")), ("delay",), ", perhaps without creep, perhaps delay; with the first the"),
+])  # fmt: skip
+def test_a_rival_that_lacks_one_of_two_effects_is_said_beside_those_of_other_names(rivals, also, said):
+    names = ("creep", "sensor_jump", *also)
+    assert said in say(replace(made_up(Verdict.AMBIGUOUS, CREEP, JUMP), names=names, rivals=rivals))
 
 
 def test_the_sentence_of_one_cause():
