@@ -18,10 +18,11 @@ def tangent_basis(jacobian: np.ndarray) -> np.ndarray:
     Returns
     -------
     ndarray, shape (m, r)
-        Orthonormal; a parameter that does nothing, as on some bounds, has no direction.
+        Orthonormal; a parameter that does nothing, as on some bounds, has no direction, nor has one whose derivative
+        is not finite.
     """
     sizes = np.linalg.norm(jacobian, axis=0)
-    acting = sizes > 0.0
+    acting = (sizes > 0.0) & np.isfinite(sizes)
     return np.linalg.qr(jacobian[:, acting] / sizes[acting])[0]
 
 
