@@ -7,8 +7,8 @@ import pytest
 
 from deatwin.ident.greybox import Calibration, FitStatus
 from deatwin.ident.mismatch.naming import trial
-from deatwin.ident.mismatch.naming.trial import Trial, _tried, run_trials
-from deatwin.plant import Creep, Diaphragm, Plant
+from deatwin.ident.mismatch.naming.trial import Trial, _otherwise, _tried, run_trials
+from deatwin.plant import Creep, CubicStiffness, Diaphragm, Plant
 
 PLANT = Plant(rig=Diaphragm()).with_effects(Creep())
 
@@ -75,3 +75,10 @@ def test_what_ran_out_of_simulations_on_its_way_to_the_best_is_carried_to_the_en
     monkeypatch.setattr(trial, "judge", lambda bench, fit, noise: fit)
     assert run_trials(SimpleNamespace(jobs=1), list(fits.values()), 0.5) == list(fits.values())
     assert finished == [fits["best"], fits["on its way"], fits["beside"]]
+
+
+def test_a_fit_begins_with_an_effect_the_other_way_or_weaker_where_it_must():
+    plant = Plant(rig=Diaphragm()).with_effects(Creep(), CubicStiffness(stiffness=-2e7))
+    assert [p.parameters["cubic_stiffness.stiffness"].value for p in _otherwise(plant)] == [2e7, -2e6, -2e4]
+    one_sided = Plant(rig=Diaphragm()).with_effects(Creep(modulus=1e5))  # negative moduli are out of range
+    assert [p.parameters["creep.modulus"].value for p in _otherwise(one_sided)] == pytest.approx([1e4, 1e2])

@@ -1,0 +1,62 @@
+"""Explanations that leave residuals of given sizes, and searches in which such ones were tried."""
+
+from collections.abc import Callable
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from deatwin.ident.greybox import FitStatus
+from deatwin.ident.mismatch.naming.candidate import Candidate
+from deatwin.ident.mismatch.naming.decide import Naming
+from deatwin.ident.mismatch.naming.sets import Search
+
+NOISE, MODEL_ERROR = 2.0, 1.2
+RIG = SimpleNamespace(model_error=MODEL_ERROR)
+
+
+@pytest.fixture
+def noise() -> float:
+    return NOISE
+
+
+@pytest.fixture
+def nothing() -> Naming:
+    """No explanation was found."""
+    return Naming(candidates=(), best=None, rivals=(), probabilities={}, noise=NOISE)
+
+
+@pytest.fixture
+def is_adequate() -> Callable[[Candidate], bool]:
+    return lambda explanation: explanation.adequate
+
+
+@pytest.fixture
+def candidate() -> Callable[..., Candidate]:
+    """``candidate(*effects, rms, unseen=None, alone=inf)``: an explanation with residuals of exactly these sizes.
+
+    By themselves its effects do so much as ``alone`` says.
+    """
+
+    def make(*effects: str, rms: float, unseen: float | None = None, alone: float = np.inf) -> Candidate:
+        fitted, late = np.tile([rms, -rms], 3500), np.tile([unseen or rms, -(unseen or rms)], 1500)
+        plant, names = SimpleNamespace(rig=RIG, effects=()), ("a",) * (7 + len(effects))
+        calibration = SimpleNamespace(
+            plant=plant, residuals=fitted, names=names, status=FitStatus.SETTLED, rms=float(np.sqrt(np.mean(fitted**2)))
+        )
+        does = np.full(fitted.size, alone)
+        return Candidate(effects=effects, calibration=calibration, unseen=late, noise=NOISE, contribution=does)
+
+    return make
+
+
+@pytest.fixture
+def search_over() -> Callable[..., Search]:
+    """``search_over(*candidates)``: a search in which these were tried, the base plant first."""
+
+    def make(*candidates: Candidate) -> Search:
+        search = Search(SimpleNamespace(effects=(), jobs=1), candidates[0], ())
+        search.tried.update({c.effects: c for c in candidates})
+        return search
+
+    return make

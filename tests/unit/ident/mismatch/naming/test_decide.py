@@ -1,0 +1,149 @@
+"""Decisions between explanations, on residuals whose sizes are given: which leads, and which stay its rivals."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from deatwin.ident.mismatch.naming.candidate import Candidate
+from deatwin.ident.mismatch.naming.decide import (
+    Distance,
+    Naming,
+    cannot_rule_out,
+    decide,
+    is_as_likely,
+    with_distances,
+)
+from deatwin.ident.mismatch.naming.worth import suffices
+
+
+def test_the_best_adequate_explanation_stands_alone(candidate, is_adequate, noise):
+    right, wrong = candidate("creep", rms=2.1), candidate("electrode_rc", rms=4.7)
+    decided = decide((right, wrong), (wrong, right), noise, is_adequate, is_adequate)
+    assert decided.best is right
+    assert decided.rivals == ()
+    assert decided.probabilities[("creep",)] == pytest.approx(1.0)
+
+
+def test_equal_explanations_are_rivals(candidate, is_adequate, noise):
+    one, other = candidate("creep", rms=2.10), candidate("permittivity_drift", rms=2.11)
+    decided = decide((one, other), (one, other), noise, is_adequate, is_adequate)
+    assert decided.rivals == (other,)
+    assert cannot_rule_out(other, one)
+
+
+def test_many_that_are_unlikely_one_by_one_are_rivals_together(candidate, noise):
+    best = candidate("creep", rms=2.1)
+    # each 25 times less likely, 200 blocks: 100 ln(x) = ln 25; five of them hold a sixth of the probability
+    unlikely = 2.1 * 25 ** (1 / 200)
+    others = [candidate(name, rms=unlikely) for name in ("delay", "end_stop", "hysteresis", "leakage", "mullins")]
+    stage = (best, *others)
+    alone = decide(stage, stage[:2], noise, lambda c: c is best, lambda c: True)
+    assert alone.probabilities[best.effects] == pytest.approx(25 / 26, rel=1e-6)
+    assert alone.rivals == ()
+    together = decide(stage, stage, noise, lambda c: c is best, lambda c: True)
+    assert together.probabilities[best.effects] == pytest.approx(25 / 30, rel=1e-6)
+    held = together.probabilities[best.effects] + sum(together.probabilities[c.effects] for c in together.rivals)
+    # 28/30 are too few, 29/30 enough
+    assert len(together.rivals) == 4
+    assert held > 0.95
+
+
+def test_another_head_keeps_the_distances_that_are_known_from_it(candidate, noise):
+    one, other, third = (candidate(name, rms=2.1) for name in ("creep", "delay", "leakage"))
+    distances = (Distance(effects=("creep", "delay"), d2=9.0), Distance(effects=("creep", "leakage"), d2=4.0))
+    naming = Naming(
+        candidates=(one, other, third), best=one, rivals=(other, third), probabilities={}, noise=noise,
+        distances=distances,
+    )  # fmt: skip
+    assert naming.led_by(one) is naming
+    led = naming.led_by(other)
+    assert led.best is other
+    assert led.rivals == (one, third)
+    assert led.distances == (Distance(effects=("delay", "creep"), d2=9.0),)
+
+
+def test_a_short_experiment_of_its_own_rules_out_what_a_long_one_cannot(candidate):
+    best = candidate("creep", rms=2.1)
+    # 9000 samples tell nothing; in the last 700 fitted and 300 unseen ones the rival leaves 1 more: 1 > (1.2 / 2)²
+    mixed = np.where(np.arange(10_000) % 10 < 9, 2.1**2, 2.1**2 + 1.0)
+    late = np.sqrt(np.sort(mixed))
+    calibration = SimpleNamespace(**{**vars(best.calibration), "residuals": np.r_[late[:6300], late[-700:]]})
+    rival = replace(best, effects=("delay",), calibration=calibration, unseen=np.r_[late[6300:9000], late[-300:]])
+    sizes = ((6300, 2700), (700, 300))
+    best, rival = replace(best, sizes=sizes), replace(rival, sizes=sizes)
+    assert rival.mean_squares - best.mean_squares == pytest.approx([0.1, 0.0, 1.0])
+    # 100 ln(1 + 0.1 / 2.1²) are 2.2 nats, with a parameter more 4.9: strong. 0.1 in the mean is less than 0.36
+    clear = replace(best, calibration=SimpleNamespace(**{**vars(best.calibration), "names": ("a",) * 7}))
+    assert not is_as_likely(rival, clear)
+    assert not cannot_rule_out(rival, clear)
+    assert cannot_rule_out(replace(rival, sizes=()), replace(clear, sizes=()))
+    few = ((6800, 2960), (200, 40))  # too few samples to say anything by themselves
+    assert cannot_rule_out(replace(rival, sizes=few), replace(clear, sizes=few))
+
+
+def test_nothing_adequate_is_no_explanation(candidate, is_adequate, noise):
+    decided = decide((), (candidate("creep", rms=3.5),), noise, is_adequate, is_adequate)
+    assert decided.best is None
+
+
+def test_good_on_the_fitted_part_alone_is_not_enough(candidate):
+    assert not candidate("creep", rms=2.1, unseen=5.0).adequate
+
+
+def test_what_suffices(candidate):
+    base = candidate(rms=5.7)
+    assert suffices(candidate("creep", rms=2.1), base)
+    assert suffices(candidate("creep", rms=2.8), base)  # leaves 1.96, 1.6 times 1.2, of 5.34: 91 %
+    assert not suffices(candidate("creep", rms=3.1), base)  # leaves 2.37, 2.0 times 1.2, of 5.34: 84 %
+    loud = candidate(rms=12.0)
+    assert suffices(candidate("creep", rms=3.2), loud)  # leaves 2.5, twice 1.2, but takes away 97 % of 11.8²
+    assert not suffices(candidate("creep", rms=4.3), loud)  # leaves 3.8, more than three times 1.2
+    weak = candidate(rms=3.0)
+    assert not suffices(candidate("creep", rms=2.6), weak)  # of 2.24² it takes away 45 % only
+
+
+def test_another_noise_changes_the_judgement_not_the_residuals(candidate):
+    loud = candidate("hysteresis", rms=2.9)
+    assert not loud.adequate
+    again = replace(loud, noise=2.8)
+    assert again.adequate
+    assert again.losses.mean() == loud.losses.mean()
+
+
+def test_what_is_as_likely_as_the_best_is_a_rival_though_it_misses_a_limit_by_a_hair(candidate, is_adequate, noise):
+    best, near, far = candidate("delay", rms=2.33), candidate("sensor_lag", rms=2.335), candidate("creep", rms=2.6)
+    assert best.adequate and not near.adequate
+    decided = decide((best, near, far), (best, near, far), noise, is_adequate, lambda c: True)
+    assert decided.best is best
+    assert decided.rivals == (near,)
+
+
+@pytest.mark.parametrize(("rms", "kept"), [(2.59, True), (2.7, False)])
+def test_what_is_worse_by_more_than_the_model_error_has_been_told_apart(
+    candidate, is_adequate, noise, monkeypatch, rms, kept
+):
+    """2.3² + 1.2² = 2.59²; of the two the inputs are said to predict no difference."""
+    best, other = candidate("creep", rms=2.3), candidate("mullins", rms=rms)
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.decide.separation", lambda *given: 9.0)
+    decided = decide((best, other), (best, other), noise, is_adequate, lambda c: True)
+    assert decided.rivals == ()
+    bench = SimpleNamespace(everything=(), jobs=1)
+    found = with_distances(decided, (best, other), bench, lambda c: True)
+    assert (found.rivals == (other,)) is kept
+    assert [d.d2 for d in found.distances] == [9.0]
+
+
+def test_between_two_shares_what_may_be_left_rises_evenly(candidate, noise):
+    base = candidate(rms=8.0)
+    error = 1.2
+    energy = 8.0**2 - noise**2 - error**2
+
+    def leaving(share: float) -> Candidate:
+        return candidate("creep", rms=float(np.sqrt(noise**2 + error**2 + (1 - share) * energy)))
+
+    # 0.9 lies two thirds on the way from 0.8 to 0.95, so 2.5 times the error may be left, and 2.25 times are; 0.876
+    # lies half way, so 2.26 times may be left, and 2.46 times are.
+    assert suffices(leaving(0.876), base) is False
+    assert suffices(leaving(0.9), base) is True

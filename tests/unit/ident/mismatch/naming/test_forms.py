@@ -1,0 +1,268 @@
+"""Other forms of the plant, on residuals whose sizes are given: which is taken, and what is looked for there."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from deatwin.ident.mismatch.naming import forms, sets
+from deatwin.ident.mismatch.naming.candidate import Candidate
+from deatwin.ident.mismatch.naming.decide import Naming, decide
+from deatwin.ident.mismatch.naming.forms import with_fewer
+from deatwin.ident.mismatch.naming.name import _best_form, _with_more
+from deatwin.ident.mismatch.naming.screen import Lead
+from deatwin.ident.mismatch.naming.sets import Search
+from deatwin.ident.mismatch.refit.base import _preferred
+
+
+@pytest.fixture
+def form(noise: float, is_adequate: Callable[[Candidate], bool]) -> Callable[..., tuple[Any, list[Any]]]:
+    """``form(*explanations, least=1.0)``: a search in one form of the rig, and what it decided."""
+
+    def make(*explanations: Candidate, least: float = 1.0):
+        naming = decide(explanations, explanations, noise, is_adequate, is_adequate)
+        return SimpleNamespace(
+            decided=lambda stage: naming, least=lambda stage: least,
+            missing=lambda stage: 9.0 if stage == [()] else least,
+        ), []  # fmt: skip
+
+    return make
+
+
+@pytest.fixture
+def scripted(nothing: Naming) -> Callable[..., tuple[Any, list[Any]]]:
+    """``scripted(stages, most=True)``: a search whose decisions over one effect, two and three are given."""
+
+    def make(stages: list[Naming], most: bool = True):
+        left = iter(stages[1:])
+        search = SimpleNamespace(
+            decided=lambda stage: stages[0], settled=lambda stage: nothing,
+            with_one_more=lambda stage, told: [("a", "b")], decided_surely=lambda stage: next(left),
+            nearly=lambda: nothing, one_takes_most=lambda stage: most,
+        )  # fmt: skip
+        return search, [("a",)]
+
+    return make
+
+
+@pytest.fixture
+def elsewhere(search_over: Callable[..., Search], monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
+    """What sets of effects leave in another form of the plant, instead of fits."""
+
+    def leave(*known: Candidate) -> None:
+        def begun(search: Search, form: Candidate) -> Search:
+            other = search_over(form)
+
+            def attempt(sets, rival):
+                found = {c.effects: c for c in known if c.effects in sets}
+                other.tried.update(found)
+                return list(found)
+
+            for name, does in (("attempt", attempt), ("judge_by_the_best", len), ("fit_from", lambda *_: None)):
+                monkeypatch.setattr(other, name, does)
+            return other
+
+        monkeypatch.setattr(forms, "_begun", begun)
+
+    monkeypatch.setattr(forms, "_trial", lambda search, full, form, names: names)
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.with_distances", lambda naming, *_: naming)
+    return leave
+
+
+@pytest.fixture
+def pair_of_a_delay(candidate: Callable[..., Candidate], search_over: Callable[..., Search]) -> tuple[Search, Naming]:
+    pair = candidate("delay", "end_stop", rms=2.05)
+    search = search_over(candidate(rms=5.7), candidate("end_stop", rms=4.9), candidate("delay", rms=4.5), pair)
+    return search, search.decided([pair.effects])
+
+
+def test_another_form_replaces_the_nominal_one_only_where_that_leaves_a_mismatch(candidate):
+    right, wrong = candidate(rms=2.1), candidate(rms=3.1)
+    rough, calibration = np.random.default_rng(0).standard_normal(7000), right.calibration
+    rough *= 2.36 / np.sqrt(np.mean(rough**2))
+    nearly = replace(right, calibration=SimpleNamespace(**{**vars(calibration), "residuals": rough}))
+    # 2.36² - 2² is 1.25², and the floor is 1.2²: too much by a hair, which no test calls a mismatch
+    assert not nearly.adequate and not nearly.mismatch
+    assert _preferred([nearly, right]) is nearly
+    assert _preferred([wrong, nearly, right]) is right
+    assert _preferred([wrong, nearly]) is nearly
+    assert _preferred([wrong, wrong]) is wrong
+
+
+def test_the_form_in_which_one_effect_explains_clearly_more_is_taken(candidate, form):
+    nominal, other = form(candidate("delay", rms=2.3)), form(candidate("electrode_rc", rms=2.0))
+    search, _, naming = _best_form([nominal, other])
+    assert search is other[0]
+    assert naming.best.effects == ("electrode_rc",)
+    assert naming.rivals == ()
+
+
+def test_what_suffices_in_another_form_stays_possible(candidate, form):
+    nominal = form(candidate("delay", rms=2.101))
+    other = form(candidate("delay", rms=2.1), candidate("sensor_lag", rms=2.102))
+    search, _, naming = _best_form([nominal, other])
+    assert search is nominal[0]  # no form is taken for nothing
+    assert [naming.best.effects, *(rival.effects for rival in naming.rivals)] == [("delay",), ("sensor_lag",)]
+    assert ("sensor_lag",) in [candidate.effects for candidate in naming.candidates]
+    assert sum(naming.probabilities.values()) == pytest.approx(1.0)
+    assert 0.3 < naming.probabilities["sensor_lag",] < 0.5  # the residuals are nearly equal
+
+
+@pytest.mark.parametrize("effect, taken", [("delay", 0), ("sensor_drift", 1)])
+def test_another_effect_in_another_form_leads_where_the_evidence_for_it_is_strong(candidate, form, effect, taken):
+    # 2.15² - 2.1² is 0.46², less than half of the plant's error, but 100 ln(2.15/2.1)² are 4.7 nats: a hundred to one
+    forms = [form(candidate("delay", rms=2.15)), form(candidate(effect, rms=2.1))]
+    search, _, naming = _best_form(forms)
+    assert search is forms[taken][0]
+    if taken:
+        assert [rival.effects for rival in naming.rivals] == [("delay",)]
+
+
+@pytest.mark.parametrize("least, taken", [(0.79, 1), (0.81, 0)])
+def test_where_nothing_suffices_a_form_must_leave_clearly_less(candidate, form, least, taken):
+    forms = [form(candidate("delay", rms=9.0)), form(candidate("creep", rms=8.0), least=least)]
+    assert _best_form(forms)[0] is forms[taken][0]
+
+
+@pytest.mark.parametrize("bare, taken", [(3.0, 1), (3.2, 0)])
+def test_another_reading_of_the_rig_costs_less_than_an_effect_that_does_as_much(candidate, search_over, bare, taken):
+    """A delay of a sample, where the readings were taken at the start of their rows, and something else is missing."""
+    delayed = candidate("delay", rms=2.9)  # 4.4 beyond the noise; 5.0 and 6.2 of the other form: 1.25 times are 5.5
+    nominal = search_over(candidate(rms=18.0), delayed), [delayed.effects]
+    jumped = candidate("sensor_jump", rms=2.8)
+    other = search_over(candidate(rms=bare), jumped), [jumped.effects]
+    search, _, naming = _best_form([nominal, other])
+    assert naming.best is None
+    assert search is (nominal, other)[taken][0]
+
+
+@pytest.mark.parametrize("most, found, answer", [
+    (True, ("end_stop", "delay"), ("end_stop", "delay")),
+    (False, ("end_stop", "delay"), None),
+    (True, ("delay",), None),  # that is what rows are that were read a sample early
+])  # fmt: skip
+def test_what_another_form_cannot_explain_is_looked_for_in_the_rig_files_own(
+    candidate, nothing, scripted, most, found, answer
+):
+    """A sensor that lags by a sample, say, beside an end stop: rows read a sample early would be the lag."""
+    both = replace(nothing, best=candidate(*found, rms=2.05))
+    own, other = scripted([nothing, both], most), scripted([nothing, nothing, nothing])
+    search, naming = _with_more((*other, nothing), own, lambda number, share: None)
+    assert (naming.best and naming.best.effects) == answer
+    assert search is (own if answer else other)[0]
+
+
+@pytest.mark.parametrize(
+    "left, bare, read_otherwise",
+    [
+        (7.8, 8.6, False),  # neither the effect nor the other form takes much
+        (5.0, 8.6, True),  # an effect does: with it the other form may leave nothing
+        (7.8, 6.0, True),  # the other form does, and hides what the effect could do
+    ],
+)
+def test_another_form_is_tried_where_it_or_an_effect_takes_much(candidate, search_over, left, bare, read_otherwise):
+    delay = candidate("delay", rms=left)
+    search = search_over(candidate(rms=8.7), delay)
+    naming = search.decided([])
+    assert naming.best is None
+    assert search.may_be_misread([delay.effects], naming, candidate(rms=bare)) is read_otherwise
+
+
+def test_another_form_is_screened_by_its_own_plant_once_that_is_asked_for(candidate, monkeypatch):
+    """Footprints in a plant that was calibrated in the rig file's form said nothing of a lag in another one."""
+    screened = []
+    effects = [SimpleNamespace(name="creep"), SimpleNamespace(name="mullins")]
+    of_creep, of_mullins = (SimpleNamespace(effect=effect) for effect in effects)
+    monkeypatch.setattr(sets, "footprints", lambda _, base, __, fit: screened.append((base, fit)) or [of_mullins])
+    search = Search(SimpleNamespace(effects=effects, jobs=1), candidate(rms=6.0), [of_creep])
+    assert search.known() == [of_creep]
+    form = candidate(rms=5.0)
+    other = search.in_form_of(form)
+    assert screened == []
+    assert search.failed == other.failed == ["mullins"]  # with which the rig file's form could not be simulated
+    other.lost.append("delay")
+    other.tried["creep",] = candidate("creep", rms=4.0)
+    assert other.known() == other.known() == [of_mullins]
+    assert screened == [(form.calibration, form.calibration)]
+    assert other.failed == ["delay"]  # of the others one was screened here and one fitted; what was lost stays so
+    other.tried["delay",] = candidate("delay", rms=4.0)
+    assert other.failed == []
+    other.lost.append("creep+delay")
+    assert other.failed == ["creep+delay"]
+    assert other.in_form_of(form).failed == []
+    assert search.failed == ["mullins"]
+
+
+@pytest.mark.parametrize("left, tried", [(4.0, {"creep", "delay", "mullins"}), (5.9, {"creep", "delay"})])
+def test_a_form_that_leaves_clearly_less_is_tried_with_what_promises_most_there(
+    candidate, search_over, monkeypatch, left, tried
+):
+    lead = {name: Lead(effect=SimpleNamespace(name=name), share=0.5, estimate=None) for name in tried | {"mullins"}}
+    stage = [("creep",), ("delay",)]
+    search = search_over(candidate(rms=6.0), candidate("creep", rms=3.0), candidate("delay", rms=4.0))
+    search.bench.nominal = SimpleNamespace(with_rig=lambda rig: None)
+    search.leads = {name: lead[name] for name in ("creep", "delay")}
+    monkeypatch.setattr(
+        sets, "footprints", lambda bench, base, effects, fit: [SimpleNamespace(effect=lead["mullins"].effect, of=base)]
+    )
+    monkeypatch.setattr(forms, "leads", lambda known, fit: [lead["mullins"]] if known[0].of is fit else [])
+    monkeypatch.setattr(forms, "trials_of", lambda unbent, fit, chosen: list(chosen))
+    monkeypatch.setattr(Search, "attempt", lambda self, trials, rival: [trial.effect.name for trial in trials])
+    monkeypatch.setattr(Search, "judge_by_the_best", lambda self, stage: None)
+    assert set(forms.in_form(search, candidate(rms=left), stage)[1]) == tried
+
+
+@pytest.mark.parametrize("alone, answer", [(2.06, ("end_stop",)), (2.4, ("delay", "end_stop"))])
+def test_another_reading_of_the_rig_costs_less_than_one_effect_of_a_pair(
+    candidate, pair_of_a_delay, elsewhere, alone, answer
+):
+    """Half of the plant's error is 0.6: 2.06² - 2.05² is 0.2², and 2.4² - 2.05² is 1.25²."""
+    search, naming = pair_of_a_delay
+    elsewhere(candidate("end_stop", rms=alone), candidate("delay", rms=4.4))
+    taken, naming = with_fewer(search, naming, [candidate(rms=5.5)])
+    assert naming.best.effects == answer
+    assert (taken is search) is (len(answer) == 2)
+
+
+def test_a_form_that_leaves_clearly_more_by_itself_is_not_tried(candidate, pair_of_a_delay, elsewhere):
+    search, naming = pair_of_a_delay
+    elsewhere(candidate("end_stop", rms=2.05))
+    assert with_fewer(search, naming, [candidate(rms=6.5)]) == (search, naming)  # 0.8 (6.5² - 2²) > 5.7² - 2²
+    assert with_fewer(search, naming, [candidate(rms=6.0)])[1].best.effects == ("end_stop",)
+
+
+def test_rivals_of_a_pair_are_rivals_in_the_other_form_too(candidate, pair_of_a_delay, elsewhere):
+    """A relative of the truth must not stand alone for having been the better half of a pair by a hair."""
+    search, naming = pair_of_a_delay
+    for other in (candidate("delay", "hysteresis", rms=2.06), candidate("hysteresis", rms=4.9)):
+        search.tried[other.effects] = other
+    naming = search.decided([("delay", "end_stop"), ("delay", "hysteresis")])
+    elsewhere(candidate("end_stop", rms=2.06), candidate("hysteresis", rms=2.07))
+    _, there = with_fewer(search, naming, [candidate(rms=5.5)])
+    assert [there.best.effects, *(rival.effects for rival in there.rivals)] == [("end_stop",), ("hysteresis",)]
+
+
+@pytest.mark.parametrize("single, pair, answer", [
+    (4.0, 2.1, ("creep", "delay")), (2.1, 2.05, ("creep",)), (4.0, 2.9, None),
+])  # fmt: skip
+def test_two_effects_may_explain_in_another_form_what_they_do_not_in_the_first(
+    candidate, search_over, elsewhere, single, pair, answer
+):
+    both = candidate("creep", "delay", rms=2.9)
+    search = search_over(candidate(rms=5.7), candidate("creep", rms=4.0), candidate("delay", rms=4.2), both)
+    nothing = search.decided([both.effects])
+    assert nothing.best is None
+    elsewhere(candidate("creep", rms=single), candidate("delay", rms=4.2), candidate("creep", "delay", rms=pair))
+    taken, naming = with_fewer(search, nothing, [candidate(rms=5.5)])
+    assert (naming.best and naming.best.effects) == answer
+    assert (taken is search) is (answer is None)
+
+
+def test_one_effect_is_looked_for_in_no_further_form(candidate, search_over, elsewhere):
+    single = candidate("delay", rms=2.05)
+    search = search_over(candidate(rms=5.7), single)
+    naming = search.decided([single.effects])
+    assert with_fewer(search, naming, [candidate(rms=5.5)]) == (search, naming)
