@@ -19,16 +19,17 @@ __all__ = ["EndStop"]
 
 @dataclass(frozen=True, kw_only=True)
 class EndStop(Effect):
-    r"""The ball touches something elastic beyond a position, and does not bounce off it.
+    r"""The ball touches something elastic beyond a position, which may take its energy.
 
-    .. math:: F = -k\,d\,\Bigl(1 + \frac{v}{\sqrt{v^2 + v_c^2}}\Bigr), \qquad
+    .. math:: F = -k\,d\,\Bigl(1 + \frac{\lambda v}{\sqrt{1 + \lambda^2 v^2}}\Bigr), \qquad
               d = w\ln\bigl(1 + e^{(y - y_s)/w}\bigr)
 
     No state. y is the displacement from rest, downwards; d is how far the ball has gone in, with the first touch
-    rounded over w = 5 µm. In slow contact the force is k d; faster than :math:`v_c` = 5 mm/s the way in costs
-    twice that and the way out gives nothing back, so that the stop takes energy and never pulls. Typical: 100 N/m
-    for foam; 3 kN/m is 100 times the film's stiffness :math:`k_f` and as good as a wall, and a ball that rings on
-    anything harder cannot be followed with 50 samples a second. Signature: nothing below :math:`y_s`; above, the
+    rounded over w = 5 µm. In slow contact the force is k d, and at any speed where nothing is lost, λ = 0. Else the
+    way in costs more and the way out gives back less, far above 1/λ twice as much and nothing: the stop never pulls.
+    A slow impact at :math:`v_0` takes :math:`4/3\,\lambda v_0` of the energy. Typical: 100 N/m for foam, and 20 s/m,
+    a quarter of the energy at 10 mm/s; 3 kN/m is 100 times the film's stiffness :math:`k_f` and as good as a wall,
+    and a ball that rings on anything harder cannot be followed with 50 samples a second. Signature: nothing below :math:`y_s`; above, the
     stroke grows by only :math:`k_f/(k_f + k)` of what it would, at any voltage and frequency, and the ball's
     ringing is cut on one side. An `amplifier_saturation` cuts the drive, so the ball still swings through. Off at
     k = 0.
@@ -39,15 +40,19 @@ class EndStop(Effect):
         k in N/m.
     position : float
         :math:`y_s` in m.
+    loss : float
+        :math:`\lambda` in s/m.
 
     References
     ----------
     Force proportional to depth times a function of speed: Hunt & Crossley, J. Appl. Mech. 42 (1975) 440,
-    doi:10.1115/1.3423596; here that function stays between 0 and 2.
+    doi:10.1115/1.3423596, where it is :math:`1 + 3/2\,\alpha v`; here it stays between 0 and 2, and
+    :math:`\lambda = 3/2\,\alpha` for slow impacts.
     """
 
     stiffness: float = 300.0
     position: float = 0.25e-3
+    loss: float = 20.0
 
     name: ClassVar[str] = "end_stop"
     family: ClassVar[Family] = Family.MECHANICAL
@@ -58,8 +63,6 @@ class EndStop(Effect):
     wording: ClassVar[str] = "The ball meets a stop of {stiffness} at {position}"
     width: ClassVar[float] = 5e-6
     """w in m."""
-    impact: ClassVar[float] = 5e-3
-    """:math:`v_c` in m/s."""
 
     def describe(self) -> tuple[Parameter, ...]:
         return (
@@ -67,10 +70,11 @@ class EndStop(Effect):
             Parameter(
                 name="position", value=self.position, unit="m", lower=50e-6, upper=20e-3, scale=Scale.LOGARITHMIC
             ),
+            Parameter(name="loss", value=self.loss, unit="s/m", lower=0.0, upper=500.0),
         )
 
     def rewrite(self, signal: Any, build: Builder) -> Any:
         depth = soft_excess(build.signal("displacement") - self.own("position", build), self.width)
-        velocity = build.signal("velocity")
-        direction = velocity / ca.sqrt(velocity**2 + self.impact**2)
+        speed = self.own("loss", build) * build.signal("velocity")
+        direction = speed / ca.sqrt(1 + speed**2)
         return signal - self.own("stiffness", build) * depth * (1 + direction)

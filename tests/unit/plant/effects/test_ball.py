@@ -5,7 +5,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from scipy.integrate import cumulative_trapezoid, solve_ivp, trapezoid
 from scipy.optimize import brentq
 
 from deatwin.plant import Diaphragm, Experiment, Hysteresis, Parameter, Plant, Recording, Rig, StartProcedure
@@ -225,7 +225,7 @@ def test_a_stop_shares_the_load_with_the_spring():
 def test_a_stop_cuts_one_side_of_the_ringing_and_does_not_throw_back():
     drive = np.full(2000, 6e-3)  # settles 50 µm before the stop
     free = move(drive, sample_time=2e-3)
-    stopped = move(drive, EndStop(stiffness=3e3, position=0.25e-3), sample_time=2e-3)
+    stopped = move(drive, EndStop(stiffness=3e3, position=0.25e-3, loss=200.0), sample_time=2e-3)
     assert free.max() > 0.35e-3
     # Touched at 30 mm/s it gives way by v (m/(2 k))^0.5 = 21 µm, from the energy at twice the stiffness.
     assert stopped.max() < 0.25e-3 + 25e-6
@@ -233,6 +233,25 @@ def test_a_stop_cuts_one_side_of_the_ringing_and_does_not_throw_back():
     # The swing that is left is not larger than the 50 µm to the stop; the free one still has 35 % after two swings.
     assert np.abs(stopped[60:] - 0.2e-3).max() < 0.05e-3 + 10e-6
     assert np.abs(free[60:] - 0.2e-3).max() > 0.06e-3
+
+
+@pytest.mark.parametrize("loss", [0.0, 0.25, 0.5])
+def test_a_stop_takes_the_energy_of_a_slow_impact(loss):
+    # To first order the stop takes lambda k d v more at each depth on the way in and gives as much less on the way out;
+    # spring and stop say how fast the ball is there. The second order is some lambda v = 2.5 % of that.
+    swing, position, step, stop = -0.5e-3, 0.25e-3, 1e-4, 3e3
+    period = round(2 * np.pi / np.sqrt(STIFFNESS / MASS) / step)
+    rise = np.sin(np.linspace(0, np.pi / 2, 40 * period)) ** 2  # its own swing is some (1/80)² of it
+    drive = np.concatenate([STIFFNESS * swing * rise, np.zeros(2 * period)])
+    got = move(drive, EndStop(stiffness=stop, position=position, loss=loss), damper=0.0, sample_time=step)
+
+    y = np.linspace(position - 50e-6, position + 50e-6, 4001)
+    push = stop * EndStop.width * np.logaddexp(0, (y - position) / EndStop.width)
+    energy = STIFFNESS * (swing**2 - y**2) / 2 - cumulative_trapezoid(push, y, initial=0)
+    speed = np.sqrt(np.maximum(2 * energy / MASS, 0))
+    back = got[40 * period + period // 2 :].min()
+    lost = STIFFNESS * (swing**2 - back**2) / 2
+    assert lost == pytest.approx(2 * loss * trapezoid(push * speed, y), rel=0.05, abs=2e-4 * STIFFNESS * swing**2)
 
 
 @pytest.mark.parametrize("stiffness", [300.0, 3e3])
