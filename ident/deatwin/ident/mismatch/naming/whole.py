@@ -70,11 +70,13 @@ def settled_on_everything(
         return naming
     holding = [whole for whole in enough if _holds(known[whole.effects], tried[0])]
     likeliest = max(holding, key=lambda whole: whole.evidence, default=naming.best)
-    whole = likeliest if likeliest.evidence - naming.best.evidence > STRONG else naming.best
-    led, first = naming.led_by(whole), known[whole.effects]
-    answer = replace(led, best=first, rivals=tuple(known[c.effects] for c in led.rivals))
-    back = [strayed[w.effects] for w in fitted if w.effects in strayed and whole.evidence - w.evidence < STRONG]
-    return answer.as_likely([c for c in back if _evidence(first.calibration) - _evidence(c.calibration) < STRONG])
+    lead = likeliest if likeliest.evidence - naming.best.evidence > STRONG else naming.best
+    led, first = naming.led_by(lead), known[lead.effects]
+    back = [w for w in fitted if w.effects in strayed and lead.evidence - w.evidence < STRONG]
+    also = [strayed[w.effects] for w in back if _is_as_likely_there(strayed[w.effects], first)]
+    weights = _weights([*wholes, *(w for w in back if strayed[w.effects] in also)], holding, lead.evidence)
+    rivals = (*(known[c.effects] for c in led.rivals), *also)
+    return replace(led, best=first, rivals=rivals, probabilities=normalised(weights))
 
 
 def judged_on_everything(naming: Naming, bench: Bench, possible: Callable[[Candidate], bool]) -> Naming:
@@ -106,7 +108,7 @@ def judged_on_everything(naming: Naming, bench: Bench, possible: Callable[[Candi
     doubtful = [
         c for c in naming.candidates
         if c.effects in naming.probabilities and c.effects not in kept and possible(c)
-        and _evidence(best.calibration) - _evidence(c.calibration) < STRONG
+        and _is_as_likely_there(c, best)
     ]  # fmt: skip
     if not doubtful:
         return naming
@@ -117,14 +119,28 @@ def judged_on_everything(naming: Naming, bench: Bench, possible: Callable[[Candi
     back = [whole[c.effects] for c in doubtful if c.effects in whole and most - whole[c.effects].evidence < STRONG]
     if not back:
         return naming
-    weights, known = dict(naming.probabilities), naming.probabilities[best.effects]
-    weights |= {w.effects: known * float(np.exp(w.evidence - most)) for w in back}
     leading = [whole[best.effects]] if best.effects in whole else []
     leading += [w for w in back if w.fitted_test.within_floor and _holds(competing[w.effects], naming.candidates[0])]
-    first = max(leading, key=lambda w: w.evidence, default=best)
+    first = max(leading or back, key=lambda w: w.evidence)
+    found = _weights([*leading[:1], *back], leading, first.evidence)
+    known = naming.probabilities[best.effects] / found.get(best.effects, 1.0)
+    weights = {**naming.probabilities, **{effects: known * weight for effects, weight in found.items()}}
     rivals = (*naming.rivals, *(competing[w.effects] for w in back))
-    found = replace(naming, rivals=rivals, probabilities=normalised(weights))
-    return found.led_by(competing[first.effects])
+    judged = replace(naming, rivals=rivals, probabilities=normalised(weights))
+    return judged.led_by(competing[first.effects]) if leading else judged
+
+
+def _weights(
+    wholes: Sequence[Candidate], leading: Sequence[Candidate], most: float
+) -> dict[tuple[str, ...], float]:
+    """In proportion to probabilities; what may not be `leading` has at `most` the evidence of what does."""
+    held = {w.effects: w.evidence if w in leading else min(w.evidence, most) for w in wholes}
+    return {effects: float(np.exp(evidence - most)) for effects, evidence in held.items()}
+
+
+def _is_as_likely_there(rival: Candidate, best: Candidate) -> bool:
+    """Whether the fitted part alone has no strong evidence against a rival."""
+    return _evidence(best.calibration) - _evidence(rival.calibration) < STRONG
 
 
 def _on_everything(candidate: Candidate, parts: Sequence[Part]) -> Candidate | None:

@@ -70,12 +70,15 @@ def test_strong_evidence_of_everything_rules_out(together, rms, kept):
 
 
 # Noise of 2.0 and a model error of 1.0 leave 2.24; 100 ln(2.2²/2.15²) = 4.6 nats, and as many from 2.35 to 2.3.
-@pytest.mark.parametrize(("short", "long", "first"), [(2.2, 2.15, LONG), (2.35, 2.3, SHORT)])
-def test_the_likelier_one_leads_where_it_explains_everything(together, short, long, first):
+# What may not lead is at most as likely as what does.
+@pytest.mark.parametrize(("short", "long", "first", "odds"), [
+    (2.2, 2.15, LONG, (2.15 / 2.2) ** 200), (2.35, 2.3, SHORT, 1.0),
+])  # fmt: skip
+def test_the_likelier_one_leads_where_it_explains_everything(together, short, long, first, odds):
     naming = judged(together, SHORT, LONG, together={"creep": short, "dielectric_absorption": long})
     assert naming.best is first
     assert naming.rivals == (SHORT if first is LONG else LONG,)
-    assert naming.probabilities[LONG.effects] == pytest.approx(1 / (1 + (long / short) ** 200))
+    assert naming.probabilities[LONG.effects] == pytest.approx(1 / (1 + odds))
 
 
 # Of 9.0² - 2.0² - 1.0² the half is 6.16²; beside noise and model error that is 6.56.
@@ -155,6 +158,8 @@ def test_what_the_unseen_part_would_refute_does_not_lead(together, unseen, leads
     found = settled(together, LONG, rough, together={"dielectric_absorption": 2.45, "creep": 2.4})
     assert (found.best is rough) is leads
     assert {found.best, *found.rivals} == {LONG, rough}
+    # 100 ln(2.45²/2.4²) = 4.1 nats; without that part it is at most as likely.
+    assert found.probabilities[rough.effects] == pytest.approx(1 / (1 + (2.4 / 2.45) ** 200) if leads else 0.5)
 
 
 def settled_beside_what_strays(leave, fitted: float, everything: float) -> Naming:
@@ -179,7 +184,16 @@ def test_what_strays_on_the_unseen_part_is_a_rival_if_it_describes_the_rest_as_w
     assert [rival.effects for rival in found.rivals] == ([("creep",)] if kept else [])
 
 
-def test_what_strays_is_as_likely_as_the_answer_and_does_not_lead(together):
-    found = settled_beside_what_strays(together, 2.1, 2.1)
+# 100 ln(2.33²/2.3²) = 2.6 nats for the answer.
+@pytest.mark.parametrize(("everything", "odds"), [(2.1, 1.0), (2.33, (2.3 / 2.33) ** 200)])
+def test_what_strays_is_at_most_as_likely_as_the_answer_and_does_not_lead(together, everything, odds):
+    found, sure = settled_beside_what_strays(together, 2.1, everything), 1 / (1 + odds)
     assert found.best is LONG
-    assert found.probabilities == {LONG.effects: pytest.approx(0.5), ("creep",): pytest.approx(0.5)}
+    assert found.probabilities == {LONG.effects: pytest.approx(sure), ("creep",): pytest.approx(1 - sure)}
+
+
+def test_without_a_fit_of_the_best_to_everything_those_that_have_one_are_as_likely(together):
+    naming = judged(together, SHORT, LONG, together={"creep": FAILS, "dielectric_absorption": 2.6})
+    assert naming.best is SHORT
+    assert naming.rivals == (LONG,)
+    assert naming.probabilities == {SHORT.effects: pytest.approx(0.5), LONG.effects: pytest.approx(0.5)}
