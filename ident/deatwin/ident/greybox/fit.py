@@ -265,7 +265,7 @@ class Problem:
         return [self.plant.parameters[name] for name in self.names]
 
     def evaluate(self, coordinates: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-        """Residuals (m,) and derivative of the readings (m, n), SI; None if the plant fails.
+        """Residuals (m,) and derivative of the readings (m, n), SI; None if the plant or its derivative fails.
 
         Parameters
         ----------
@@ -291,7 +291,7 @@ class Problem:
                 rest_command=plant.rig.start.rest_command, values=plant.free_values,
                 channels=timeline.channels,
             )  # fmt: skip
-            if not run.status.ok or run.sensitivities is None:
+            if not run.status.ok or run.sensitivities is None or not np.isfinite(run.sensitivities).all():
                 return None
             residuals.append(part.measured - run.outputs[counted + 1])
             jacobians.append(run.sensitivities[counted + 1][:, columns] * slope)

@@ -18,11 +18,10 @@ def tangent_basis(jacobian: np.ndarray) -> np.ndarray:
     Returns
     -------
     ndarray, shape (m, r)
-        Orthonormal; a parameter that does nothing, as on some bounds, has no direction, nor has one whose derivative
-        is not finite.
+        Orthonormal; a parameter that does nothing, as on some bounds, has no direction.
     """
     sizes = np.linalg.norm(jacobian, axis=0)
-    acting = (sizes > 0.0) & np.isfinite(sizes)
+    acting = sizes > 0.0
     return np.linalg.qr(jacobian[:, acting] / sizes[acting])[0]
 
 

@@ -7,7 +7,7 @@ worth its digits.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -106,20 +106,20 @@ def _named(diagnosis: Diagnosis) -> str:
 def _ambiguous(diagnosis: Diagnosis) -> str:
     guess = ", and ".join(_physics(cause, diagnosis) for cause in diagnosis.causes)
     known = [cause.effect for cause in diagnosis.causes]
-    without = [f"without {_plain(name)}" for name in known if _may_be_absent(name, diagnosis)]
+    without = [f"without {' and '.join(map(_plain, absent))}" for absent in _absent(known, diagnosis.rivals)]
     others = [_plain(name) for name in diagnosis.names if name not in known]
     rivals = "".join(f", perhaps {other}" for other in (*without, *others))
-    which = "the first" if others else "all of them" if without else "it"
+    which = " ".join(("the first", *(COUNTED[n].lower() for n in (len(known),) if n > 1)))
     return (
         f"Something is missing, and these recordings cannot tell what: perhaps {guess}{rivals}; "
         f"with {which} {_gain(diagnosis)}{_next(diagnosis)}."
     )
 
 
-def _may_be_absent(name: str, diagnosis: Diagnosis) -> bool:
-    """Whether a rival is the same without this cause, and nothing in its place."""
-    found = {cause.effect for cause in diagnosis.causes}
-    return any(name not in rival and set(rival) < found for rival in diagnosis.rivals)
+def _absent(known: Sequence[str], rivals: Sequence[Sequence[str]]) -> list[tuple[str, ...]]:
+    """The causes that rivals do without, those that have nothing in their place."""
+    fewer = [rival for rival in rivals if set(rival) < set(known)]
+    return list(dict.fromkeys(tuple(name for name in known if name not in rival) for rival in fewer))
 
 
 def _unknown(diagnosis: Diagnosis) -> str:

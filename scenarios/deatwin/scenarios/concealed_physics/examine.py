@@ -125,8 +125,8 @@ def _base(diagnosis: Diagnosis, parts: Sequence[Part]) -> Calibration:
 def _essence(diagnosis: Diagnosis) -> dict[str, Any]:
     """The parts of a diagnosis that are counted."""
     data = diagnosis.to_dict()
-    kept = ("verdict", "noise", "model_error", "detect", "causes", "set", "indistinguishable", "sentence", "fit",
-            "free_form", "warnings", "next_experiment")  # fmt: skip
+    kept = ("verdict", "noise", "model_error", "detect", "causes", "set", "rivals", "indistinguishable", "sentence",
+            "fit", "free_form", "warnings", "next_experiment")  # fmt: skip
     tried = diagnosis.evidence.candidates if diagnosis.evidence is not None else ()
     return {
         **{name: data[name] for name in kept},

@@ -8,6 +8,7 @@ import pytest
 from deatwin.ident.greybox import FitStatus, Part, calibrate
 from deatwin.ident.greybox.fit import Problem, _covariance
 from deatwin.plant import DataError, Diaphragm, Experiment, Plant, Recording
+from deatwin.plant.simulate import Simulator
 
 TRUTH = {"mass": 1.3, "damping": 2.6, "stiffness": 520.0}
 
@@ -51,6 +52,22 @@ def test_jacobian_agrees_with_central_differences(plant):
         # central differences are good to step**2 relative
         assert np.linalg.norm(jacobian[:, k] - numeric) <= 1e-6 * np.linalg.norm(numeric)
     assert residuals.shape == (300,)
+
+
+@pytest.mark.parametrize("value", [np.inf, np.nan])
+def test_a_plant_whose_derivative_is_not_finite_has_failed(plant, monkeypatch, value):
+    problem = Problem(plant=plant, parts=(Part.whole(recorded(plant, noise_command(1, 300))),), names=("mass",))
+    assert problem.evaluate(problem.start()) is not None
+    run = Simulator.run_with_sensitivities
+
+    def broken(*arguments, **named):
+        found = run(*arguments, **named)
+        sensitivities = found.sensitivities.copy()
+        sensitivities[7] = value
+        return replace(found, sensitivities=sensitivities)
+
+    monkeypatch.setattr(Simulator, "run_with_sensitivities", broken)
+    assert problem.evaluate(problem.start()) is None
 
 
 def test_95_percent_intervals_cover_the_truth(plant):

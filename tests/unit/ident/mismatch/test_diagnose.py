@@ -193,7 +193,7 @@ def test_a_doubt_of_one_of_two_effects_ends_as_ambiguous(doubted):
     assert certain["electrode_rc"] == pytest.approx(0.95)  # of both explanations, a margin left for others
     assert certain["creep"] == pytest.approx(0.95 / 2)
     assert doubted.rivals == (("electrode_rc",),)
-    assert ", perhaps without creep; with all of them" in doubted.sentence
+    assert ", perhaps without creep; with the first two" in doubted.sentence
 
 
 def test_a_fault_of_the_recording_is_said_before_physics(creeping):

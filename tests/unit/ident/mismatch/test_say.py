@@ -185,14 +185,24 @@ def test_each_verdict_says_only_what_it_may():
 
 
 @pytest.mark.parametrize(("rivals", "also", "said"), [
-    ((("sensor_jump",),), (), ", perhaps without creep; with all of them the error"),
-    ((("sensor_jump",), ("creep",)), (), ", perhaps without creep, perhaps without sensor jump; with all of them the"),
-    ((("sensor_jump", "delay"), ("delay",)), ("delay",), "-11.0), perhaps delay; with the first"),
-    ((("sensor_jump",), ("creep", "delay")), ("delay",), ", perhaps without creep, perhaps delay; with the first the"),
+    ((("sensor_jump",),), (), "-11.0), perhaps without creep; with the first two the error"),
+    ((("sensor_jump",), ("creep",)), (), "-11.0), perhaps without creep, perhaps without sensor jump; with the"),
+    ((("sensor_jump", "delay"), ("delay",)), ("delay",), "-11.0), perhaps delay; with the first two the error"),
+    ((("sensor_jump",), ("creep", "delay")), ("delay",), "-11.0), perhaps without creep, perhaps delay; with"),
 ])  # fmt: skip
 def test_a_rival_that_lacks_one_of_two_effects_is_said_beside_those_of_other_names(rivals, also, said):
     names = ("creep", "sensor_jump", *also)
     assert said in say(replace(made_up(Verdict.AMBIGUOUS, CREEP, JUMP), names=names, rivals=rivals))
+
+
+@pytest.mark.parametrize(("rivals", "said"), [
+    ((("creep",),), "perhaps without sensor jump and electrode rc; with the first three the error"),
+    ((("creep", "electrode_rc"), ("creep", "sensor_jump")),
+     "perhaps without sensor jump, perhaps without electrode rc; with the first three the error"),
+])  # fmt: skip
+def test_a_rival_that_lacks_two_of_three_effects_is_not_two_that_lack_one(rivals, said):
+    names = ("creep", "sensor_jump", "electrode_rc")
+    assert said in say(replace(made_up(Verdict.AMBIGUOUS, CREEP, JUMP, RC), names=names, rivals=rivals))
 
 
 def test_the_sentence_of_one_cause():

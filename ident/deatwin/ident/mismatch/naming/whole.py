@@ -49,15 +49,17 @@ def settled_on_everything(
     Naming
         Without a best one where none leaves little enough of all recordings, or none is hopeful; led by what is
         likelier by far, if that leaves as little and takes most of the unseen part: else that part would refute it.
-        What describes the fitted part as well, but is no possible rival for its extrapolation, is one if all
-        recordings speak for it.
+        A single effect that describes the fitted part as well, but is no possible rival for its extrapolation, is one
+        where all recordings have no strong evidence against it.
     """
     noise = tried[0].noise
     known = {c.effects: c for c in stage if possible(c)}
     chosen = {c.effects for c in known.values() if hopeful(c)}
     if not chosen:
         return decide(tried, (), noise, hopeful, possible)
-    strayed = {c.effects: c for c in stage if c.effects not in known and _describes_the_fitted(c, tried[0])}
+    # Beside a single effect that strays, any second one would mend its tail, or do nothing.
+    others = [c for c in stage if c.effects not in known and len(c.effects) == 1]
+    strayed = {c.effects: c for c in others if is_near_floor(c.fitted_test)}
     competing = [(c, bench.everything) for c in (tried[0], *known.values(), *strayed.values())]
     base, *found = run_jobs(_on_everything, competing, workers=bench.jobs)
     if base is None:
@@ -149,12 +151,6 @@ def _on_everything(candidate: Candidate, parts: Sequence[Part]) -> Candidate | N
     if not fit.status.ok:
         return None
     return replace(candidate, calibration=fit, unseen=np.zeros(0), sizes=tuple((part.size, 0) for part in parts))
-
-
-def _describes_the_fitted(candidate: Candidate, base: Candidate) -> bool:
-    """Whether a fit takes away most of what the base plant leaves of the fitted part, and is near the floor there."""
-    most = share_explained(candidate.fitted_test, base.fitted_test) > MOST
-    return most and is_near_floor(candidate.fitted_test)
 
 
 def _settles(whole: Candidate, base: Candidate) -> bool:
