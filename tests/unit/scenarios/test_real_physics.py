@@ -84,31 +84,6 @@ def test_bouc_wen_is_the_benchmark_s_own_spring(without_compiler: None) -> None:
     assert rms(found - ends) < 1e-3 * rms(np.array(ends))
 
 
-def test_without_hardening_it_is_the_catalogue_s(without_compiler: None) -> None:
-    from deatwin.plant import Hysteresis
-
-    rig = bouc_wen.LinearOscillator()
-    commands = 60.0 * np.sin(0.25 * np.arange(200))
-    own, usual = (kind(force=10.0, distance=4e-4) for kind in (bouc_wen.BoucWen, _unbounded(Hysteresis)))
-    one, other = (readings(Plant(rig=rig, effects=(effect,)), commands) for effect in (own, usual))
-    assert rms(one - other) < 1e-4 * rms(other)
-
-
-def _unbounded(kind: type) -> type:
-    from deatwin.plant import Parameter
-    from deatwin.plant.parameters import Scale
-
-    class Wide(kind):  # type: ignore[misc]
-        def describe(self) -> tuple[Parameter, ...]:
-            return (
-                Parameter(name="force", value=self.force, unit="N", lower=0.0, upper=1e3),
-                Parameter(name="distance", value=self.distance, unit="m", lower=1e-6, upper=1.0,
-                          scale=Scale.LOGARITHMIC),
-            )  # fmt: skip
-
-    return Wide
-
-
 def test_tanks_with_a_brim(without_compiler: None) -> None:
     # The documented balances with overflow, by an integrator of others, from levels that are not at rest.
     rig = cascaded_tanks.Tanks()

@@ -16,6 +16,7 @@ from typing import Any, ClassVar
 
 import casadi as ca
 
+from deatwin.plant.effects.smooth import smooth_magnitude
 from deatwin.plant.errors import RigError, nearest
 from deatwin.plant.parameters import Parameter, Scale
 
@@ -168,7 +169,7 @@ class Magnitude(Primitive):
     kind: ClassVar[str] = "magnitude"
 
     def value(self, signal: Symbol, memory: Symbol, shape: Symbol) -> Symbol:
-        return ca.sqrt(signal**2 + CORNER**2) - CORNER
+        return smooth_magnitude(signal, CORNER)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,9 +6,27 @@ from typing import Any
 
 import casadi as ca
 
-__all__ = ["smooth_step", "soft_excess"]
+__all__ = ["smooth_magnitude", "smooth_step", "soft_excess"]
 
 Symbol = Any
+
+
+def smooth_magnitude(value: Symbol, width: float) -> Symbol:
+    r"""Smooth form of :math:`|x|`: :math:`\sqrt{x^2 + w^2} - w`.
+
+    Parameters
+    ----------
+    value : symbol
+        x.
+    width : float
+        w, in the unit of x; the departure is less than that, and zero at x = 0.
+
+    Returns
+    -------
+    symbol
+        In the unit of x.
+    """
+    return ca.sqrt(value**2 + width**2) - width
 
 
 def soft_excess(value: Symbol, width: float) -> Symbol:

@@ -113,7 +113,7 @@ def test_the_catalogue_of_a_mass_is_not_empty() -> None:
 
 def test_units_are_those_of_the_plant() -> None:
     (cubic,) = LARGE.of(CubicStiffness()).describe()
-    friction, distance = LARGE.of(Hysteresis()).describe()
+    friction, distance, _ = LARGE.of(Hysteresis()).describe()
     assert (cubic.unit, friction.unit, distance.unit) == ("1/(V2 s2)", "V/s2", "V")
     assert distance.value == pytest.approx(MOTION * 30e-6)
     assert distance.upper == pytest.approx(MOTION * 1e-3)
