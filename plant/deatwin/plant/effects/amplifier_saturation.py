@@ -21,10 +21,11 @@ class AmplifierSaturation(Effect):
 
     .. math:: V \to V - s\,[p(V - V_l) - p(-V - V_l)], \qquad p(x) = w\ln(1 + e^{x/w})
 
-    No state. s = 1 clips, s < 1 bends. The corner is rounded over w = 20 V, so that the limit has a derivative.
-    Typical: a limit near the top of the range, 2.8 kV. Signature: exactly nothing below the limit, a flat top
-    above it, at all frequencies, even in the voltage, before the film. An `end_stop` clips the motion instead,
-    so the ball's ringing is cut too; `strain_stiffening` bends from low voltage on. Off at s = 0.
+    No state. s = 1 clips, s < 1 bends. The corner is rounded over w: 20 V is next to sharp, an output stage that
+    runs out of current gives way over hundreds. Typical: a limit near the top of the range, 2.8 kV. Signature:
+    nothing some w below the limit, a flat top above it, at all frequencies, even in the voltage, before the film.
+    An `end_stop` clips the motion instead, so the ball's ringing is cut too; `strain_stiffening` bends from low
+    voltage on; a wide corner looks like `leakage`. Off at s = 0.
 
     Parameters
     ----------
@@ -32,6 +33,8 @@ class AmplifierSaturation(Effect):
         s, the share of the excess that is lost.
     limit : float
         :math:`V_l` in V at the film.
+    rounding : float
+        w in V at the film.
 
     References
     ----------
@@ -40,6 +43,7 @@ class AmplifierSaturation(Effect):
 
     share: float = 1.0
     limit: float = 2.8e3
+    rounding: float = 20.0
 
     name: ClassVar[str] = "amplifier_saturation"
     family: ClassVar[Family] = Family.ELECTRICAL
@@ -48,16 +52,15 @@ class AmplifierSaturation(Effect):
     strength: ClassVar[str] = "share"
     threshold: ClassVar[str] = "limit"
     wording: ClassVar[str] = "The amplifier clips beyond {limit}, where a share of {share} of the excess is lost"
-    width: ClassVar[float] = 20.0
-    """Rounding of the corner, V."""
 
     def describe(self) -> tuple[Parameter, ...]:
         return (
             Parameter(name="share", value=self.share, unit="1", lower=0.0, upper=1.0),
             Parameter(name="limit", value=self.limit, unit="V", lower=100.0, upper=20e3),
+            Parameter(name="rounding", value=self.rounding, unit="V", lower=1.0, upper=1e3),
         )
 
     def rewrite(self, signal: Any, build: Builder) -> Any:
-        limit = self.own("limit", build)
-        excess = soft_excess(signal - limit, self.width) - soft_excess(-signal - limit, self.width)
+        limit, width = self.own("limit", build), self.own("rounding", build)
+        excess = soft_excess(signal - limit, width) - soft_excess(-signal - limit, width)
         return signal - self.own("share", build) * excess

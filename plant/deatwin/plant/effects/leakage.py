@@ -27,8 +27,8 @@ class Leakage(Effect):
     over the points k under the electrode, :math:`A_k` their present area. No state but one algebraic unknown, V (V).
     The current is quasi-static and follows `electrode_rc`: where both are there, the drop is that of the voltage to
     which the film has charged. Typical: below 0.1 % unless :math:`R > 10^9` Ω, then the field's exponential makes
-    it appear above 2.5 kV. Signature: compresses the top of the curve as `amplifier_saturation` does, but without a
-    corner, even in the voltage, static; and it goes with the field, so with the film's stretch. Off at R = 0.
+    it appear above 2.5 kV. Signature: compresses the top of the curve as an `amplifier_saturation` with a wide
+    corner does, even in the voltage, static; and it goes with the field, so with the film's stretch. Off at R = 0.
 
     Parameters
     ----------
