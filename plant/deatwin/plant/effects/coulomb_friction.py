@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import casadi as ca
 
 from deatwin.plant.effects.base import Effect, Family, Place
-from deatwin.plant.parameters import Parameter
+from deatwin.plant.parameters import Parameter, Scale
 
 if TYPE_CHECKING:
     from deatwin.plant.builder import Builder
@@ -18,24 +18,27 @@ __all__ = ["CoulombFriction"]
 
 @dataclass(frozen=True, kw_only=True)
 class CoulombFriction(Effect):
-    r"""Coulomb's law with sticking: below :math:`F_c` friction is what keeps the ball where it is.
+    r"""Coulomb's law with sticking: below :math:`F_c` friction is what all but keeps the ball where it is.
 
     .. math:: F = -F_c\,\zeta, \qquad \zeta = P\Bigl(\frac{v_r\zeta + v}{v_r + v_s}\Bigr), \qquad
               P(x) = \tfrac12\Bigl[\sqrt{(x + 1)^2 + w^2} - \sqrt{(x - 1)^2 + w^2}\Bigr]
 
     One coordinate :math:`\zeta` (1) between -1 and 1. P cuts off at -1 and 1, with corners rounded by w = 0.0001.
     For any :math:`v_r` this says: :math:`v = v_s\zeta` while the ball sticks, or :math:`\zeta = \pm1` in the
-    direction of v. A ball that sticks creeps by at most :math:`v_s` = 50 nm/s. With :math:`v_r = v_s + bF_c`, b of
-    the order of sample time over mass, Newton's method settles within a sample what it cannot settle as a steep
-    function of v. Typical: 1 to 5 % of the ball's weight, 0.3 to 1.5 mN, that is 10 to 50 µm on the film's
-    stiffness k. Signature: plateaus at each reversal until the drive has changed by :math:`2F_c`; a loop
-    :math:`2F_c/k` wide, whatever the rate and, above it, the amplitude. With `hysteresis` a motion smaller than
-    its distance is held only elastically and has hardly a loop. Off at :math:`F_c = 0`.
+    direction of v. A ball that sticks creeps by at most :math:`v_s`: 50 nm/s holds it, a greased guide or a bearing
+    lets it creep by a millimetre a second. With :math:`v_r = v_s + bF_c`, b of the order of sample time over mass,
+    Newton's method settles within a sample what it cannot settle as a steep function of v. Typical: 1 to 5 % of the
+    ball's weight, 0.3 to 1.5 mN, that is 10 to 50 µm on the film's stiffness k. Signature: plateaus at each reversal
+    until the drive has changed by :math:`2F_c`; a loop :math:`2F_c/k` wide, whatever the rate and, above it, the
+    amplitude. With `hysteresis` a motion smaller than its distance is held only elastically and has hardly a loop.
+    Off at :math:`F_c = 0`.
 
     Parameters
     ----------
     force : float
         :math:`F_c` in N.
+    slip : float
+        :math:`v_s` in m/s.
 
     References
     ----------
@@ -45,6 +48,7 @@ class CoulombFriction(Effect):
     """
 
     force: float = 0.7e-3
+    slip: float = 1e-4
 
     name: ClassVar[str] = "coulomb_friction"
     family: ClassVar[Family] = Family.MECHANICAL
@@ -52,21 +56,22 @@ class CoulombFriction(Effect):
     signal: ClassVar[str] = "force"
     strength: ClassVar[str] = "force"
     wording: ClassVar[str] = "The ball moves against a dry friction of {force}"
-    slip: ClassVar[float] = 5e-8
-    """:math:`v_s` in m/s."""
     mobility: ClassVar[float] = 2.0
     """b in m/(s N)."""
     corner: ClassVar[float] = 1e-4
     """w."""
 
     def describe(self) -> tuple[Parameter, ...]:
-        return (Parameter(name="force", value=self.force, unit="N", lower=0.0, upper=0.02),)
+        return (
+            Parameter(name="force", value=self.force, unit="N", lower=0.0, upper=0.02),
+            Parameter(name="slip", value=self.slip, unit="m/s", lower=5e-8, upper=5e-3, scale=Scale.LOGARITHMIC),
+        )
 
     def rewrite(self, signal: Any, build: Builder) -> Any:
         direction = build.coordinate("friction_direction", scale=1.0)
-        force = self.own("force", build)
-        trust = self.slip + self.mobility * force
-        trial = (trust * direction + build.signal("velocity")) / (trust + self.slip)
+        force, slip = self.own("force", build), self.own("slip", build)
+        trust = slip + self.mobility * force
+        trial = (trust * direction + build.signal("velocity")) / (trust + slip)
         above, below = (ca.sqrt((trial + side) ** 2 + self.corner**2) for side in (1, -1))
         build.balance(direction - (above - below) / 2)
         return signal - force * direction

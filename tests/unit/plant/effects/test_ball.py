@@ -96,7 +96,7 @@ def play(commands, force):
 @pytest.mark.parametrize("amplitude", [3e-3, 8e-3])
 def test_friction_is_the_play_of_a_slow_drive(amplitude, period):
     drive, friction = triangles(amplitude, period), 1e-3
-    got = move(drive, CoulombFriction(force=friction), damper=0.5)
+    got = move(drive, CoulombFriction(force=friction, slip=50e-9), damper=0.5)
     # The drive climbs 4 A/T a second, so what moves lags by c/k * 4 A/(T k); a ball that breaks loose jolts as much.
     lag = 4 * amplitude / period * (0.5 / STIFFNESS + SAMPLE) / STIFFNESS
     np.testing.assert_allclose(got, play(drive, friction), rtol=0, atol=2 * lag)
@@ -109,16 +109,26 @@ def test_friction_is_the_play_of_a_slow_drive(amplitude, period):
 def test_a_ball_that_sticks_stays():
     # Pushed by 5 mN and let go to 4.5 mN with 2 mN of friction: it stays where 5 mN brought it.
     drive = np.concatenate([np.linspace(0, 5e-3, 200), np.full(100, 5e-3), np.full(1000, 4.5e-3)])
-    got = move(drive, CoulombFriction(force=2e-3), damper=0.5)
+    got = move(drive, CoulombFriction(force=2e-3, slip=50e-9), damper=0.5)
     assert abs(got[-1] - got[290]) < 50e-9 * 20  # creeping with at most 50 nm/s
     assert got[290] == pytest.approx(3e-3 / STIFFNESS, abs=1e-6)  # the ramp ended at 40 µm/s, with c/k = 17 ms
     # A friction that is a function of velocity alone would be back at 4.5 mN/k after 20 s.
     assert got[-1] < 0.7 * 4.5e-3 / STIFFNESS
 
 
+def test_a_ball_that_slips_below_its_friction_is_held_as_by_a_damper():
+    # F_c/v_s = 1 N s/m beside the damper of 0.5: 50 ms on the spring, where the mass has 1.5 ms on the two.
+    drive, damper, friction, slip = np.full(40, 0.5e-3), 0.5, 1e-3, 1e-3
+    got = move(drive, CoulombFriction(force=friction, slip=slip), damper=damper)
+    times, late = SAMPLE * np.arange(1, drive.size + 1), MASS / (damper + friction / slip)
+    slow = (damper + friction / slip) / STIFFNESS
+    expected = drive / STIFFNESS * (1 - (slow * np.exp(-times / slow) - late * np.exp(-times / late)) / (slow - late))
+    np.testing.assert_allclose(got, expected, rtol=0.01, atol=0.02 * drive[0] / STIFFNESS)
+
+
 def test_small_drives_move_nothing_but_the_bristles_of_hysteresis():
     drive = triangles(0.5e-3, 4.0)
-    stuck = move(drive, CoulombFriction(force=1e-3), damper=0.5)
+    stuck = move(drive, CoulombFriction(force=1e-3, slip=50e-9), damper=0.5)
     assert np.ptp(stuck) < 50e-9 * drive.size * SAMPLE
     held = move(drive, Hysteresis(force=1e-3, distance=30e-6), damper=0.5)
     # Elastically held by k + F_h/x_h = 63 N/m: 0.5 mN on them, either way, softer as the memory fills.
@@ -153,7 +163,7 @@ def test_a_free_swing_under_friction_loses_as_much_at_each_turn():
     # 4 F_c/k a period, the textbook's straight envelope under Coulomb damping.
     friction, fine = 1e-4, 1e-3
     drive = np.concatenate([np.full(4000, 6e-3), np.zeros(400)])
-    got = move(drive, CoulombFriction(force=friction), damper=0.0, sample_time=fine)[4000:]
+    got = move(drive, CoulombFriction(force=friction, slip=50e-9), damper=0.0, sample_time=fine)[4000:]
     turns = np.flatnonzero((got[1:-1] - got[:-2]) * (got[2:] - got[1:-1]) < 0) + 1
     heights = np.abs(got[turns[:8]])
     np.testing.assert_allclose(-np.diff(heights), 2 * friction / STIFFNESS, rtol=0.05)
@@ -164,13 +174,13 @@ def test_friction_survives_noise_and_holds(force):
     rng = np.random.default_rng(5)
     noise = band_limited_noise(rng, 8.0, SAMPLE)
     holds = rng.uniform(0.0, 3.4, 12).repeat(25)
-    plant = Plant(rig=Diaphragm(), effects=(CoulombFriction(force=force),))
+    plant = Plant(rig=Diaphragm(), effects=(CoulombFriction(force=force, slip=50e-9),))
     record = Recording.from_arrays(np.concatenate([noise, holds]), np.zeros(700), SAMPLE)
     assert plant.simulate(Experiment(recordings=(record,))).status.ok
 
 
 PASSIVE = [
-    CoulombFriction(force=1e-3), CubicStiffness(stiffness=2e7), EndStop(position=0.1e-3), Hysteresis(),
+    CoulombFriction(force=1e-3, slip=50e-9), CubicStiffness(stiffness=2e7), EndStop(position=0.1e-3), Hysteresis(),
     QuadraticDamping(coefficient=3.0), Resonance(mass=0.5e-3),
 ]  # fmt: skip
 
