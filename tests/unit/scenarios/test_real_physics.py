@@ -84,6 +84,32 @@ def test_bouc_wen_is_the_benchmark_s_own_spring(without_compiler: None) -> None:
     assert rms(found - ends) < 1e-3 * rms(np.array(ends))
 
 
+def test_without_hardening_it_is_the_catalogue_s(without_compiler: None) -> None:
+    from deatwin.plant import Hysteresis
+
+    rig = bouc_wen.LinearOscillator()
+    commands = 60.0 * np.sin(0.25 * np.arange(200))
+    own, usual = (kind(force=10.0, distance=4e-4) for kind in (bouc_wen.BoucWen, _unbounded(Hysteresis)))
+    one, other = (readings(Plant(rig=rig, effects=(effect,)), commands) for effect in (own, usual))
+    assert rms(one - other) < 1e-4 * rms(other)
+
+
+def _unbounded(kind: type) -> type:
+    from deatwin.plant import Parameter
+    from deatwin.plant.parameters import Scale
+
+    class Wide(kind):  # type: ignore[misc]
+        def describe(self) -> tuple[Parameter, ...]:
+            return (
+                Parameter(name="force", value=self.force, unit="N", lower=0.0, upper=1e3),
+                Parameter(name="distance", value=self.distance, unit="m", lower=1e-6, upper=1.0,
+                          scale=Scale.LOGARITHMIC),
+                Parameter(name="beta", value=self.beta, unit="1", lower=0.5, upper=2.0),
+            )  # fmt: skip
+
+    return Wide
+
+
 def test_tanks_with_a_brim(without_compiler: None) -> None:
     # The documented balances with overflow, by an integrator of others, from levels that are not at rest.
     rig = cascaded_tanks.Tanks()
@@ -114,7 +140,7 @@ def test_the_controlled_carriage_lags_a_ramp(without_compiler: None) -> None:
     # Steady motion: motor (gain_v (gain_p e - v)) = viscosity v - offset + friction, so e has a closed form.
     rig = emps.ControlledCarriage()
     friction = next(e for e in rig.effects() if e.name == "coulomb_friction")
-    values = {"viscosity": 200.0, "offset": -3.0, "coulomb_friction.force": 20.0}
+    values = {"viscosity": 200.0, "offset": -3.0, "coulomb_friction.force": 20.0, "coulomb_friction.slip": 1e-4}
     plant = Plant(rig=rig, effects=(friction,), values=values)
     speed = 0.1
     reference = speed * rig.sample_time * (np.arange(800) + 0.5)

@@ -69,7 +69,8 @@ Design = Callable[..., Controller]
 """Takes the model as the controller sees it, and ``command_limits``."""
 
 STICKING = ("hysteresis", "coulomb_friction")
-"""Effects that act as a spring on small motions and are nothing to the dynamics of large ones: the loop meets both."""
+"""Effects that are a spring or a damper to small motions and nothing to the dynamics of large ones: the loop meets
+both."""
 POINTS = 5
 """Operating points at which margins are judged, where none are given."""
 SAME = 1e-9

@@ -291,10 +291,12 @@ class Problem:
                 rest_command=plant.rig.start.rest_command, values=plant.free_values,
                 channels=timeline.channels,
             )  # fmt: skip
-            if not run.status.ok or run.sensitivities is None or not np.isfinite(run.sensitivities).all():
+            if not run.status.ok or run.sensitivities is None:
                 return None
             residuals.append(part.measured - run.outputs[counted + 1])
             jacobians.append(run.sensitivities[counted + 1][:, columns] * slope)
+            if not np.isfinite(jacobians[-1]).all():
+                return None
         return np.concatenate(residuals), np.vstack(jacobians)
 
 

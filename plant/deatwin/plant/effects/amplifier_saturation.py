@@ -23,8 +23,8 @@ class AmplifierSaturation(Effect):
 
     No state. s = 1 clips, s < 1 bends. The corner is rounded over w: 20 V is next to sharp, an output stage that
     runs out of current gives way over hundreds. Typical: a limit near the top of the range, 2.8 kV. Signature:
-    nothing some w below the limit, a flat top above it, at all frequencies, even in the voltage, before the film.
-    An `end_stop` clips the motion instead, so the ball's ringing is cut too; `strain_stiffening` bends from low
+    next to nothing four w below the limit, a flat top above it, at all frequencies, even in the voltage, before the
+    film. An `end_stop` clips the motion instead, so the ball's ringing is cut too; `strain_stiffening` bends from low
     voltage on; a wide corner looks like `leakage`. Off at s = 0.
 
     Parameters

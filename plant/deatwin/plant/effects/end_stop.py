@@ -28,7 +28,7 @@ class EndStop(Effect):
     rounded over w = 5 µm. In slow contact the force is k d, and at any speed where nothing is lost, λ = 0. Else the
     way in costs more and the way out gives back less, far above 1/λ twice as much and nothing: the stop never pulls.
     A slow impact at :math:`v_0` takes :math:`4/3\,\lambda v_0` of the energy. Typical: 100 N/m for foam, and 20 s/m,
-    a quarter of the energy at 10 mm/s; 3 kN/m is 100 times the film's stiffness :math:`k_f` and as good as a wall,
+    a fifth of the energy at 10 mm/s; 3 kN/m is 100 times the film's stiffness :math:`k_f` and as good as a wall,
     and a ball that rings on anything harder cannot be followed with 50 samples a second. Signature: nothing below
     :math:`y_s`; above, the stroke grows by only :math:`k_f/(k_f + k)` of what it would, at any voltage and frequency,
     and the ball's ringing is cut on one side. An `amplifier_saturation` cuts the drive, so the ball still swings

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar
 
+import casadi as ca
+
 from deatwin.plant.effects.base import Effect, Family, Place
 from deatwin.plant.effects.smooth import smooth_magnitude
 from deatwin.plant.parameters import Parameter, Scale
@@ -21,17 +23,16 @@ __all__ = ["Hysteresis"]
 class Hysteresis(Effect):
     r"""Bouc-Wen force on the ball, with n = 1.
 
-    .. math:: F = -F_h\,\zeta, \qquad x_h\,\dot\zeta = v - |v|\,\zeta + \kappa\,v\,|\zeta|
+    .. math:: F = -F_h\,\zeta, \qquad x_h\,\dot\zeta = v - \beta\,|v|\,\zeta - (1 - \beta)\,v\,|\zeta|
 
-    (:math:`A = 1, \beta = 1, \gamma = -\kappa`). One state :math:`\zeta` (1), between :math:`\pm 1/(1 - \kappa)` as
-    long as the ball moves faster than some 10 nm/s: magnitudes are smoothed, :math:`|v| \approx \sqrt{v^2 + v_0^2} -
-    v_0` with :math:`v_0` = 10 nm/s and that of :math:`\zeta` with 1e-4, so that the force has a derivative, and a
-    slower ball is held by up to :math:`2v_0/v` times the force. Where the motion turns, the force falls at
-    :math:`1 + (1 + \kappa)\zeta` times the rate at which it rises from rest: at twice that rate for :math:`\kappa = 0`,
-    along a straight line for -1, where :math:`\beta = \gamma`. Up to 1 either way it is sure to take energy. Typical:
-    force 1 to 5 % of the ball's weight, distance 10 to 100 µm. Signature: the width of the loop stays as the
-    frequency falls to zero, where that of `creep` shrinks; motions much smaller than the distance have no loop, where
-    `coulomb_friction` holds the ball still. Off at :math:`F_h = 0`.
+    (:math:`A = 1, \gamma = 1 - \beta`). One state :math:`\zeta` (1), between -1 and 1 as long as the ball moves faster
+    than some 10 nm/s: magnitudes are smoothed, :math:`|v| \approx \sqrt{v^2 + v_0^2} - v_0` with :math:`v_0` = 10 nm/s
+    and that of :math:`\zeta` with 1e-4, so that the force has a derivative, and a slower ball is held by up to
+    :math:`2v_0/v` times the force. Where the motion turns, the force falls at :math:`1 + (2\beta - 1)\zeta` times the
+    rate at which it rises from rest: along a straight line for :math:`\beta` = 0.5, at twice that rate from
+    :math:`F_h` on for 1. Typical: force 1 to 5 % of the ball's weight, distance 10 to 100 µm. Signature: the width of
+    the loop stays as the frequency falls to zero, where that of `creep` shrinks; motions much smaller than the
+    distance have no loop, where `coulomb_friction` holds the ball still. Off at :math:`F_h = 0`.
 
     Parameters
     ----------
@@ -39,19 +40,19 @@ class Hysteresis(Effect):
         :math:`F_h` in N.
     distance : float
         :math:`x_h` in m.
-    hardening : float
-        :math:`\kappa`.
+    beta : float
+        :math:`\beta`.
 
     References
     ----------
     Ismail, Ikhouane & Rodellar, Arch. Comput. Methods Eng. 16 (2009) 161, doi:10.1007/s11831-009-9031-8 (survey
-    of the model of Bouc and Wen); without hardening it is the solid friction of Dahl, AIAA J. 14 (1976) 1675,
+    of the model of Bouc and Wen); with beta = 1 it is the solid friction of Dahl, AIAA J. 14 (1976) 1675,
     doi:10.2514/3.61511.
     """
 
     force: float = 1e-3
     distance: float = 30e-6
-    hardening: float = 0.0
+    beta: float = 1.0
 
     name: ClassVar[str] = "hysteresis"
     family: ClassVar[Family] = Family.MECHANICAL
@@ -67,13 +68,14 @@ class Hysteresis(Effect):
             Parameter(
                 name="distance", value=self.distance, unit="m", lower=5e-6, upper=1e-3, scale=Scale.LOGARITHMIC
             ),
-            Parameter(name="hardening", value=self.hardening, unit="1", lower=-1.0, upper=0.9),
+            Parameter(name="beta", value=self.beta, unit="1", lower=0.5, upper=2.0),
         )
 
     def rewrite(self, signal: Any, build: Builder) -> Any:
         memory = build.state("hysteresis_memory", scale=1.0, start=0.0)
-        velocity = build.signal("velocity")
-        speed, strain = smooth_magnitude(velocity, 1e-8), smooth_magnitude(memory, 1e-4)
-        change = velocity - speed * memory + self.own("hardening", build) * velocity * strain
-        build.rate(memory, change, mass=self.own("distance", build))
+        velocity, beta, slow = build.signal("velocity"), self.own("beta", build), 1e-8
+        speed, strain = smooth_magnitude(velocity, slow), smooth_magnitude(memory, 1e-4)
+        forward = speed * velocity / ca.sqrt(velocity**2 + slow**2)  # the velocity, as smooth at rest as the speed
+        build.rate(memory, velocity - beta * speed * memory - (1 - beta) * forward * strain,
+                   mass=self.own("distance", build))
         return signal - self.own("force", build) * memory

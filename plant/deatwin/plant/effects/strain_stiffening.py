@@ -25,7 +25,7 @@ class StrainStiffening(Effect):
     No state. Nothing is added at small stretch. Typical for VHB: all of its modulus, 15 to 30 kPa, with J = 90 to
     120; at a prestretch of 3.5, :math:`I_1 - 3` = 21.5. Signature: static and even in the voltage; the stroke
     bends down above about 2.5 kV, and the ball's frequency falls less with the voltage. An
-    `amplifier_saturation` is sharp and leaves the frequency alone; `permittivity_stretch` changes no sag. With a
+    `amplifier_saturation` has a corner and leaves the frequency alone; `permittivity_stretch` changes no sag. With a
     material that has a limit already, such as Gent's, this only shifts that limit. Off at :math:`\mu_s = 0`.
 
     Parameters

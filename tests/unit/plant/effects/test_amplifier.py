@@ -46,6 +46,14 @@ def test_a_clipped_voltage_is_untouched_below_and_flat_above(chain):
     np.testing.assert_allclose(got, -got[::-1], atol=1e-9)
 
 
+@pytest.mark.parametrize("width", [20.0, 300.0])
+def test_the_corner_of_a_clip_has_a_width(chain, width):
+    asked = np.linspace(-4.0, 4.0, 81)
+    got = chain(asked, AmplifierSaturation(limit=2e3, share=0.8, rounding=width))["film_voltage"]
+    over, under = (width * np.logaddexp(0, (side * GAIN * asked - 2e3) / width) for side in (1, -1))
+    np.testing.assert_allclose(got, GAIN * asked - 0.8 * (over - under), atol=1e-9 * 2e3)
+
+
 def test_a_bent_voltage_keeps_a_share_of_the_excess(chain):
     got = chain(np.full(3, 4.0), AmplifierSaturation(limit=2e3, share=0.25))["film_voltage"]
     np.testing.assert_allclose(got, 2e3 + 0.75 * 1.2e3, rtol=1e-9)

@@ -135,28 +135,28 @@ def test_small_drives_move_nothing_but_the_bristles_of_hysteresis():
     assert 1e-3 / (STIFFNESS + 1e-3 / 30e-6) < np.ptp(held) < 1.5e-3 / (STIFFNESS + 1e-3 / 30e-6)
 
 
-def memory_of(path, distance, hardening):
+def memory_of(path, distance, beta):
     """Bouc and Wen's memory along a path, in steps that are solved exactly but where it changes sign."""
     memory, found = 0.0, []
     for step in np.diff(path, prepend=0.0):
         along = np.copysign(memory, memory * step)
-        rate = 1 - hardening if along >= 0 else 1 + hardening
+        rate = 1.0 if along >= 0 else 2 * beta - 1  # of the motion's sign, and against it
         share = -np.expm1(-rate * abs(step) / distance) / rate if rate else abs(step) / distance
         memory = np.copysign(1.0, step) * (along + (1 - rate * along) * share)
         found.append(memory)
     return np.array(found)
 
 
-@pytest.mark.parametrize("hardening", [-1.0, 0.0, 0.5])
-def test_slow_hysteresis_follows_its_own_law_and_no_other(hardening):
+@pytest.mark.parametrize("beta", [0.5, 1.0, 2.0])
+def test_slow_hysteresis_follows_its_own_law_and_no_other(beta):
     amplitude, period, force, distance, damper = 15e-3, 48.0, 1e-3, 50e-6, 0.5
     drive = triangles(amplitude, period)
-    got = move(drive, Hysteresis(force=force, distance=distance, hardening=hardening), damper=damper)
+    got = move(drive, Hysteresis(force=force, distance=distance, beta=beta), damper=damper)
     slowly = 3 * damper * 4 * amplitude / period / STIFFNESS
     held = drive - STIFFNESS * got
-    np.testing.assert_allclose(held, force * memory_of(got, distance, hardening), rtol=0, atol=slowly)
-    assert held.max() == pytest.approx(force / (1 - hardening), abs=slowly)  # 0.5, 1 and 2 mN
-    assert np.abs(held - force * memory_of(got, distance, hardening + 0.4)).max() > 2 * slowly
+    np.testing.assert_allclose(held, force * memory_of(got, distance, beta), rtol=0, atol=slowly)
+    assert held.max() == pytest.approx(force, abs=slowly)
+    assert np.abs(held - force * memory_of(got, distance, beta + 1)).max() > 2 * slowly
 
 
 def test_a_free_swing_under_friction_loses_as_much_at_each_turn():

@@ -7,6 +7,7 @@ from deatwin.plant import Diaphragm, Plant
 from deatwin.plant.effects.coulomb_friction import CoulombFriction
 from deatwin.plant.effects.cubic_stiffness import CubicStiffness
 from deatwin.plant.effects.end_stop import EndStop
+from deatwin.plant.effects.hysteresis import Hysteresis
 from deatwin.plant.effects.mullins import Mullins
 from deatwin.plant.effects.periodic_disturbance import PeriodicDisturbance
 from deatwin.plant.effects.permittivity_stretch import PermittivityStretch
@@ -23,7 +24,7 @@ SMOOTH = [
     QuadraticDamping(), Resonance(mass=2e-3), StrainStiffening(), ThermalStiffness(period=20.0),
 ]  # fmt: skip
 """Functions of state and time without corners."""
-CORNERED = [CoulombFriction(), EndStop(), Mullins()]
+CORNERED = [CoulombFriction(), CoulombFriction(slip=1e-6), EndStop(), Hysteresis(beta=0.6), Mullins()]
 """Their corners are rounded, but to widths that a difference must stay below: shorter steps, larger errors."""
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -76,9 +76,9 @@ def settled_on_everything(
     led, first = naming.led_by(lead), known[lead.effects]
     back = [w for w in fitted if w.effects in strayed and lead.evidence - w.evidence < STRONG]
     also = [strayed[w.effects] for w in back if _is_as_likely_there(strayed[w.effects], first)]
-    weights = _weights([*wholes, *(w for w in back if strayed[w.effects] in also)], holding, lead.evidence)
+    held = _held([*wholes, *(w for w in back if strayed[w.effects] in also)], holding, lead)
     rivals = (*(known[c.effects] for c in led.rivals), *also)
-    return replace(led, best=first, rivals=rivals, probabilities=normalised(weights))
+    return replace(led, best=first, rivals=rivals, probabilities=_probabilities(held))
 
 
 def judged_on_everything(naming: Naming, bench: Bench, possible: Callable[[Candidate], bool]) -> Naming:
@@ -124,20 +124,25 @@ def judged_on_everything(naming: Naming, bench: Bench, possible: Callable[[Candi
     leading = [whole[best.effects]] if best.effects in whole else []
     leading += [w for w in back if w.fitted_test.within_floor and _holds(competing[w.effects], naming.candidates[0])]
     first = max(leading or back, key=lambda w: w.evidence)
-    found = _weights([*leading[:1], *back], leading, first.evidence)
-    known = naming.probabilities[best.effects] / found.get(best.effects, 1.0)
-    weights = {**naming.probabilities, **{effects: known * weight for effects, weight in found.items()}}
+    logs = {effects: float(np.log(max(p, 1e-300))) for effects, p in naming.probabilities.items()}
+    known = logs[best.effects] - (most if best.effects in whole else first.evidence)
+    logs |= {effects: known + held for effects, held in _held(back, leading, first).items()}
     rivals = (*naming.rivals, *(competing[w.effects] for w in back))
-    judged = replace(naming, rivals=rivals, probabilities=normalised(weights))
+    judged = replace(naming, rivals=rivals, probabilities=_probabilities(logs))
     return judged.led_by(competing[first.effects]) if leading else judged
 
 
-def _weights(
-    wholes: Sequence[Candidate], leading: Sequence[Candidate], most: float
+def _held(
+    wholes: Sequence[Candidate], leading: Sequence[Candidate], first: Candidate
 ) -> dict[tuple[str, ...], float]:
-    """In proportion to probabilities; what may not be `leading` has at `most` the evidence of what does."""
-    held = {w.effects: w.evidence if w in leading else min(w.evidence, most) for w in wholes}
-    return {effects: float(np.exp(evidence - most)) for effects, evidence in held.items()}
+    """Evidence of fits to everything; what may not be `leading` has at most that of the `first`."""
+    return {w.effects: w.evidence if w in leading else min(w.evidence, first.evidence) for w in wholes}
+
+
+def _probabilities(logs: Mapping[tuple[str, ...], float]) -> dict[tuple[str, ...], float]:
+    """Of explanations, from logarithms of what they are in proportion to: thousands of nats may lie between them."""
+    most = max(logs.values())
+    return normalised({effects: float(np.exp(held - most)) for effects, held in logs.items()})
 
 
 def _is_as_likely_there(rival: Candidate, best: Candidate) -> bool:

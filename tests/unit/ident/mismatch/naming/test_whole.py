@@ -192,6 +192,14 @@ def test_what_strays_is_at_most_as_likely_as_the_answer_and_does_not_lead(togeth
     assert found.probabilities == {LONG.effects: pytest.approx(sure), ("creep",): pytest.approx(1 - sure)}
 
 
+def test_thousands_of_nats_are_no_division_by_zero(together):
+    # 10,000 samples are 200 blocks: 100 ln(600²/2.2²) = 1122 nats for the one that leads then.
+    naming = judged(together, SHORT, LONG, together={"creep": 600.0, "dielectric_absorption": 2.2})
+    assert naming.best is LONG
+    assert naming.probabilities[LONG.effects] == pytest.approx(1.0)
+    assert naming.probabilities[SHORT.effects] == pytest.approx(0.0, abs=1e-300)
+
+
 def test_without_a_fit_of_the_best_to_everything_those_that_have_one_are_as_likely(together):
     naming = judged(together, SHORT, LONG, together={"creep": FAILS, "dielectric_absorption": 2.6})
     assert naming.best is SHORT
