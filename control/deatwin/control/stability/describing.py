@@ -250,7 +250,7 @@ def _partly_limited(slope: Array) -> Complex:
 
 @dataclass(frozen=True, kw_only=True)
 class BoucWen(DescribingFunction):
-    r"""Hysteretic force of Bouc and Wen, n = A = beta = 1 and gamma = 0: `deatwin.plant.Hysteresis` as it begins.
+    r"""Hysteretic force of Bouc and Wen, n = A = beta = 1 and gamma = 0: `deatwin.plant.Hysteresis` with its beta of 1.
 
     The memory follows :math:`x_h\,d\zeta = dx - |dx|\,\zeta`, whatever the speed. On a rising sine it is
     :math:`1 - (1 + \zeta_m) e^{-(x + A)/x_h}` with the turning value :math:`\zeta_m = \tanh(A/x_h)`.

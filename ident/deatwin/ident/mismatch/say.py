@@ -109,7 +109,7 @@ def _ambiguous(diagnosis: Diagnosis) -> str:
     without = [f"without {' and '.join(map(_plain, absent))}" for absent in _absent(known, diagnosis.rivals)]
     others = [_plain(name) for name in diagnosis.names if name not in known]
     rivals = "".join(f", perhaps {other}" for other in (*without, *others))
-    which = " ".join(("the first", *(COUNTED[n].lower() for n in (len(known),) if n > 1)))
+    which = "the first" if len(known) == 1 else f"the first {COUNTED[len(known)].lower()}"
     return (
         f"Something is missing, and these recordings cannot tell what: perhaps {guess}{rivals}; "
         f"with {which} {_gain(diagnosis)}{_next(diagnosis)}."

@@ -32,8 +32,7 @@ class CoulombFriction(Effect):
     either end. Signature, where the motion is much faster than :math:`v_s`: plateaus at each reversal until the drive
     has changed by :math:`2F_c`; a loop :math:`2F_c/k` wide, whatever the rate and, above it, the amplitude. Slower
     motion has a damper of :math:`F_c/v_s` and no plateaus. With `hysteresis` a motion smaller than its distance is
-    held only elastically and has hardly a loop.
-    Off at :math:`F_c = 0`.
+    held only elastically and has hardly a loop. Off at :math:`F_c = 0`.
 
     Parameters
     ----------

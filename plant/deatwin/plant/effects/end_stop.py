@@ -5,10 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
-import casadi as ca
-
 from deatwin.plant.effects.base import Effect, Family, Place
-from deatwin.plant.effects.smooth import soft_excess
+from deatwin.plant.effects.smooth import smooth_sign, soft_excess
 from deatwin.plant.parameters import Parameter, Scale
 
 if TYPE_CHECKING:
@@ -75,6 +73,5 @@ class EndStop(Effect):
 
     def rewrite(self, signal: Any, build: Builder) -> Any:
         depth = soft_excess(build.signal("displacement") - self.own("position", build), self.width)
-        speed = self.own("loss", build) * build.signal("velocity")
-        direction = speed / ca.sqrt(1 + speed**2)
+        direction = smooth_sign(self.own("loss", build) * build.signal("velocity"), 1.0)
         return signal - self.own("stiffness", build) * depth * (1 + direction)

@@ -7,10 +7,8 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar
 
-import casadi as ca
-
 from deatwin.plant.effects.base import Effect, Family, Place
-from deatwin.plant.effects.smooth import smooth_magnitude
+from deatwin.plant.effects.smooth import smooth_magnitude, smooth_sign
 from deatwin.plant.parameters import Parameter, Scale
 
 if TYPE_CHECKING:
@@ -75,7 +73,7 @@ class Hysteresis(Effect):
         memory = build.state("hysteresis_memory", scale=1.0, start=0.0)
         velocity, beta, slow = build.signal("velocity"), self.own("beta", build), 1e-8
         speed, strain = smooth_magnitude(velocity, slow), smooth_magnitude(memory, 1e-4)
-        forward = speed * velocity / ca.sqrt(velocity**2 + slow**2)  # the velocity, as smooth at rest as the speed
+        forward = speed * smooth_sign(velocity, slow)  # the velocity, as smooth at rest as the speed
         build.rate(memory, velocity - beta * speed * memory - (1 - beta) * forward * strain,
                    mass=self.own("distance", build))
         return signal - self.own("force", build) * memory

@@ -6,7 +6,7 @@ from typing import Any
 
 import casadi as ca
 
-__all__ = ["smooth_magnitude", "smooth_step", "soft_excess"]
+__all__ = ["smooth_magnitude", "smooth_sign", "smooth_step", "soft_excess"]
 
 Symbol = Any
 
@@ -27,6 +27,24 @@ def smooth_magnitude(value: Symbol, width: float) -> Symbol:
         In the unit of x.
     """
     return ca.sqrt(value**2 + width**2) - width
+
+
+def smooth_sign(value: Symbol, width: float) -> Symbol:
+    r"""Smooth form of the sign of x, the slope of its `smooth_magnitude`: :math:`x/\sqrt{x^2 + w^2}`.
+
+    Parameters
+    ----------
+    value : symbol
+        x.
+    width : float
+        w, in the unit of x.
+
+    Returns
+    -------
+    symbol
+        Between -1 and 1.
+    """
+    return value / ca.sqrt(value**2 + width**2)
 
 
 def soft_excess(value: Symbol, width: float) -> Symbol:

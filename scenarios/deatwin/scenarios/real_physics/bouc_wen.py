@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,6 +18,7 @@ from deatwin.plant.builder import Builder
 from deatwin.plant.effects.base import Effect, Place
 from deatwin.plant.effects.hysteresis import Hysteresis
 from deatwin.plant.effects.sizes import Sizes
+from deatwin.plant.effects.smooth import smooth_magnitude
 from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter, Scale
 from deatwin.plant.recording import Experiment, Recording
@@ -107,7 +107,7 @@ class BoucWen(Hysteresis):
     hardening : float
         :math:`\kappa`.
     beta : float
-        Of the catalogue's; 1 here.
+        Not used: here the two terms are free of each other.
     """
 
     force: float = 20.0
@@ -125,7 +125,7 @@ class BoucWen(Hysteresis):
         memory = build.state("hysteresis_memory", scale=1.0, start=0.0)
         velocity = build.signal("velocity")
         slow = 1e-6
-        speed, strain = (ca.sqrt(x**2 + slow**2) - slow for x in (velocity, memory))
+        speed, strain = (smooth_magnitude(x, slow) for x in (velocity, memory))
         change = velocity - speed * memory + self.own("hardening", build) * velocity * strain
         build.rate(memory, change, mass=self.own("distance", build))
         return signal - self.own("force", build) * memory

@@ -74,10 +74,13 @@ def settled_on_everything(
     likeliest = max(holding, key=lambda whole: whole.evidence, default=naming.best)
     lead = likeliest if likeliest.evidence - naming.best.evidence > STRONG else naming.best
     led, first = naming.led_by(lead), known[lead.effects]
-    back = [w for w in fitted if w.effects in strayed and lead.evidence - w.evidence < STRONG]
-    also = [strayed[w.effects] for w in back if _is_as_likely_there(strayed[w.effects], first)]
-    held = _held([*wholes, *(w for w in back if strayed[w.effects] in also)], holding, lead)
-    rivals = (*(known[c.effects] for c in led.rivals), *also)
+    back = [
+        w for w in fitted
+        if w.effects in strayed and lead.evidence - w.evidence < STRONG
+        and _is_as_likely_there(strayed[w.effects], first)
+    ]  # fmt: skip
+    held = _held([*wholes, *back], holding, lead)
+    rivals = (*(known[c.effects] for c in led.rivals), *(strayed[w.effects] for w in back))
     return replace(led, best=first, rivals=rivals, probabilities=_probabilities(held))
 
 
