@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,18 +13,11 @@ import pytest
 
 from deatwin.control import (
     Check,
-    Finding,
-    Limit,
-    LinearController,
-    MissingPackageError,
     Specification,
-    Verdict,
     excited_band,
     free_run_residual,
     linearise,
 )
-from deatwin.control.controllers.base import Controller
-from deatwin.control.controllers.inverse import InverseController
 from deatwin.control.controllers.scheduled import ScheduledController
 from deatwin.ident.narx import NarxModel
 from deatwin.plant import Coupon, Creep, Plant
@@ -35,7 +27,6 @@ from deatwin.plant.files import read_csv, write_csv
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.scenarios import checking
 from deatwin.scenarios.check_report import View, write_check_report
-from deatwin.scenarios.check_report.findings import groups
 from deatwin.scenarios.cli import main
 from deatwin.scenarios.designs import DesignName, Wanted, design_named
 from deatwin.scenarios.diagnosing import DiagnosisTask
@@ -343,47 +334,6 @@ def test_an_interrupt_leaves_nothing_half_written(
     assert not (at_desk / "cut").exists()
 
 
-KINDS: dict[DesignName, tuple[type[Controller], str]] = {
-    DesignName.PI: (LinearController, "I"), DesignName.PID: (LinearController, "PID"),
-    DesignName.INVERSE: (InverseController, "inverse"), DesignName.LQG: (LinearController, "LQG"),
-    DesignName.HINF: (LinearController, "H-infinity"), DesignName.SHAPED: (LinearController, "I"),
-    DesignName.SCHEDULED: (ScheduledController, "scheduled"),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("name", list(DesignName))
-def test_each_design_is_what_its_name_says(name: DesignName) -> None:
-    """On y = 1.5 y(k-1) - 0.55 y(k-2) + 0.04 u + 0.01 u^2: lags of 0.67 and 0.22 s, and a gain of 1 at 0.5."""
-    from deatwin.ident.narx.operating import OperatingRange
-
-    terms = {"y(k-1)": 1.5, "y(k-2)": -0.55, "u(k)": 0.04, "u(k)^2": 0.01}
-    trained = OperatingRange(
-        input_min=[0.2], input_max=[1.0], input_centre=[0.6], output_min=[0.0], output_max=[1.0], output_centre=[0.5]
-    )
-    model = replace(NarxModel.from_terms(terms, sample_time=0.1), operating=trained)
-    reading = Coupon().reading
-    linear = linearise(model, 0.5).in_loop(reading)
-    assert linear.static_gain == pytest.approx(1.0)
-    seconds = 3.0 if name is DesignName.HINF else 1.5  # the former has stricter bounds than a PI's, and reaches less
-    wanted = Wanted(model=model, reading=reading, closed_loop_time=seconds, band_Hz=1.0, operating_range=None)
-    kind, said = KINDS[name]
-    try:
-        found = design_named(name, wanted)(linear, command_limits=(0.0, 1.2))
-    except MissingPackageError:
-        assert name is DesignName.HINF
-        return
-    assert isinstance(found, kind) and said in found.name
-    assert found.sample_time == 0.1 and found.operating_input == 0.5
-    assert found.closed_loop_time == pytest.approx(seconds)
-    # Integral action: at rest, reading and reference apart by one, the command keeps rising.
-    state = found.start()
-    commands = []
-    for _ in range(8):
-        command, state = found.command(found.operating_output + 1e-3, found.operating_output, state)
-        commands.append(float(command))
-    assert commands[-1] > commands[-2] > 0.5
-
-
 def test_the_schedule_spans_the_range_that_is_asked_for(at_desk: Path) -> None:
     model = NarxModel.load(at_desk / "narx.json").deterministic
     reading = strip().rig.reading
@@ -472,31 +422,3 @@ def test_margins_along_time_have_their_figure(results: Path, desk: Path, tmp_pat
     found = table(tmp_path / "figures/margins_time.csv")
     np.testing.assert_array_equal(found["time_s"], [0.0, 60.0, 120.0, 180.0])
     assert "Margins over time" in (tmp_path / "report.html").read_text(encoding="utf-8")
-
-
-def test_numbers_that_are_far_off_are_told_so_in_the_table_and_limits_are_told_as_they_are() -> None:
-    findings = [
-        Finding(subject=subject, value=value, verdict=Verdict.FAIL, text="far off")
-        for subject, value in (
-            ("overshoot", 7.3e11), ("ripple", 0.4), ("tracking", 101.0), ("limit cycle", 10.1), ("plant", None),
-            ("steady error", np.inf),
-        )
-    ]  # fmt: skip
-    wanted = Specification(overshoot=Limit(good=20.0, poor=50.0, unit="%"), reserve=0.0)
-    check: Any = SimpleNamespace(findings=findings, table=())
-    model: Any = None
-    view = View(check=check, model=model, plants={}, specification=wanted)
-    rows = {row.subject: row for group in groups(view) for row in group.rows}
-    assert [rows[finding.subject].value for finding in findings] == [
-        "more than 1000 %", "40 %", "more than 100 times", "more than 1000 %", "–", "∞"
-    ]  # fmt: skip
-    assert (rows["overshoot"].good, rows["overshoot"].poor) == ("≤ 2e+03 %", "≤ 5e+03 %")
-    assert (rows["tracking"].good, rows["tracking"].poor) == ("≤ 1.50 times", "≤ 3.00 times")
-
-
-def test_displacements_are_in_micrometres() -> None:
-    operating = SimpleNamespace(output_unit="m", input_unit="V")
-    model: Any = SimpleNamespace(output_names=("displacement",), input_names=("command",))
-    check: Any = SimpleNamespace(operating=operating)
-    view = View(check=check, model=model, plants={}, specification=Specification())
-    assert (view.reading, view.command, view.unit, view.size) == ("displacement (µm)", "command (V)", "um", 1e-6)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from deatwin.control.arguments import finite, function, generator, instance, numbers, pair, positive, taking, whole
 from deatwin.control.checking.cycles import judge_cycles
+from deatwin.control.checking.designed import SAME, Design, UndesignedError, designed
 from deatwin.control.checking.film import judge_film
 from deatwin.control.checking.given import (
     known_excitation,
@@ -57,24 +58,19 @@ from deatwin.control.stability.excited import Excitation
 from deatwin.ident.frequency.checks import real_numbers
 from deatwin.ident.narx import NarxModel, ThetaTrajectory
 from deatwin.plant.calibrated import CalibratedPlant
-from deatwin.plant.errors import DeatwinError, ModelError
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Recording
 from deatwin.plant.rigs.base import ReadingTime
 
-__all__ = ["Design", "check"]
+__all__ = ["check"]
 
 Array = NDArray[np.float64]
-Design = Callable[..., Controller]
-"""Takes the model as the controller sees it, and ``command_limits``."""
 
 STICKING = ("hysteresis", "coulomb_friction")
 """Effects that are a spring or a damper to small motions and nothing to the dynamics of large ones: the loop meets
 both."""
 POINTS = 5
 """Operating points at which margins are judged, where none are given."""
-SAME = 1e-9
-"""Operating inputs that differ by less, as a share of the range of the command, are one."""
 PLANTS = 20
 """Plants drawn from a calibration."""
 TIME_SAMPLES = 50
@@ -181,22 +177,9 @@ def check(
         require_limits(limits, seen)
         chosen = partial(lambda_tuning, closed_loop_time=closed_loop_time, band_Hz=band) if design is None else design
         try:
-            controller = chosen(seen, command_limits=limits)
-        except (ControlError, ModelError) as error:
-            return _refused(seen, "design", f"no controller could be designed: {error}")
-        except DeatwinError:
-            raise
-        except Exception as error:
-            raise ControlError(f"the design {_name(chosen)} raised {type(error).__name__}: {error}") from error
-        if not isinstance(controller, Controller):
-            raise ControlError(
-                f"the design {_name(chosen)} returned {type(controller).__name__}; it must return a Controller"
-            )
-        if abs(controller.operating_input - seen.operating_input) > SAME * (limits[1] - limits[0]):
-            raise ControlError(
-                f"the design is for the operating input {controller.operating_input:g}, not "
-                f"for {seen.operating_input:g}"
-            )
+            controller = designed(chosen, seen, limits)
+        except UndesignedError as error:
+            return _refused(seen, "design", str(error))
     require_short_runs(controller)
     points = _points(model, controller, operating_inputs)
     require_laws(controller, [controller.operating_input, *points])
@@ -350,13 +333,6 @@ def _judged(rows: Sequence[MarginRow], sample_time: float, specification: Specif
         for source in sources
         for finding in judge_margins([row for row in rows if row.source == source], sample_time, specification)
     ]
-
-
-def _name(design: Design) -> str:
-    """What a user calls a design: the function's name, or the class of an object that is called."""
-    while isinstance(design, partial):
-        design = design.func
-    return str(getattr(design, "__name__", type(design).__name__))
 
 
 def _refused(linear: LinearModel, subject: str, text: str) -> Check:

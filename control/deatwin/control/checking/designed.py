@@ -1,0 +1,74 @@
+"""A controller from a design that the user brings: made, and held to what a check needs of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+from deatwin.control.controllers.base import Controller
+from deatwin.control.errors import ControlError
+from deatwin.control.linear.model import LinearModel
+from deatwin.plant.errors import DeatwinError, ModelError
+
+__all__ = ["SAME", "Design", "UndesignedError", "designed"]
+
+Design = Callable[..., Controller]
+"""Takes the model as the controller sees it, and ``command_limits``."""
+
+SAME = 1e-9
+"""Operating inputs that differ by less, as a share of the range of the command, are one."""
+
+
+class UndesignedError(ControlError):
+    """A design finds no controller for the model: an answer to the check, not a mistake of the caller."""
+
+
+def designed(design: Design, linear: LinearModel, command_limits: tuple[float, float]) -> Controller:
+    """What the design makes of a model.
+
+    Parameters
+    ----------
+    design : callable
+        Called with the model and ``command_limits``.
+    linear : LinearModel
+        The model as the controller sees it.
+    command_limits : (float, float)
+        Least and largest command, in its unit.
+
+    Returns
+    -------
+    Controller
+        For the operating input of the model.
+
+    Raises
+    ------
+    UndesignedError
+        If the design says that there is none: it raises ControlError or ModelError (chained).
+    ControlError
+        If the design raises what is no error of deatwin's (chained), or returns something else.
+    """
+    try:
+        controller = design(linear, command_limits=command_limits)
+    except (ControlError, ModelError) as error:
+        raise UndesignedError(f"no controller could be designed: {error}") from error
+    except DeatwinError:
+        raise
+    except Exception as error:
+        raise ControlError(f"the design {_name(design)} raised {type(error).__name__}: {error}") from error
+    if not isinstance(controller, Controller):
+        raise ControlError(
+            f"the design {_name(design)} returned {type(controller).__name__}; it must return a Controller"
+        )
+    low, high = command_limits
+    if abs(controller.operating_input - linear.operating_input) > SAME * (high - low):
+        raise ControlError(
+            f"the design is for the operating input {controller.operating_input:g}, not for {linear.operating_input:g}"
+        )
+    return controller
+
+
+def _name(design: Design) -> str:
+    """What a user calls a design: the function's name, or the class of an object that is called."""
+    while isinstance(design, partial):
+        design = design.func
+    return str(getattr(design, "__name__", type(design).__name__))
