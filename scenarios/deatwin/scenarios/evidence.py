@@ -8,8 +8,9 @@
     python -m deatwin.scenarios.evidence docs --scenarios FOLDER --remark "commit 0123abc"
 
 reads the folder into ``docs/data/``, and writes the pages. ``--control-check`` takes the trials of a control check,
-``--control-story`` all else, from the same folder or from that of another run. ``--scenarios`` takes the measures of
-all others, each from the folder of its name; of those that are not there what was kept stays.
+``--control-story`` all else, from the same folder or from that of another run. ``--concealed-physics`` draws that study
+beside its page, too. ``--scenarios`` takes the measures of all others, each from the folder of its name; of those that
+are not there what was kept stays.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from typing import Any
 from deatwin.plant.errors import DataError, DeatwinError
 from deatwin.plant.intake import clipped
 from deatwin.scenarios.concealed_physics.page import DATA as CONCEALED
-from deatwin.scenarios.concealed_physics.page import TITLES, markdown_table, opened_data, page_of
+from deatwin.scenarios.concealed_physics.page import TITLES, markdown_table, opened_data, opened_figure, page_of
 from deatwin.scenarios.concealed_physics.score import NO_CASE
 from deatwin.scenarios.control_check.page import STORY, story_blocks, story_data
 from deatwin.scenarios.control_check.rates import Rate, caught, inside, least_percent, sound
@@ -252,7 +253,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if given.concealed_physics is not None:
             study = opened_data(given.concealed_physics)
             name = f"{STUDY}-{study['size']}" if study["size"] in TITLES else STUDY
+            figure = opened_figure(given.concealed_physics)
             _write(given.docs, name, {**study, "remark": given.remark})
+            write_text_atomic(given.docs / f"{name}.svg", figure)
         if given.scenarios is not None:
             kept = _read(given.docs / "data" / "scenarios.json", MEASURED)
             with _as_written("scenarios"):

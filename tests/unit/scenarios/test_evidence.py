@@ -91,10 +91,12 @@ def test_a_study_of_long_recordings_has_a_page_of_its_own(docs: Path, monkeypatc
     usual = (docs / "data" / "concealed-physics.json").read_bytes()
     study = {**json.loads(usual), "size": "long", "seed": 5, "planned": 102, "done": 33}
     monkeypatch.setattr(evidence, "opened_data", lambda folder: study)
+    monkeypatch.setattr(evidence, "opened_figure", lambda folder: f"<svg>{folder}</svg>")
     assert evidence.main([str(docs), "--concealed-physics", "anywhere", "--remark", "Run on a Tuesday."]) == 0
     page = (docs / "concealed-physics-long.md").read_text(encoding="utf-8")
     assert page.startswith("# Concealed physics in long recordings: what the study reached\n")
     assert "33 of 102 cases have run" in page and "Run on a Tuesday." in page
+    assert (docs / "concealed-physics-long.svg").read_text(encoding="utf-8") == "<svg>anywhere</svg>"
     assert (docs / "data" / "concealed-physics.json").read_bytes() == usual
     summary = (docs / "validation.md").read_text(encoding="utf-8")
     assert "| [the same in long recordings](concealed-physics-long.md) | 33 of 102 |" in summary

@@ -235,7 +235,8 @@ def _draw_reliability(axes: Axes, study: Opened) -> list[tuple[object, ...]]:
                       textcoords="offset points", fontsize="small")  # fmt: skip
     if stated:
         error, brier = expected_calibration_error(bins), brier_score(probabilities, true)
-        axes.text(0.03, 0.97, f"calibration error {error:.3f}\nBrier score {brier:.3f}", va="top",
+        # Below the bounds: the lowest of them ends where few causes were right.
+        axes.text(0.98, 0.02, f"calibration error {error:.3f}, Brier score {brier:.3f}", ha="right",
                   transform=axes.transAxes)  # fmt: skip
     axes.set(xlabel="stated (%)", ylabel="right (%)", xlim=(-3, 103), ylim=(-3, 103))
     return [(f"{b.stated:.3f}", *_cells(0.0, b.came_true)[1:]) for b in bins]

@@ -17,7 +17,10 @@ from deatwin.scenarios.concealed_physics.store import Store
 from deatwin.scenarios.concealed_physics.tables import KINDS, tables
 from deatwin.scenarios.sweep.kept import read_object
 
-__all__ = ["DATA", "TITLES", "markdown_table", "opened_data", "page_data", "page_of", "results_page", "write_results"]
+__all__ = [
+    "DATA", "TITLES", "markdown_table", "opened_data", "opened_figure", "page_data", "page_of", "results_page",
+    "write_results",
+]  # fmt: skip
 
 DATA = "deatwin/concealed-physics/1"
 """Schema of what the page of results is made of."""
@@ -163,12 +166,35 @@ def opened_data(folder: Path | str) -> dict[str, Any]:
     DataError
         If the folder has no seal, or its key is not the one that was sealed.
     """
-    from deatwin.scenarios.concealed_physics.opened import open_part
     from deatwin.scenarios.concealed_physics.score import score
 
-    store = Store.opened(folder)
-    study = open_part(store, _key(Path(folder), store.seal))
-    return page_data(study, score(study), store.seal)
+    study, seal = _opened(Path(folder))
+    return page_data(study, score(study), seal)
+
+
+def opened_figure(folder: Path | str) -> str:
+    """Read a study, and draw it.
+
+    Of a study that was interrupted what has run is drawn.
+
+    Parameters
+    ----------
+    folder : path
+        Of the study.
+
+    Returns
+    -------
+    str
+        An SVG document.
+
+    Raises
+    ------
+    DataError
+        If the folder has no seal, or its key is not the one that was sealed.
+    """
+    from deatwin.scenarios.concealed_physics.figures import summary
+
+    return summary(_opened(Path(folder))[0])
 
 
 def write_results(folder: Path | str, target: Path | str) -> None:
@@ -191,6 +217,13 @@ def write_results(folder: Path | str, target: Path | str) -> None:
     from deatwin.plant.files import write_text_atomic
 
     write_text_atomic(target, page_of(opened_data(folder)))
+
+
+def _opened(folder: Path) -> tuple[Opened, Seal]:
+    from deatwin.scenarios.concealed_physics.opened import open_part
+
+    store = Store.opened(folder)
+    return open_part(store, _key(folder, store.seal)), store.seal
 
 
 def _key(folder: Path, seal: Seal) -> Mapping[str, Any]:
