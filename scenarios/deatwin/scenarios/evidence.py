@@ -9,7 +9,7 @@
 
 reads the folder into ``docs/data/``, and writes the pages. ``--control-check`` takes the trials of a control check,
 ``--control-story`` all else, from the same folder or from that of another run. ``--concealed-physics`` draws that study
-beside its page, too. ``--scenarios`` takes the measures of all others, each from the folder of its name; of those that
+for its page, too. ``--scenarios`` takes the measures of all others, each from the folder of its name; of those that
 are not there what was kept stays.
 """
 
@@ -41,6 +41,11 @@ __all__ = ["blocks", "main", "pages", "trials_data", "with_blocks"]
 TRIALS = "deatwin/control-trials/1"
 STUDY, LONG_STUDY = "concealed-physics", "concealed-physics-long"
 """Of the usual length of recordings, and of a rig's own."""
+FIGURE = """
+## In one figure
+
+![Confusion of families, naming by strength, stated probabilities, errors on unseen data]({name}.svg)
+"""
 DATA = {"control-check": TRIALS, "control-story": STORY, STUDY: CONCEALED, LONG_STUDY: CONCEALED, "scenarios": MEASURED}
 """Files in ``docs/data/`` by their names without ending, with their schemas."""
 BLOCK = re.compile(r"(<!-- made by evidence: ([\w-]+) -->\n).*?(<!-- end -->)", re.DOTALL)
@@ -215,7 +220,7 @@ def pages(docs: Path | str) -> dict[str, str]:
     whole = {}
     for name in (STUDY, LONG_STUDY):
         with _as_written(name):
-            whole[f"{name}.md"] = page_of(data[name])
+            whole[f"{name}.md"] = page_of(data[name]) + FIGURE.format(name=name)
     parts = {name: with_blocks((folder / name).read_text(encoding="utf-8"), made)
              for name in ("control-check.md", "validation.md")}  # fmt: skip
     return whole | parts

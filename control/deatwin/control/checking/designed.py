@@ -45,7 +45,10 @@ def designed(design: Design, linear: LinearModel, command_limits: tuple[float, f
     UndesignedError
         If the design says that there is none: it raises ControlError or ModelError (chained).
     ControlError
-        If the design raises what is no error of deatwin's (chained), or returns something else.
+        If the design raises what is no error of deatwin's (chained), returns something else, or a controller for
+        another operating input.
+    DeatwinError
+        Any other that the design raises, as it is: `MissingPackageError`, say.
     """
     try:
         controller = design(linear, command_limits=command_limits)

@@ -233,12 +233,11 @@ def _draw_reliability(axes: Axes, study: Opened) -> list[tuple[object, ...]]:
         axes.plot(100 * b.stated, 100 * b.came_true.share, "o", color=AFTER, markersize=5)
         axes.annotate(str(b.came_true.count), (100 * b.stated, 100 * b.came_true.share), xytext=(-6, -3), ha="right",
                       textcoords="offset points", fontsize="small")  # fmt: skip
+    label = "stated (%)"
     if stated:
         error, brier = expected_calibration_error(bins), brier_score(probabilities, true)
-        # Below the bounds: the lowest of them ends where few causes were right.
-        axes.text(0.98, 0.02, f"calibration error {error:.3f}, Brier score {brier:.3f}", ha="right",
-                  transform=axes.transAxes)  # fmt: skip
-    axes.set(xlabel="stated (%)", ylabel="right (%)", xlim=(-3, 103), ylim=(-3, 103))
+        label += f"\ncalibration error {error:.3f}, Brier score {brier:.3f}"
+    axes.set(xlabel=label, ylabel="right (%)", xlim=(-3, 103), ylim=(-3, 103))
     return [(f"{b.stated:.3f}", *_cells(0.0, b.came_true)[1:]) for b in bins]
 
 
@@ -259,7 +258,7 @@ def _errors(study: Opened) -> tuple[Drawing, str]:
 def _draw_errors(axes: Axes, study: Opened) -> list[tuple[object, ...]]:
     cases = [c for c in study.of("effect", ratio=1.0) if "oracle" in c.errors]
     rows: list[tuple[object, ...]] = []
-    top = 2.0
+    bottom, top = 1.0, 2.0
     shown = [name for name in MADE_BY if name != "oracle"]
     for place, name in enumerate(shown):
         found = [(c.name, c.errors[name] / c.errors["oracle"]) for c in cases if name in c.errors]
@@ -268,7 +267,7 @@ def _draw_errors(axes: Axes, study: Opened) -> list[tuple[object, ...]]:
             continue
         ratios = np.array([ratio for _, ratio in found])
         low, middle, high = np.quantile(ratios, (0.05, 0.5, 0.95))
-        top = max(top, float(ratios.max()))
+        bottom, top = min(bottom, float(ratios.min())), max(top, float(ratios.max()))
         colour = AFTER if name == "diagnosis" else BEFORE if name == "base" else MEASURED
         axes.plot([low, high], [place, place], color=colour, linewidth=5, alpha=0.3, solid_capstyle="butt")
         axes.plot(ratios, np.full(ratios.size, place + 0.2), "|", color=colour, markersize=5, alpha=0.6)
@@ -277,7 +276,7 @@ def _draw_errors(axes: Axes, study: Opened) -> list[tuple[object, ...]]:
                       fontsize="small")  # fmt: skip
     axes.axvline(1.0, color=INK, linestyle=":", linewidth=0.9)
     axes.set_xscale("log")
-    ticks = [t for t in (0.5, 0.8, 1, 1.5, 2, 3, 5, 10, 20, 50, 100) if t <= 1.3 * top]
+    ticks = [t for t in (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100) if bottom / 1.3 <= t <= 1.3 * top]
     axes.set_xticks(ticks, [f"{t:g}" for t in ticks])
     axes.minorticks_off()
     axes.set_yticks(range(len(shown)), [MADE_BY[name].replace(" (", "\n(") for name in shown])
