@@ -15,7 +15,8 @@ from readers import SEEDS, Kind
 
 from deatwin.plant.recording import Experiment
 from deatwin.scenarios import evidence, vhb4910
-from deatwin.scenarios.concealed_physics.page import opened_data
+from deatwin.scenarios.concealed_physics.page import opened_study, page_data
+from deatwin.scenarios.concealed_physics.score import score
 from deatwin.scenarios.concealed_physics.seal import Seal
 from deatwin.scenarios.concealed_physics.study import key_of
 from deatwin.scenarios.control_check.page import story_data
@@ -98,7 +99,8 @@ def require_case(found: dict[str, Any]) -> None:
 def read_key(path: Path) -> dict[str, Any]:
     """The key of a study, and the score of what it has: nothing."""
     with beside(path, "key.json", {"seal.json": as_bytes(study_seal().to_dict())[0]}) as folder:
-        return opened_data(folder)
+        study, seal = opened_study(folder)
+        return page_data(study, score(study), seal)
 
 
 def page_kind(name: str) -> Kind:

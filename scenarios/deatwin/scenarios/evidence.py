@@ -26,9 +26,10 @@ from typing import Any
 
 from deatwin.plant.errors import DataError, DeatwinError
 from deatwin.plant.intake import clipped
+from deatwin.scenarios.concealed_physics.figures import summary
 from deatwin.scenarios.concealed_physics.page import DATA as CONCEALED
-from deatwin.scenarios.concealed_physics.page import TITLES, markdown_table, opened_data, opened_figure, page_of
-from deatwin.scenarios.concealed_physics.score import NO_CASE
+from deatwin.scenarios.concealed_physics.page import TITLES, markdown_table, opened_study, page_data, page_of
+from deatwin.scenarios.concealed_physics.score import NO_CASE, score
 from deatwin.scenarios.control_check.page import STORY, story_blocks, story_data
 from deatwin.scenarios.control_check.rates import Rate, caught, inside, least_percent, sound
 from deatwin.scenarios.control_check.trials import Outcome
@@ -256,10 +257,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if given.control_story is not None:
             _write(given.docs, "control-story", story_data(given.control_story, given.remark))
         if given.concealed_physics is not None:
-            study = opened_data(given.concealed_physics)
-            name = f"{STUDY}-{study['size']}" if study["size"] in TITLES else STUDY
-            figure = opened_figure(given.concealed_physics)
-            _write(given.docs, name, {**study, "remark": given.remark})
+            study, seal = opened_study(given.concealed_physics)
+            data, figure = page_data(study, score(study), seal), summary(study)
+            name = f"{STUDY}-{data['size']}" if data["size"] in TITLES else STUDY
+            _write(given.docs, name, {**data, "remark": given.remark})
             write_text_atomic(given.docs / f"{name}.svg", figure)
         if given.scenarios is not None:
             kept = _read(given.docs / "data" / "scenarios.json", MEASURED)

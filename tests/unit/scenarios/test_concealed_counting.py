@@ -13,7 +13,7 @@ from deatwin.scenarios.concealed_physics import study as running
 from deatwin.scenarios.concealed_physics.confusion import by_effect, by_family
 from deatwin.scenarios.concealed_physics.figures import drawings, summary
 from deatwin.scenarios.concealed_physics.opened import Opened, open_key
-from deatwin.scenarios.concealed_physics.page import opened_figure, results_page, write_results
+from deatwin.scenarios.concealed_physics.page import opened_study, results_page, write_results
 from deatwin.scenarios.concealed_physics.score import Goal, gaps_closed, score, sentence
 from deatwin.scenarios.concealed_physics.seal import Seal, digest
 from deatwin.scenarios.concealed_physics.store import Store
@@ -221,7 +221,7 @@ def test_figures_tables_and_page_hold_the_counts(
     (tmp_path / "key.json").write_text(json.dumps(made[1]), encoding="utf-8")
     write_results(tmp_path, tmp_path / "results.md")
     assert (tmp_path / "results.md").read_text(encoding="utf-8") == page
-    assert opened_figure(tmp_path) == summary(opened)
+    assert summary(opened_study(tmp_path)[0]) == summary(opened)
     assert "interrupted" not in page
 
 

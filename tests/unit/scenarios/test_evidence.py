@@ -90,8 +90,10 @@ def test_a_folder_of_trials_becomes_data_and_pages(results: Path, docs: Path) ->
 def test_a_study_of_long_recordings_has_a_page_of_its_own(docs: Path, monkeypatch) -> None:
     usual = (docs / "data" / "concealed-physics.json").read_bytes()
     study = {**json.loads(usual), "size": "long", "seed": 5, "planned": 102, "done": 33}
-    monkeypatch.setattr(evidence, "opened_data", lambda folder: study)
-    monkeypatch.setattr(evidence, "opened_figure", lambda folder: f"<svg>{folder}</svg>")
+    monkeypatch.setattr(evidence, "opened_study", lambda folder: (folder, None))
+    monkeypatch.setattr(evidence, "score", lambda folder: [])
+    monkeypatch.setattr(evidence, "page_data", lambda *_: study)
+    monkeypatch.setattr(evidence, "summary", lambda folder: f"<svg>{folder}</svg>")
     assert evidence.main([str(docs), "--concealed-physics", "anywhere", "--remark", "Run on a Tuesday."]) == 0
     page = (docs / "concealed-physics-long.md").read_text(encoding="utf-8")
     assert page.startswith("# Concealed physics in long recordings: what the study reached\n")

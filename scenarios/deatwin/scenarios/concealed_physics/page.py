@@ -17,10 +17,7 @@ from deatwin.scenarios.concealed_physics.store import Store
 from deatwin.scenarios.concealed_physics.tables import KINDS, tables
 from deatwin.scenarios.sweep.kept import read_object
 
-__all__ = [
-    "DATA", "TITLES", "markdown_table", "opened_data", "opened_figure", "page_data", "page_of", "results_page",
-    "write_results",
-]  # fmt: skip
+__all__ = ["DATA", "TITLES", "markdown_table", "opened_study", "page_data", "page_of", "results_page", "write_results"]
 
 DATA = "deatwin/concealed-physics/1"
 """Schema of what the page of results is made of."""
@@ -146,36 +143,10 @@ def markdown_table(columns: Cells, rows: Iterable[Cells]) -> list[str]:
     ]  # fmt: skip
 
 
-def opened_data(folder: Path | str) -> dict[str, Any]:
-    """Read a study, score it, and return what its page is made of.
+def opened_study(folder: Path | str) -> tuple[Opened, Seal]:
+    """Read a study with its key.
 
-    Of a study that was interrupted what has run is scored.
-
-    Parameters
-    ----------
-    folder : path
-        Of the study.
-
-    Returns
-    -------
-    dict
-        As `page_data` gives it.
-
-    Raises
-    ------
-    DataError
-        If the folder has no seal, or its key is not the one that was sealed.
-    """
-    from deatwin.scenarios.concealed_physics.score import score
-
-    study, seal = _opened(Path(folder))
-    return page_data(study, score(study), seal)
-
-
-def opened_figure(folder: Path | str) -> str:
-    """Read a study, and draw it.
-
-    Of a study that was interrupted what has run is drawn.
+    Of a study that was interrupted what has run is read.
 
     Parameters
     ----------
@@ -184,17 +155,20 @@ def opened_figure(folder: Path | str) -> str:
 
     Returns
     -------
-    str
-        An SVG document.
+    study : Opened
+        With its key.
+    seal : Seal
+        Under which it was begun.
 
     Raises
     ------
     DataError
         If the folder has no seal, or its key is not the one that was sealed.
     """
-    from deatwin.scenarios.concealed_physics.figures import summary
+    from deatwin.scenarios.concealed_physics.opened import open_part
 
-    return summary(_opened(Path(folder))[0])
+    store = Store.opened(folder)
+    return open_part(store, _key(Path(folder), store.seal)), store.seal
 
 
 def write_results(folder: Path | str, target: Path | str) -> None:
@@ -215,15 +189,10 @@ def write_results(folder: Path | str, target: Path | str) -> None:
         If the folder has no seal, or its key is not the one that was sealed.
     """
     from deatwin.plant.files import write_text_atomic
+    from deatwin.scenarios.concealed_physics.score import score
 
-    write_text_atomic(target, page_of(opened_data(folder)))
-
-
-def _opened(folder: Path) -> tuple[Opened, Seal]:
-    from deatwin.scenarios.concealed_physics.opened import open_part
-
-    store = Store.opened(folder)
-    return open_part(store, _key(folder, store.seal)), store.seal
+    study, seal = opened_study(folder)
+    write_text_atomic(target, results_page(study, score(study), seal))
 
 
 def _key(folder: Path, seal: Seal) -> Mapping[str, Any]:
