@@ -84,7 +84,7 @@ INPUT = Recording.from_arrays(np.array([0.0, 1.0, 2.0]), np.zeros((0, 3)), 0.5, 
                               input_units=("V",))  # fmt: skip
 ADVICE = Advice(
     rivals=("creep", "sensor_lag"), recording=INPUT, waveform="staircase", added_mass=None, measure=None,
-    confusion_before=0.4, confusion_after=0.01, tried={"staircase": 30.0, "chirp": 2.0},
+    confusion_before=0.4, confusion_after=0.01, undecided=(), tried={"staircase": 30.0, "chirp": 2.0},
     predicted=(np.array([0.0, 1e-6, 2e-6]), np.array([0.0, 2e-6, 5e-6])), noise=2e-6, output=("displacement", "m"),
 )  # fmt: skip
 NAMING = Naming(

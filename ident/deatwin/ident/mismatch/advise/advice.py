@@ -39,9 +39,12 @@ class Advice:
     added_mass : float or None
         What has to be added to the load first, kg; None for nothing.
     measure : str or None
-        Where no input can: another signal that would.
+        Where no input tells all of them apart: another signal that would.
     confusion_before, confusion_after : float
-        Probability of taking the wrong explanation, before it and after it; the same where there is none.
+        Probability of taking the wrong explanation for the nearest other one, averaged over which of them is the
+        truth, before the input and after it; the same where there is none.
+    undecided : tuple of str
+        Those of `rivals` that still have another one nearby (d² below 16) after it.
     tried : mapping of str to float
         d² that each waveform of the length at which all were screened would reach, to first order.
     predicted : tuple of ndarray, each of shape (n,)
@@ -60,6 +63,7 @@ class Advice:
     measure: str | None
     confusion_before: float
     confusion_after: float
+    undecided: tuple[str, ...]
     tried: Mapping[str, float]
     predicted: tuple[np.ndarray, ...]
     noise: float
@@ -80,14 +84,15 @@ class Advice:
     @property
     def sentence(self) -> str:
         """The advice in one sentence."""
-        which = " and ".join([", ".join(self.rivals[:-1]), self.rivals[-1]]).replace("_", " ")
+        which = _listed(self.rivals)
         if self.recording is None:
             return f"No input that the rig bears can tell {which} apart; measure {self.measure}."
         load = "" if self.added_mass is None else f" with {1e3 * self.added_mass:.3g} g added to the load"
         before, after = _percent(self.confusion_before), _percent(self.confusion_after)
+        rest = "" if not self.undecided else f"; if {_listed(self.undecided)} are left, measure {self.measure}"
         return (
             f"Record {self.seconds:.4g} s of a further experiment{load} ({self.waveform}, {INPUT_FILE}): the "
-            f"probability of taking the wrong one of {which} falls from {before} to {after}."
+            f"probability of taking the wrong one of {which} falls from {before} to {after}{rest}."
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -101,6 +106,7 @@ class Advice:
             "waveform": self.waveform or None,
             "added_mass_g": None if self.added_mass is None else 1e3 * self.added_mass,
             "measure": self.measure,
+            "undecided": list(self.undecided),
         }
 
     def to_xarray(self) -> Any:
@@ -121,6 +127,7 @@ class Advice:
             },
             {
                 "sentence": self.sentence, "advised": self.waveform or None, "measure": self.measure,
+                "undecided": ", ".join(self.undecided),
                 "confusion_before": self.confusion_before, "confusion_after": self.confusion_after,
                 "seconds": self.seconds, "added_mass_kg": self.added_mass, "output_name": self.output[0],
             },
@@ -199,6 +206,10 @@ class Advice:
         before, after = _percent(self.confusion_before), _percent(self.confusion_after)
         load = "" if self.added_mass is None else f", {1e3 * self.added_mass:.3g} g added"
         ax.set_title(f"{self.waveform}{load}\nconfusion {before} to {after}", fontsize="medium")
+
+
+def _listed(names: tuple[str, ...]) -> str:
+    return " and ".join([", ".join(names[:-1]), names[-1]]).replace("_", " ")
 
 
 def _percent(share: float) -> str:

@@ -2,7 +2,8 @@
 
 A repertoire of waveforms is tried on the explanations that are left, to first order; the best are simulated with a
 refit of each rival, made as long as needed, and judged for plants drawn from the posteriors, too. What the recordings
-at hand hold against a refit counts, since the new one will be diagnosed together with them.
+at hand hold against a refit counts, since the new one will be diagnosed together with them. Where none tells all of
+them apart, the one that leaves the least confusion is advised as long as it may be, if that is worth its time.
 
 References
 ----------
@@ -13,7 +14,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from functools import cached_property
+from itertools import combinations, compress
 from typing import Any
 
 import numpy as np
@@ -37,13 +39,17 @@ SCREENED, SHORTEST, LONGEST = 3000, 1000, 15_000
 ROUND = 250
 """Samples to whose multiple a length is rounded up."""
 FINALISTS, TRIED = 3, 2
-"""Waveforms that are simulated with refits, and those of them that are made as long as needed."""
+"""Waveforms that are simulated with refits, and those that are made as long as needed, or as long as they may be."""
 WANTED = 1.5 * TOLD_APART
 """d² for which a length is chosen: it grows like the length, but not exactly."""
 AMPLE = 10 * WANTED * SCREENED / SHORTEST
 """d² of a screened waveform that promises ten times what is wanted at the shortest length. The first such waveform of
 the repertoire, whose order is from broad and gentle to fast and special, is preferred to one that promises even more:
 what a plant's equations leave out shows most where it is driven to its extremes."""
+UNKNOWN = 0.5
+"""Confusion by chance."""
+WORTHWHILE = 0.75
+"""Share of the confusion that an input may leave and still be advised: of three explanations it decides on one."""
 TINY = 1e-3
 """d² of explanations that predict the same."""
 ATTEMPTS = 2
@@ -52,7 +58,6 @@ HEAVIER = 2.0
 SIGNALS = {"film_voltage": "the voltage on the film", "capacitance": "the capacitance", "current": "the current"}
 TELLING = 0.01
 """Share of a signal's variation by which explanations must differ in it for it to be worth measuring."""
-Told = Callable[[float], None]
 
 
 def advise(
@@ -62,7 +67,7 @@ def advise(
     *,
     progress: Callable[[float, str], None] | None = None,
 ) -> Advice | None:
-    """Find the shortest safe input that tells explanations apart.
+    """Find the shortest safe input that tells explanations apart, or one that leaves fewer of them.
 
     Parameters
     ----------
@@ -84,58 +89,107 @@ def advise(
     left = list(rivals[:MOST_RIVALS])
     if len(left) < 2:
         return None
-    question = Question.of(bench, [rival.calibration for rival in left], left[0].noise, rng)
-    tried, found = _search(question, lambda share: tell(0.6 * share, "trying inputs"))
-    added, load = None, _load(question)
-    if found is None and load is not None:
-        heavier = question.with_mass(HEAVIER * load)
-        found = _search(heavier, lambda share: tell(0.6 + 0.3 * share, "trying inputs with an added mass"))[1]
-        if found is not None:
-            question, added = heavier, (HEAVIER - 1) * load
+    loads = _loads(Question.of(bench, [rival.calibration for rival in left], left[0].noise, rng))
+    found, here = _search(loads, tell), loads[0].question
     tell(0.9, "writing the advice")
-    rig, before = bench.nominal.rig, confusion(question.before)
-    common: dict[str, Any] = {"rivals": _labels(left), "added_mass": added, "confusion_before": before, "tried": tried,
-                              "noise": question.noise, "output": (rig.output_name, rig.output_unit)}  # fmt: skip
+    rig, before = bench.nominal.rig, _confused(here.before)
+    tried = {name: float(nearest.min()) for name, nearest in loads[0].screened.items()}
+    common: dict[str, Any] = {"rivals": _labels(left), "confusion_before": before, "tried": tried,
+                              "noise": here.noise, "output": (rig.output_name, rig.output_unit)}  # fmt: skip
     if found is None:
-        measure = _to_measure(question, left, tried)
         return Advice(
-            recording=None, waveform="", measure=measure, confusion_after=before, predicted=(), **common
-        )
+            recording=None, waveform="", added_mass=None, measure=_to_measure(here, left, tried),
+            confusion_after=before, predicted=(), undecided=common["rivals"], **common,
+        )  # fmt: skip
+    question, close = found.load.question, found.nearest < TOLD_APART
     return Advice(
-        recording=question.recording(found.commands), waveform=found.name, measure=None,
-        confusion_after=found.confusion, predicted=_predicted(question, found.commands), **common,
+        recording=question.recording(found.commands), waveform=found.name, added_mass=found.load.added,
+        measure=_to_measure(here, left, tried) if close.any() else None, confusion_after=found.confusion,
+        predicted=_predicted(question, found.commands), undecided=tuple(compress(common["rivals"], close)), **common,
     )  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Input:
-    """A waveform that tells the explanations apart."""
+class _Load:
+    """The question on the rig as it is, or with a mass added, kg."""
 
+    question: Question
+    added: float | None
+
+    @cached_property
+    def screened(self) -> dict[str, np.ndarray]:
+        """d² from each explanation to the nearest other, for all waveforms of the length at which they are screened."""
+        return _first_orders(self.question, SCREENED)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Input:
+    """A waveform, with d² from each explanation to the nearest other."""
+
+    load: _Load
     name: str
     commands: np.ndarray
-    confusion: float
+    nearest: np.ndarray
+
+    @cached_property
+    def confusion(self) -> float:
+        """Probability of taking the wrong explanation, averaged over the posteriors."""
+        question = self.load.question
+        draws = range(1, max(map(len, question.shifts)))
+        try:
+            drawn = [question.refitted(self.commands, draw) for draw in draws]
+        except SimulationError:
+            return UNKNOWN
+        return float(np.mean([_confused(nearest) for nearest in (self.nearest, *drawn)]))
 
 
-def _search(question: Question, tell: Told) -> tuple[dict[str, float], _Input | None]:
-    """d² of all waveforms when they are screened, and the shortest input that tells the explanations apart."""
-    screened: dict[str, float] = {}
-    for number, name in enumerate(REPERTOIRE):
-        commands = question.commands(name, SCREENED)
-        if commands is not None:
-            screened[name] = question.first_order(commands)
-        tell(0.5 * number / len(REPERTOIRE))
+def _loads(question: Question) -> list[_Load]:
+    """The rig as it is and, where it has a load that is known and to which some can be added, with that."""
+    loads, parameters = [_Load(question=question, added=None)], question.fits[0].plant.parameters
+    mass: Parameter | None = parameters["mass"] if "mass" in parameters else None
+    if mass is not None and mass.known and 0 < HEAVIER * mass.value <= mass.upper:
+        loads.append(_Load(question=question.with_mass(HEAVIER * mass.value), added=(HEAVIER - 1) * mass.value))
+    return loads
+
+
+def _search(loads: Sequence[_Load], tell: Callable[[float, str], None]) -> _Input | None:
+    """The shortest input that tells all apart, a mass added only if need be; else what leaves the least confusion."""
+    searches = [(look, load) for look in (_shortest, _least_confusing) for load in loads]
+    for number, (look, load) in enumerate(searches):
+        tell(0.9 * number / len(searches), "trying inputs" + (" with an added mass" if load.added else ""))
+        found = look(load)
+        if found is not None:
+            return found
+    return None
+
+
+def _first_orders(question: Question, count: int) -> dict[str, np.ndarray]:
+    """d² from each explanation to the nearest other, to first order, for the whole repertoire at one length."""
+    made = {name: question.commands(name, count) for name in REPERTOIRE}
+    return {name: question.first_order(commands) for name, commands in made.items() if commands is not None}
+
+
+def _shortest(load: _Load) -> _Input | None:
+    """The shortest input that tells the explanations apart."""
+    screened = {name: float(nearest.min()) for name, nearest in load.screened.items()}
     best = sorted(screened, key=lambda name: -screened[name])[:FINALISTS]
     gentle = [name for name in screened if screened[name] > AMPLE][:1]
-    lengths = {name: max(SHORTEST, _needed(question, name)) for name in {*best, *gentle}}
+    lengths = {name: max(SHORTEST, _needed(load.question, name)) for name in {*best, *gentle}}
     order = list(REPERTOIRE)
     promising = sorted(lengths, key=lambda name: (lengths[name], order.index(name)))
     promising = [name for name in promising if lengths[name] < 2 * LONGEST]
-    for number, name in enumerate(promising[:TRIED]):
-        tell(0.6 + 0.4 * number / TRIED)
-        found = _long_enough(question, name, lengths[name])
-        if found is not None:
-            return screened, found
-    return screened, None
+    return next(filter(None, (_long_enough(load, name, lengths[name]) for name in promising[:TRIED])), None)
+
+
+def _least_confusing(load: _Load) -> _Input | None:
+    """Of inputs of the greatest length the one that leaves the least confusion; None where none is worth its time.
+
+    Half of that length shows what is slow well enough to choose which to try.
+    """
+    rough = {name: _confused(nearest) for name, nearest in _first_orders(load.question, LONGEST // 2).items()}
+    found = [_judged(load, name, LONGEST) for name in sorted(rough, key=lambda name: rough[name])[:TRIED]]
+    best = min(filter(None, found), key=lambda one: _confused(one.nearest), default=None)
+    return best if best and best.confusion <= WORTHWHILE * _confused(load.question.before) else None
 
 
 def _needed(question: Question, name: str) -> float:
@@ -144,16 +198,16 @@ def _needed(question: Question, name: str) -> float:
     if commands is None or not question.is_safe(commands):
         return float(np.inf)
     try:
-        reached = question.refitted(commands)
+        reached, before = float(question.refitted(commands).min()), float(question.before.min())
     except SimulationError:
         return float(np.inf)
     if reached >= TOLD_APART:
-        gained = reached - question.before
-        return SCREENED * (WANTED - question.before) / gained if gained > 0 else float(np.inf)
+        gained = reached - before
+        return SCREENED * (WANTED - before) / gained if gained > 0 else float(np.inf)
     longest = question.commands(name, LONGEST)
     if longest is None:
         return float(np.inf)
-    first, last = question.first_order(commands), question.first_order(longest)
+    first, last = (float(question.first_order(made).min()) for made in (commands, longest))
     if not 0.0 < first < last or last < TOLD_APART:
         return float(np.inf)
     growth = np.log(last / first) / np.log(LONGEST / SCREENED)
@@ -161,37 +215,37 @@ def _needed(question: Question, name: str) -> float:
         return float(SCREENED * (WANTED / max(reached, TINY)) ** (1 / growth))
 
 
-def _long_enough(question: Question, name: str, needed: float) -> _Input | None:
-    """The waveform at the length that lowers the confusion, averaged over the posteriors, to what counts as told."""
+def _long_enough(load: _Load, name: str, needed: float) -> _Input | None:
+    """The waveform at the length that lowers the confusion to what counts as told."""
     for _ in range(ATTEMPTS):
         count = int(np.clip(ROUND * np.ceil(needed / ROUND), SHORTEST, LONGEST))
-        commands = question.commands(name, count)
-        if commands is None or not question.is_safe(commands):
+        found = _judged(load, name, count)
+        if found is None:
             return None
-        try:
-            squared = question.refitted(commands)
-            confused = _confusion(question, commands, squared) if squared >= TOLD_APART else 0.5
-        except SimulationError:
-            return None
-        if confused <= confusion(TOLD_APART):
-            return _Input(name=name, commands=commands, confusion=confused)
+        least = float(found.nearest.min())
+        if least >= TOLD_APART and found.confusion <= confusion(TOLD_APART):
+            return found
         if count == LONGEST:
             return None
-        needed = 1.5 * count * max(1.0, TOLD_APART / max(squared, 1e-6))
+        needed = 1.5 * count * max(1.0, TOLD_APART / max(least, 1e-6))
     return None
 
 
-def _confusion(question: Question, commands: np.ndarray, squared: float) -> float:
-    """Probability of taking the wrong explanation, averaged over the posteriors, of which one d² is known."""
-    draws = range(1, max(map(len, question.shifts)))
-    return float(np.mean([confusion(squared), *(confusion(question.refitted(commands, draw)) for draw in draws)]))
+def _judged(load: _Load, name: str, count: int) -> _Input | None:
+    """A waveform of some length; None where it is not safe."""
+    question = load.question
+    commands = question.commands(name, count)
+    if commands is None or not question.is_safe(commands):
+        return None
+    try:
+        return _Input(load=load, name=name, commands=commands, nearest=question.refitted(commands))
+    except SimulationError:
+        return None
 
 
-def _load(question: Question) -> float | None:
-    """The mass of a load to which some can be added, kg; None where the rig has none that is known."""
-    parameters = question.fits[0].plant.parameters
-    mass: Parameter | None = parameters["mass"] if "mass" in parameters else None
-    return mass.value if mass is not None and mass.known and 0 < HEAVIER * mass.value <= mass.upper else None
+def _confused(nearest: np.ndarray) -> float:
+    """Probability of taking the nearest wrong explanation, averaged over which is the truth."""
+    return float(np.mean([confusion(float(squared)) for squared in nearest]))
 
 
 def _predicted(question: Question, commands: np.ndarray) -> tuple[np.ndarray, ...]:

@@ -9,11 +9,12 @@ from typing import Self
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Calibration, Part, Problem
+from deatwin.ident.greybox.fit import Calibration, Part, Problem, simulated
 from deatwin.ident.mismatch.advise.difference import Difference
 from deatwin.ident.mismatch.advise.distance import Memory, difference, directions
 from deatwin.ident.mismatch.advise.waveforms import Limits, bears, limits_of, safe_limits, waveform
 from deatwin.ident.mismatch.bench import Bench
+from deatwin.ident.mismatch.excess import practical_size
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
 
@@ -23,8 +24,10 @@ DRAWS = 2
 """Plants drawn from each posterior, besides the fitted one."""
 STEPS = 2
 """Steps of a rival's refit with simulations, as there are many refits."""
-NEAREST = 4
-"""Pairs whose rival is refitted with simulations: those that are nearest to first order."""
+NEAREST = 2
+"""Pairs of each explanation whose rival is refitted with simulations: those that are nearest to first order."""
+CALMED = 3
+"""How often the range is lessened for an input that moves the plant too far: the reading is no multiple of it."""
 PROBE = 100
 """Samples for which a drawn plant must bear the ends of what was recorded, as the real one did."""
 
@@ -91,9 +94,9 @@ class Question:
         )  # fmt: skip
 
     @property
-    def before(self) -> float:
-        """d² on the recordings at hand, of the pair that is nearest, to first order."""
-        return min(memory.refitted.squared_distance(self.noise) for memory in self.memories)
+    def before(self) -> np.ndarray:
+        """d² on the recordings at hand from each explanation to the one that is nearest to it, to first order."""
+        return self._nearest(np.array([memory.refitted.squared_distance(self.noise) for memory in self.memories]))
 
     @property
     def sample_time(self) -> float:
@@ -137,12 +140,32 @@ class Question:
         Returns
         -------
         ndarray, shape (count,), or None
-            None where the limits do not allow this waveform.
+            In the upper part of the working range where all of it would move the plant so far that its own error, by
+            which all recordings are judged, would hide what the ones at hand show; None where the limits do not allow
+            this waveform.
         """
-        if self.limits is None:
-            return None
+        share, limits = 1.0, self.limits
+        made = None if limits is None else self._made(name, count, limits)
+        for _ in range(CALMED):
+            if made is None or limits is None or self._error_of(made) <= self._hidden:
+                break
+            share *= self._hidden / self._error_of(made)
+            made = self._made(name, count, limits.upper(share))
+        return made
+
+    def _made(self, name: str, count: int, limits: Limits) -> np.ndarray | None:
         rng = np.random.default_rng(self.seed)
-        return waveform(name, self.limits, count * self.sample_time, self.sample_time, rng)
+        return waveform(name, limits, count * self.sample_time, self.sample_time, rng)
+
+    def _error_of(self, commands: np.ndarray) -> float:
+        """The plant's own error on an input, SI; that on the recordings at hand where it cannot be simulated."""
+        rig, readings = self.bench.nominal.rig, simulated(self.fits[0].plant, self.parts(commands))
+        return rig.model_error if readings is None else rig.for_motion(float(readings.std())).model_error
+
+    @property
+    def _hidden(self) -> float:
+        """What counts as nothing on the recordings at hand, rms, SI."""
+        return practical_size(self.noise, self.bench.nominal.rig.model_error)
 
     def recording(self, commands: np.ndarray) -> Recording:
         """Commands as a record of an experiment of its own, without readings.
@@ -199,8 +222,8 @@ class Question:
         rest = self.bench.nominal.rig.start.rest_command
         return all(bears(plant, commands, rest) for plant in self.posterior)
 
-    def first_order(self, commands: np.ndarray) -> float:
-        """d² of the nearest pair after recordings of an input, without a refit by simulations.
+    def first_order(self, commands: np.ndarray) -> np.ndarray:
+        """d² after recordings of an input, without a refit by simulations.
 
         Parameters
         ----------
@@ -209,20 +232,20 @@ class Question:
 
         Returns
         -------
-        float
-            0 where an explanation cannot be simulated.
+        ndarray, shape (n_fits,)
+            From each explanation to the one that is nearest to it; 0 where one cannot be simulated.
         """
-        return min(self._distances(commands), default=0.0)
+        return self._nearest(self._distances(commands))
 
-    def _distances(self, commands: np.ndarray) -> list[float]:
-        """The same of each pair; of none where an explanation cannot be simulated."""
+    def _distances(self, commands: np.ndarray) -> np.ndarray:
+        """The same of each pair."""
         parts = self.parts(commands)
         responses = []
         for fit in self.fits:
             problem = Problem(plant=fit.plant, parts=tuple(parts), names=fit.names)
             found = problem.evaluate(problem.start())
             if found is None:
-                return []
+                return np.zeros(len(self.pairs))
             responses.append((-found[0], found[1]))  # measured is zero, so the residual is minus the reading
         distances = []
         for (truth, rival), memory in zip(self.pairs, self.memories, strict=True):
@@ -230,10 +253,10 @@ class Question:
             known = Difference.between(self.fits[truth].plant, self.fits[rival].plant, readings, left, parts)
             both = Memory(known=known, jacobian=responses[rival][1]).beside(memory)
             distances.append(both.refitted.squared_distance(self.noise))
-        return distances
+        return np.array(distances)
 
-    def refitted(self, commands: np.ndarray, draw: int = 0) -> float:
-        """d² of the nearest pair after recordings of an input, with the rival refitted to the truth.
+    def refitted(self, commands: np.ndarray, draw: int = 0) -> np.ndarray:
+        """d² after recordings of an input, with each rival refitted to the truth.
 
         Parameters
         ----------
@@ -244,8 +267,8 @@ class Question:
 
         Returns
         -------
-        float
-            Infinite where no rival can be simulated.
+        ndarray, shape (n_fits,)
+            From each explanation to the one that is nearest to it; infinite where no rival can be simulated.
 
         Raises
         ------
@@ -253,9 +276,8 @@ class Question:
             If a truth cannot be simulated.
         """
         parts = self.parts(commands)
-        rough = self._distances(commands) if len(self.pairs) > NEAREST else []
-        least = np.inf
-        for k in np.argsort(rough)[:NEAREST] if rough else range(len(self.pairs)):
+        distances = np.full(len(self.pairs), np.inf)
+        for k in self._contested(commands):
             (truth, rival), memory = self.pairs[k], self.memories[k]
             fit, shift = self.fits[truth], self.shifts[truth][draw % len(self.shifts[truth])]
             change = fit.jacobian @ shift
@@ -264,8 +286,24 @@ class Question:
                 _moved(fit, shift), self.fits[rival], parts, memory=replace(memory, known=known), steps=STEPS
             )
             if found is not None:
-                least = min(least, found.squared_distance(self.noise))
-        return float(least)
+                distances[k] = found.squared_distance(self.noise)
+        return self._nearest(distances)
+
+    def _contested(self, commands: np.ndarray) -> list[int]:
+        """The pairs that are nearest to first order, some of each explanation; all where there are few."""
+        if len(self.pairs) <= NEAREST * len(self.fits):
+            return list(range(len(self.pairs)))
+        rough = self._distances(commands)
+        return sorted({int(k) for involved in self._involved for k in involved[np.argsort(rough[involved])[:NEAREST]]})
+
+    def _nearest(self, distances: np.ndarray) -> np.ndarray:
+        """From what is true of each pair to what is true of each explanation, whichever of the two is the truth."""
+        return np.array([distances[involved].min() for involved in self._involved])
+
+    @cached_property
+    def _involved(self) -> tuple[np.ndarray, ...]:
+        """For each explanation, the pairs that it is one of."""
+        return tuple(np.flatnonzero([k in pair for pair in self.pairs]) for k in range(len(self.fits)))
 
 
 def _draws(bench: Bench, fit: Calibration, rng: np.random.Generator) -> list[np.ndarray]:

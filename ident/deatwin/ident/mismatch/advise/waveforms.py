@@ -36,6 +36,8 @@ HEADROOM = 1.05
 """A rig bears an input if its plant survives this many times as much: so far the film stays clear of its limits."""
 LOWERED, LOWEST = 0.95, 0.4
 """By which share a range that is too much is lowered at a time, and to which share of it at most."""
+ROUNDS, PROBES = 20, 6
+"""Rounds of rest, holds and chirp; probes of a long hold."""
 PROBE = 250
 """Samples for which each end of the range is held in that test."""
 
@@ -73,6 +75,20 @@ class Limits:
         ndarray
         """
         return np.asarray(self.bottom + (self.highest - self.bottom) * np.asarray(share))
+
+    def upper(self, share: float) -> Limits:
+        """The same with the upper part of the working range only.
+
+        Parameters
+        ----------
+        share : float
+            Of the range, up to 1.
+
+        Returns
+        -------
+        Limits
+        """
+        return replace(self, bottom=self.highest - share * (self.highest - self.bottom))
 
     def scaled(self, share: float) -> Limits:
         """The same with all distances from rest multiplied.
@@ -253,8 +269,33 @@ def _rests(limits: Limits, seconds: float, sample_time: float, rng: np.random.Ge
 
 
 def _chirp(limits: Limits, seconds: float, sample_time: float, rng: np.random.Generator) -> np.ndarray:
+    return _fast_chirp(limits, seconds, sample_time, mean=0.6, amplitude=0.4)
+
+
+def _fast_chirp(limits: Limits, seconds: float, sample_time: float, mean: float, amplitude: float) -> np.ndarray:
     share = min(1.0, _fast(sample_time) / CHIRP[1])
-    return limits.at(linear_chirp(seconds, sample_time, share * CHIRP[0], share * CHIRP[1], mean=0.6, amplitude=0.4))
+    ends = (share * CHIRP[0], share * CHIRP[1])
+    return limits.at(linear_chirp(seconds, sample_time, *ends, mean=mean, amplitude=amplitude))
+
+
+def _held(limits: Limits, seconds: float, sample_time: float, level: float) -> np.ndarray:
+    return np.repeat(limits.at(level), max(1, round(seconds / sample_time)))
+
+
+def _rounds(limits: Limits, seconds: float, sample_time: float, rng: np.random.Generator) -> np.ndarray:
+    length = seconds / ROUNDS
+    holds = [_held(limits, 0.2 * length, sample_time, level) for level in (0.0, 0.5, 1.0)]
+    return np.tile(np.concatenate([*holds, _chirp(limits, 0.4 * length, sample_time, rng)]), ROUNDS)
+
+
+def _probed_holds(limits: Limits, seconds: float, sample_time: float, rng: np.random.Generator) -> np.ndarray:
+    length, pieces = seconds / (4 * PROBES), []
+    for level in (0.85, 0.2, 0.85, 0.2):
+        hold = _held(limits, 0.55 * length, sample_time, level)
+        chirp = _fast_chirp(limits, 0.3 * length, sample_time, mean=level, amplitude=0.15)
+        rest = _held(limits, 0.15 * length, sample_time, 0.0)
+        pieces += [np.tile(np.concatenate([hold, chirp, rest]), PROBES)]
+    return np.concatenate(pieces)
 
 
 def _staircase(limits: Limits, seconds: float, sample_time: float, rng: np.random.Generator) -> np.ndarray:
@@ -290,6 +331,8 @@ REPERTOIRE: Mapping[str, Maker] = {
     "staircase up and down": _staircase,
     "triangles at two rates": _triangles,
     "long hold": _long_hold,
+    "rest, two holds and a fast chirp in turn": _rounds,
+    "long holds, each probed by chirps and rests": _probed_holds,
     "holds of alternating polarity": _reversals,
 }
 """What an input may look like, by what it is called."""

@@ -42,6 +42,8 @@ class Candidate:
         What the effects by themselves do to the readings of the fitted part, SI; may be empty without effects.
     sizes : tuple of (int, int)
         Fitted and unseen samples of each experiment; empty where there is one.
+    measured : ndarray, shape (m + n,)
+        Readings of the fitted and the unseen part, SI; empty where nothing is to depend on them.
     """
 
     effects: tuple[str, ...]
@@ -50,6 +52,7 @@ class Candidate:
     noise: float
     contribution: np.ndarray = field(default_factory=lambda: np.zeros(0))
     sizes: tuple[tuple[int, int], ...] = ()
+    measured: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     @cached_property
     def fitted_test(self) -> Excess:
@@ -89,6 +92,17 @@ class Candidate:
         absence of a significant mismatch; the unseen part, which is extrapolated, must not refute it.
         """
         return self.fitted_test.within_floor and not self.unseen_test.mismatch
+
+    @property
+    def residuals(self) -> np.ndarray:
+        """Of the fitted and the unseen part, one behind the other, SI."""
+        return np.concatenate([self.calibration.residuals, self.unseen])
+
+    @property
+    def pieces(self) -> tuple[int, ...]:
+        """Samples of the pieces of `residuals` that were recorded without a break."""
+        sizes = self.sizes or ((self.calibration.residuals.size, self.unseen.size),)
+        return tuple(size for part in zip(*sizes, strict=True) for size in part if size)
 
     @property
     def losses(self) -> np.ndarray:
@@ -136,6 +150,7 @@ def judge(bench: Bench, calibration: Calibration, noise: float) -> Candidate | N
         effects=added, calibration=calibration, unseen=residuals, noise=noise,
         contribution=contribution(bench, calibration, added),
         sizes=tuple((one.size, other.size) for one, other in zip(bench.fitted, bench.unseen, strict=True)),
+        measured=np.concatenate([part.measured for part in (*bench.fitted, *bench.unseen)]),
     )  # fmt: skip
 
 

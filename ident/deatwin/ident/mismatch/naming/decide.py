@@ -11,6 +11,7 @@ import numpy as np
 from deatwin.ident.mismatch.advise.distance import STEPS, TOLD_APART, separation
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.candidate import Candidate
+from deatwin.ident.mismatch.naming.versus import advantage, likeliest
 from deatwin.ident.parallel import run_jobs
 
 if TYPE_CHECKING:
@@ -99,11 +100,9 @@ class Naming:
         """
         rivals = {c.effects: c for c in sorted(others, key=lambda c: c.evidence)}
         competing = {c.effects: c for c in self.candidates if c.effects in self.probabilities} | rivals
-        most = max((c.evidence for c in competing.values()), default=0.0)
-        weights = {effects: float(np.exp(c.evidence - most)) for effects, c in competing.items()}
         return replace(
             self, candidates=(*self.candidates, *rivals.values()), rivals=(*self.rivals, *rivals.values()),
-            probabilities=normalised(weights),
+            probabilities=_probabilities(list(competing.values())),
         )  # fmt: skip
 
     def led_by(self, first: Candidate) -> Naming:
@@ -238,16 +237,24 @@ def decide(
     """
     if not stage:
         return Naming(candidates=tuple(tried), best=None, rivals=(), probabilities={}, noise=noise)
-    ranked = sorted(stage, key=lambda c: -c.evidence)
-    weights = np.exp([c.evidence - ranked[0].evidence for c in ranked])
-    probabilities = {c.effects: float(w / weights.sum()) for c, w in zip(ranked, weights, strict=True)}
-    best = next((c for c in ranked if good(c)), None)
+    probabilities = _probabilities(stage)
+    ranked = sorted(stage, key=lambda c: -probabilities[c.effects])
+    enough = [c for c in stage if good(c)]
+    best = likeliest(enough) if enough else None
     if best is None:
         return Naming(candidates=tuple(tried), best=None, rivals=(), probabilities=probabilities, noise=noise)
     others = [c for c in ranked if c is not best and (good(c) or possible(c))]
     likely = _credible(best, others, probabilities)
     rivals = tuple(c for c in others if c in likely or (cannot_rule_out if good(c) else is_as_likely)(c, best))
     return Naming(candidates=tuple(tried), best=best, rivals=rivals, probabilities=probabilities, noise=noise)
+
+
+def _probabilities(competing: Sequence[Candidate]) -> dict[tuple[str, ...], float]:
+    """Of explanations that were equally likely before the recordings."""
+    if not competing:
+        return {}
+    first = likeliest(competing)
+    return normalised({c.effects: float(np.exp(min(advantage(c, first), 0.0))) for c in competing})
 
 
 def _credible(
@@ -262,9 +269,10 @@ def _credible(
 def with_distances(
     naming: Naming, stage: Sequence[Candidate], bench: Bench, possible: Callable[[Candidate], bool]
 ) -> Naming:
-    """Also keep as rivals the explanations that these inputs cannot tell from the best, whoever won.
+    """Keep as rivals the explanations that these inputs cannot tell from the best, whoever won, and none that they do.
 
-    What is worse by more than the plant's own error has been told apart, though it need not have been.
+    What is worse by more than the plant's own error has been told apart, though it need not have been. What differs by
+    a small part of it is no rival for that alone, where the inputs can tell the two apart and the evidence is strong.
 
     Parameters
     ----------
@@ -296,11 +304,17 @@ def with_distances(
         c for c, close, d2 in zip(others, alike, found, strict=True)
         if close and d2 < TOLD_APART and c not in naming.rivals
     ]  # fmt: skip
+    likely = _credible(best, sorted(others, key=lambda c: -naming.probabilities[c.effects]), naming.probabilities)
+    told = [
+        c for c, close, d2 in zip(others, alike, found, strict=True)
+        if close and d2 >= TOLD_APART and c not in likely and not is_as_likely(c, best)
+    ]  # fmt: skip
     distances = tuple(
         Distance(effects=("+".join(best.effects), "+".join(c.effects)), d2=d2)
         for c, d2 in zip(others, found, strict=True)
     )
-    return replace(naming, rivals=(*naming.rivals, *near), distances=distances)
+    kept = tuple(c for c in naming.rivals if c not in told)
+    return replace(naming, rivals=(*kept, *near), distances=distances)
 
 
 def cannot_rule_out(rival: Candidate, best: Candidate) -> bool:
@@ -345,4 +359,4 @@ def is_as_likely(rival: Candidate, best: Candidate) -> bool:
     -------
     bool
     """
-    return bool(best.evidence - rival.evidence < STRONG)
+    return advantage(best, rival) < STRONG

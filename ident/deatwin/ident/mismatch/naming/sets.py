@@ -18,6 +18,7 @@ from deatwin.ident.mismatch.naming.screen import Footprint, Lead, footprints, le
 from deatwin.ident.mismatch.naming.shortlist import shortlist
 from deatwin.ident.mismatch.naming.siblings import siblings
 from deatwin.ident.mismatch.naming.trial import Fitted, Trial, run_trials, trials_of, with_fitted
+from deatwin.ident.mismatch.naming.versus import advantage, likeliest
 from deatwin.ident.mismatch.naming.whole import judged_on_everything, settled_on_everything
 from deatwin.ident.mismatch.naming.worth import (
     MOST,
@@ -266,8 +267,8 @@ class Search:
         if naming.best is None or len(naming.best.effects) > MOST_NEARLY:
             return naming
         enough = [c for c in naming.rivals if suffices(c, self.tried[()]) and self.counts(c)]
-        likeliest = max(enough, key=lambda c: c.evidence, default=naming.best)
-        return naming.led_by(likeliest) if likeliest.evidence - naming.best.evidence > STRONG else naming
+        first = likeliest(enough or [naming.best])
+        return naming.led_by(first) if advantage(first, naming.best) > STRONG else naming
 
     def decided_surely(self, stage: Sequence[Names]) -> Naming:
         """The decision over a `stage`, or over fewer effects where these suffice, fitted from where the best set is."""

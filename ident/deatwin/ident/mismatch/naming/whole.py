@@ -158,7 +158,10 @@ def _on_everything(candidate: Candidate, parts: Sequence[Part]) -> Candidate | N
     fit = calibrate(candidate.calibration.plant, parts, tolerance=DECIDING)
     if not fit.status.ok:
         return None
-    return replace(candidate, calibration=fit, unseen=np.zeros(0), sizes=tuple((part.size, 0) for part in parts))
+    return replace(
+        candidate, calibration=fit, unseen=np.zeros(0), sizes=tuple((part.size, 0) for part in parts),
+        measured=np.concatenate([part.measured for part in parts]),
+    )  # fmt: skip
 
 
 def _settles(whole: Candidate, base: Candidate) -> bool:

@@ -135,6 +135,21 @@ def test_what_is_worse_by_more_than_the_model_error_has_been_told_apart(
     assert [d.d2 for d in found.distances] == [9.0]
 
 
+@pytest.mark.parametrize(("d2", "more", "kept"), [(17.0, 1, False), (15.0, 1, True), (17.0, 0, True)])
+def test_what_differs_by_little_is_no_rival_where_it_is_told_apart_and_unlikely(
+    candidate, is_adequate, noise, monkeypatch, d2, more, kept
+):
+    """2.1² + 0.36 = 2.184², half of 1.2 apart; 200 ln(2.125 / 2.1) are 2.4 nats, with a parameter more 5.0."""
+    best, other = candidate("creep", rms=2.1), candidate("mullins", rms=2.125)
+    names = ("a",) * (len(best.calibration.names) + more)
+    other = replace(other, calibration=SimpleNamespace(**{**vars(other.calibration), "names": names}))
+    decided = decide((best, other), (best, other), noise, is_adequate, lambda c: True)
+    assert decided.rivals == (other,)
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.decide.separation", lambda *given: d2)
+    found = with_distances(decided, (best, other), SimpleNamespace(everything=(), jobs=1), lambda c: True)
+    assert (found.rivals == (other,)) is kept
+
+
 def test_between_two_shares_what_may_be_left_rises_evenly(candidate, noise):
     base = candidate(rms=8.0)
     error = 1.2

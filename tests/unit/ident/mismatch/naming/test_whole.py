@@ -39,7 +39,7 @@ def together(monkeypatch: pytest.MonkeyPatch):
     return leave
 
 
-BENCH = SimpleNamespace(everything=(), jobs=1)
+BENCH = SimpleNamespace(everything=(SimpleNamespace(size=10_000, measured=np.zeros(10_000)),), jobs=1)
 
 
 def judged(leave, *candidates: Candidate, together: dict[str, float]) -> Naming:
