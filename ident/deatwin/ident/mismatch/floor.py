@@ -14,6 +14,11 @@ from deatwin.plant.recording import Experiment
 
 __all__ = ["floor_of", "with_model_error"]
 
+BENT = 1.5
+"""Largest ratio by which a plant may raise the error that is expected of its rig. What is missing bends the base plant,
+and a wrong effect any other, to where its equations hold no more: that is no reason to expect less of it. Of 150 base
+plants from which nothing was missing (concealed physics, seed 78) none raised it by more than 4 %."""
+
 
 def floor_of(plant: Plant, bench: Bench) -> float:
     """Model error of a calibrated plant on the recordings on the bench.
@@ -31,13 +36,14 @@ def floor_of(plant: Plant, bench: Bench) -> float:
     Returns
     -------
     float
-        Rms, SI; the expected one where the rig has no finer equations, or they say nothing of any recording.
+        Rms, SI; the expected one where the rig has no finer equations, or they say nothing of any recording; at most
+        half as much again.
     """
     bare = plant.without_effects()
     if not isinstance(bare.rig, Refinable):
         return bench.expected_error
     found = max((_not_followed(bare, part.experiment) for part in bench.everything), default=0.0)
-    return float(np.hypot(bench.expected_error, found))
+    return min(float(np.hypot(bench.expected_error, found)), BENT * bench.expected_error)
 
 
 def _not_followed(plant: Plant, experiment: Experiment) -> float:

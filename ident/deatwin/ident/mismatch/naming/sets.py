@@ -42,8 +42,6 @@ ALONE = 3
 """Of the effects that were tried alone, those that are tried beside others whatever their score."""
 CLEARLY_BETTER = 0.8
 """A rival form is gone on with where its best single effect leaves less than this share of the mean square."""
-BENT = 1.5
-"""Largest ratio by which an explanation may raise the model error by which all are judged."""
 Finished = Callable[[float], None]
 
 
@@ -250,10 +248,7 @@ class Search:
         best = self.best_of(stage)
         if best is None:
             return
-        known = self.bench.nominal.rig.model_error
-        found = floor_of(self.tried[best].calibration.plant, self.bench)
-        # A wrong effect may bend the plant to where its equations hold no more.
-        error = float(np.clip(found, known, BENT * known))
+        error = max(self.bench.nominal.rig.model_error, floor_of(self.tried[best].calibration.plant, self.bench))
         for names in stage:
             self.tried[names] = self.tried[names].with_floor(error)
 
