@@ -37,7 +37,7 @@ def floor_of(plant: Plant, bench: Bench) -> float:
     -------
     float
         Rms, SI; the expected one where the rig has no finer equations, or they say nothing of any recording; at most
-        half as much again.
+        half as much again, so none where none is expected.
     """
     bare = plant.without_effects()
     if not isinstance(bare.rig, Refinable):

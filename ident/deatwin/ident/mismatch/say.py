@@ -241,9 +241,10 @@ def _next(diagnosis: Diagnosis) -> str:
     mass = advised.get("added_mass_g")
     load = "" if mass is None else f" with {number(mass)} g added"
     before, after = (risk(advised[which]) for which in ("confusion_before", "confusion_after"))
+    rest = f"; what it leaves open takes a measurement of {advised['measure']}" if advised.get("undecided") else ""
     return (
         f"; {number(advised['seconds'])} s of the input in {advised['file']}{load} would lower the risk of confusing "
-        f"them from {before} to {after} %"
+        f"them from {before} to {after} %{rest}"
     )
 
 

@@ -32,3 +32,8 @@ class Followed:
 def test_the_most_that_is_left_of_any_experiment_counts(left, floor):
     bench = SimpleNamespace(everything=[SimpleNamespace(experiment=k) for k in range(len(left))], expected_error=4.0)
     assert floor_of(Followed(*left), bench) == pytest.approx(floor)
+
+
+def test_where_no_error_is_expected_there_is_none():
+    bench = SimpleNamespace(everything=[SimpleNamespace(experiment=0)], expected_error=0.0)
+    assert floor_of(Followed(3.0), bench) == 0.0

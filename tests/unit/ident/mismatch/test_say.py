@@ -126,6 +126,8 @@ DIAGNOSES = {
     "ambiguous, two and advice": made_up(Verdict.AMBIGUOUS, CREEP, RC, next_experiment=ADVICE),
     "ambiguous, heavier": made_up(Verdict.AMBIGUOUS, JUMP, next_experiment={**ADVICE, "added_mass_g": 4.5}),
     "ambiguous, surely": made_up(Verdict.AMBIGUOUS, CREEP, next_experiment={**ADVICE, "confusion_after": 1e-269}),
+    "ambiguous, in part": made_up(Verdict.AMBIGUOUS, CREEP, next_experiment={
+        **ADVICE, "undecided": ["creep", "leakage"], "measure": "the current"}),
     "ambiguous for good": made_up(Verdict.AMBIGUOUS, CREEP, next_experiment=NO_INPUT),
     "unknown": made_up(Verdict.UNKNOWN),
     "unknown, refuted": made_up(Verdict.UNKNOWN, verification=REFUTED),

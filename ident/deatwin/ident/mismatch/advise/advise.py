@@ -15,11 +15,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations, compress
+from itertools import combinations, compress, islice
 from typing import Any
 
 import numpy as np
 
+from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.mismatch.advise.advice import Advice
 from deatwin.ident.mismatch.advise.distance import TOLD_APART, confusion, difference
 from deatwin.ident.mismatch.advise.question import Question
@@ -98,13 +99,14 @@ def advise(
                               "noise": here.noise, "output": (rig.output_name, rig.output_unit)}  # fmt: skip
     if found is None:
         return Advice(
-            recording=None, waveform="", added_mass=None, measure=_to_measure(here, left, tried),
+            recording=None, waveform="", added_mass=None, measure=_to_measure(here, left, here.fits, tried),
             confusion_after=before, predicted=(), undecided=common["rivals"], **common,
         )  # fmt: skip
     question, close = found.load.question, found.nearest < TOLD_APART
+    open_, fits = list(compress(left, close)), list(compress(here.fits, close))
     return Advice(
         recording=question.recording(found.commands), waveform=found.name, added_mass=found.load.added,
-        measure=_to_measure(here, left, tried) if close.any() else None, confusion_after=found.confusion,
+        measure=_to_measure(here, open_, fits, tried) if open_ else None, confusion_after=found.confusion,
         predicted=_predicted(question, found.commands), undecided=tuple(compress(common["rivals"], close)), **common,
     )  # fmt: skip
 
@@ -187,8 +189,8 @@ def _least_confusing(load: _Load) -> _Input | None:
     Half of that length shows what is slow well enough to choose which to try.
     """
     rough = {name: _confused(nearest) for name, nearest in _first_orders(load.question, LONGEST // 2).items()}
-    found = [_judged(load, name, LONGEST) for name in sorted(rough, key=lambda name: rough[name])[:TRIED]]
-    best = min(filter(None, found), key=lambda one: _confused(one.nearest), default=None)
+    promising = (_judged(load, name, LONGEST) for name in sorted(rough, key=lambda name: rough[name]))
+    best = min(islice(filter(None, promising), TRIED), key=lambda one: _confused(one.nearest), default=None)
     return best if best and best.confusion <= WORTHWHILE * _confused(load.question.before) else None
 
 
@@ -263,14 +265,16 @@ def _labels(rivals: Sequence[Candidate]) -> tuple[str, ...]:
     return tuple(f"{n} ({names[:k].count(n) + 1})" if names.count(n) > 1 else n for k, n in enumerate(names))
 
 
-def _to_measure(question: Question, rivals: Sequence[Candidate], tried: dict[str, float]) -> str:
+def _to_measure(
+    question: Question, rivals: Sequence[Candidate], fits: Sequence[Calibration], tried: dict[str, float]
+) -> str:
     """The further signal in which the explanations differ most, beyond its gain and offset."""
     if any(e.family is Family.ENVIRONMENT for r in rivals for e in r.calibration.plant.effects if e.name in r.effects):
         return "the temperature"
     commands = question.commands(max(tried, key=lambda name: tried[name]), SCREENED) if tried else None
     if commands is None:
         return "another signal"
-    signals = [_signals(fit.plant, question, commands) for fit in question.fits]
+    signals = [_signals(fit.plant, question, commands) for fit in fits]
     common = [name for name in SIGNALS if all(name in s for s in signals)]
     apart = {n: min(_unlike(a[n], b[n]) for a, b in combinations(signals, 2)) for n in common}
     telling = max(apart, key=lambda name: apart[name], default="")

@@ -140,18 +140,27 @@ class Question:
         Returns
         -------
         ndarray, shape (count,), or None
-            In the upper part of the working range where all of it would move the plant so far that its own error, by
-            which all recordings are judged, would hide what the ones at hand show; None where the limits do not allow
-            this waveform.
+            Where all of the working range would move the plant so far that its own error, by which all recordings
+            are judged, would hide what the ones at hand show: below the highest command that these used, and in the
+            upper part there, as far as that moves it less. None where the limits do not allow this waveform.
         """
-        share, limits = 1.0, self.limits
+        limits, share = self.limits, 1.0
         made = None if limits is None else self._made(name, count, limits)
-        for _ in range(CALMED):
-            if made is None or limits is None or self._error_of(made) <= self._hidden:
+        if made is None or limits is None:
+            return None
+        top, error = float(np.clip(self._used, limits.bottom, limits.highest)), self._error_of(made)
+        for _ in range(1 + CALMED):
+            calmer = self._made(name, count, limits.below(top, share)) if error > self._hidden else None
+            if calmer is None or self._error_of(calmer) > error:
                 break
-            share *= self._hidden / self._error_of(made)
-            made = self._made(name, count, limits.upper(share))
+            made, error = calmer, self._error_of(calmer)
+            share *= self._hidden / error
         return made
+
+    @cached_property
+    def _used(self) -> float:
+        """The highest command of the recordings at hand, which the plant has borne."""
+        return max(float(r.inputs[0].max()) for part in self.bench.everything for r in part.experiment.recordings)
 
     def _made(self, name: str, count: int, limits: Limits) -> np.ndarray | None:
         rng = np.random.default_rng(self.seed)

@@ -37,7 +37,7 @@ HEADROOM = 1.05
 LOWERED, LOWEST = 0.95, 0.4
 """By which share a range that is too much is lowered at a time, and to which share of it at most."""
 ROUNDS, PROBES = 20, 6
-"""Rounds of rest, holds and chirp; probes of a long hold."""
+"""Rounds of holds and chirp; probes of a long hold."""
 PROBE = 250
 """Samples for which each end of the range is held in that test."""
 
@@ -76,19 +76,21 @@ class Limits:
         """
         return np.asarray(self.bottom + (self.highest - self.bottom) * np.asarray(share))
 
-    def upper(self, share: float) -> Limits:
-        """The same with the upper part of the working range only.
+    def below(self, top: float, share: float) -> Limits:
+        """The same with a part of the working range only.
 
         Parameters
         ----------
+        top : float
+            Its upper end, inside the range.
         share : float
-            Of the range, up to 1.
+            Of what lies below, up to 1.
 
         Returns
         -------
         Limits
         """
-        return replace(self, bottom=self.highest - share * (self.highest - self.bottom))
+        return replace(self, highest=top, bottom=top - share * (top - self.bottom))
 
     def scaled(self, share: float) -> Limits:
         """The same with all distances from rest multiplied.
@@ -293,8 +295,8 @@ def _probed_holds(limits: Limits, seconds: float, sample_time: float, rng: np.ra
     for level in (0.85, 0.2, 0.85, 0.2):
         hold = _held(limits, 0.55 * length, sample_time, level)
         chirp = _fast_chirp(limits, 0.3 * length, sample_time, mean=level, amplitude=0.15)
-        rest = _held(limits, 0.15 * length, sample_time, 0.0)
-        pieces += [np.tile(np.concatenate([hold, chirp, rest]), PROBES)]
+        low = _held(limits, 0.15 * length, sample_time, 0.0)
+        pieces += [np.tile(np.concatenate([hold, chirp, low]), PROBES)]
     return np.concatenate(pieces)
 
 
@@ -331,8 +333,8 @@ REPERTOIRE: Mapping[str, Maker] = {
     "staircase up and down": _staircase,
     "triangles at two rates": _triangles,
     "long hold": _long_hold,
-    "rest, two holds and a fast chirp in turn": _rounds,
-    "long holds, each probed by chirps and rests": _probed_holds,
+    "three holds and a fast chirp in turn": _rounds,
+    "long holds, each probed by chirps and low holds": _probed_holds,
     "holds of alternating polarity": _reversals,
 }
 """What an input may look like, by what it is called."""

@@ -100,7 +100,7 @@ class Candidate:
 
     @property
     def pieces(self) -> tuple[int, ...]:
-        """Samples of the pieces of `residuals` that were recorded without a break."""
+        """Samples of the pieces of `residuals`: of each experiment what was fitted, then of each what was not."""
         sizes = self.sizes or ((self.calibration.residuals.size, self.unseen.size),)
         return tuple(size for part in zip(*sizes, strict=True) for size in part if size)
 

@@ -34,7 +34,7 @@ STRONG = float(np.log(20.0))
 CREDIBLE = 0.95
 """Together with its rivals it holds at least so much of the probability: many weak rivals make one strong doubt."""
 RIVAL_SHARE = 0.5
-"""A rival is also kept while its error differs from the best by less than this share of the model error."""
+"""A rival whose distance is not known is also kept while its error differs by less than this share of the model's."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -245,7 +245,7 @@ def decide(
         return Naming(candidates=tuple(tried), best=None, rivals=(), probabilities=probabilities, noise=noise)
     others = [c for c in ranked if c is not best and (good(c) or possible(c))]
     likely = _credible(best, others, probabilities)
-    rivals = tuple(c for c in others if c in likely or (cannot_rule_out if good(c) else is_as_likely)(c, best))
+    rivals = tuple(c for c in others if c in likely or is_as_likely(c, best))
     return Naming(candidates=tuple(tried), best=best, rivals=rivals, probabilities=probabilities, noise=noise)
 
 
@@ -269,10 +269,9 @@ def _credible(
 def with_distances(
     naming: Naming, stage: Sequence[Candidate], bench: Bench, possible: Callable[[Candidate], bool]
 ) -> Naming:
-    """Keep as rivals the explanations that these inputs cannot tell from the best, whoever won, and none that they do.
+    """Also keep as rivals the explanations that these inputs cannot tell from the best, whoever won.
 
-    What is worse by more than the plant's own error has been told apart, though it need not have been. What differs by
-    a small part of it is no rival for that alone, where the inputs can tell the two apart and the evidence is strong.
+    What is worse by more than the plant's own error has been told apart, though it need not have been.
 
     Parameters
     ----------
@@ -304,21 +303,15 @@ def with_distances(
         c for c, close, d2 in zip(others, alike, found, strict=True)
         if close and d2 < TOLD_APART and c not in naming.rivals
     ]  # fmt: skip
-    likely = _credible(best, sorted(others, key=lambda c: -naming.probabilities[c.effects]), naming.probabilities)
-    told = [
-        c for c, close, d2 in zip(others, alike, found, strict=True)
-        if close and d2 >= TOLD_APART and c not in likely and not is_as_likely(c, best)
-    ]  # fmt: skip
     distances = tuple(
         Distance(effects=("+".join(best.effects), "+".join(c.effects)), d2=d2)
         for c, d2 in zip(others, found, strict=True)
     )
-    kept = tuple(c for c in naming.rivals if c not in told)
-    return replace(naming, rivals=(*kept, *near), distances=distances)
+    return replace(naming, rivals=(*naming.rivals, *near), distances=distances)
 
 
 def cannot_rule_out(rival: Candidate, best: Candidate) -> bool:
-    """Whether the recordings leave a rival possible.
+    """Whether the recordings leave a rival possible whose distance from the best is not known.
 
     Parameters
     ----------

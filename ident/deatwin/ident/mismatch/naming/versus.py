@@ -14,7 +14,7 @@ with x between -1 and 1: where it is more, both are wrong, and the lesser error 
 
 Evidence by blocks takes every residual for one that stays the same for a block, as the plant's own error does, and so
 hardly sees what two explanations differ in within one: a delay or a lag. It knows better where they are far apart. Of
-both, which have the same sign, the larger counts.
+both the larger counts.
 """
 
 from __future__ import annotations

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Calibration, Part, calibrate
+from deatwin.ident.greybox.fit import Part, calibrate
 from deatwin.ident.mismatch.bench import Bench
-from deatwin.ident.mismatch.losses import block_losses, evidence
 from deatwin.ident.mismatch.naming.candidate import Candidate
-from deatwin.ident.mismatch.naming.decide import STRONG, Naming, decide, normalised
+from deatwin.ident.mismatch.naming.decide import STRONG, Naming, decide, is_as_likely, normalised
+from deatwin.ident.mismatch.naming.versus import advantage, likeliest
 from deatwin.ident.mismatch.naming.worth import MOST, SUFFICIENT, is_near_floor, share_explained
 from deatwin.ident.mismatch.refit.search import DECIDING
 from deatwin.ident.parallel import run_jobs
 
 __all__ = ["judged_on_everything", "settled_on_everything"]
+
+TINY = 1e-300
+"""Probability where there is none: thousands of nats may lie between explanations."""
 
 
 def settled_on_everything(
@@ -71,17 +74,16 @@ def settled_on_everything(
     if naming.best is None:
         return naming
     holding = [whole for whole in enough if _holds(known[whole.effects], tried[0])]
-    likeliest = max(holding, key=lambda whole: whole.evidence, default=naming.best)
-    lead = likeliest if likeliest.evidence - naming.best.evidence > STRONG else naming.best
-    led, first = naming.led_by(lead), known[lead.effects]
+    first = likeliest(holding or [naming.best])
+    lead = first if advantage(first, naming.best) > STRONG else naming.best
+    led, best = naming.led_by(lead), known[lead.effects]
     back = [
         w for w in fitted
-        if w.effects in strayed and lead.evidence - w.evidence < STRONG
-        and _is_as_likely_there(strayed[w.effects], first)
+        if w.effects in strayed and is_as_likely(w, lead) and _is_as_likely_there(strayed[w.effects], best)
     ]  # fmt: skip
-    held = _held([*wholes, *back], holding, lead)
+    odds = {w.effects: _odds(w, lead, w in holding) for w in (*wholes, *back)}
     rivals = (*(known[c.effects] for c in led.rivals), *(strayed[w.effects] for w in back))
-    return replace(led, best=first, rivals=rivals, probabilities=_probabilities(held))
+    return replace(led, best=best, rivals=rivals, probabilities=normalised(odds))
 
 
 def judged_on_everything(naming: Naming, bench: Bench, possible: Callable[[Candidate], bool]) -> Naming:
@@ -120,37 +122,38 @@ def judged_on_everything(naming: Naming, bench: Bench, possible: Callable[[Candi
     competing = {c.effects: c for c in (best, *doubtful)}
     fits = run_jobs(_on_everything, [(c, bench.everything) for c in competing.values()], workers=bench.jobs)
     whole = {c.effects: c for c in fits if c is not None}
-    most = whole[best.effects].evidence if best.effects in whole else -np.inf
-    back = [whole[c.effects] for c in doubtful if c.effects in whole and most - whole[c.effects].evidence < STRONG]
+    leading = [whole[best.effects]] if best.effects in whole else []
+    back = [whole[c.effects] for c in doubtful if c.effects in whole]
+    back = [w for w in back if not leading or is_as_likely(w, leading[0])]
     if not back:
         return naming
-    leading = [whole[best.effects]] if best.effects in whole else []
     leading += [w for w in back if w.fitted_test.within_floor and _holds(competing[w.effects], naming.candidates[0])]
-    first = max(leading or back, key=lambda w: w.evidence)
-    logs = {effects: float(np.log(max(p, 1e-300))) for effects, p in naming.probabilities.items()}
-    known = logs[best.effects] - (most if best.effects in whole else first.evidence)
-    logs |= {effects: known + held for effects, held in _held(back, leading, first).items()}
+    first = likeliest(leading or back)
+    # What was not fitted again keeps its odds against the best.
+    known = _odds(whole.get(best.effects, first), first, leads=True)
+    scale = known / max(naming.probabilities[best.effects], TINY)
+    odds = {effects: scale * p for effects, p in naming.probabilities.items()}
+    odds |= {w.effects: _odds(w, first, w in leading) for w in back}
     rivals = (*naming.rivals, *(competing[w.effects] for w in back))
-    judged = replace(naming, rivals=rivals, probabilities=_probabilities(logs))
+    judged = replace(naming, rivals=rivals, probabilities=normalised(odds))
     return judged.led_by(competing[first.effects]) if leading else judged
 
 
-def _held(
-    wholes: Sequence[Candidate], leading: Sequence[Candidate], first: Candidate
-) -> dict[tuple[str, ...], float]:
-    """Evidence of fits to everything; what may not be `leading` has at most that of the `first`."""
-    return {w.effects: w.evidence if w in leading else min(w.evidence, first.evidence) for w in wholes}
-
-
-def _probabilities(logs: Mapping[tuple[str, ...], float]) -> dict[tuple[str, ...], float]:
-    """Of explanations, from logarithms of what they are in proportion to: thousands of nats may lie between them."""
-    most = max(logs.values())
-    return normalised({effects: float(np.exp(held - most)) for effects, held in logs.items()})
+def _odds(whole: Candidate, first: Candidate, leads: bool) -> float:
+    """Of a fit to everything against the `first`; what may not lead is at most as likely as that."""
+    against = advantage(whole, first)
+    return float(np.exp(against if leads else min(against, 0.0)))
 
 
 def _is_as_likely_there(rival: Candidate, best: Candidate) -> bool:
     """Whether the fitted part alone has no strong evidence against a rival."""
-    return _evidence(best.calibration) - _evidence(rival.calibration) < STRONG
+    return is_as_likely(_of_the_fitted_part(rival), _of_the_fitted_part(best))
+
+
+def _of_the_fitted_part(candidate: Candidate) -> Candidate:
+    size = candidate.calibration.residuals.size
+    sizes = tuple((fitted, 0) for fitted, _ in candidate.sizes)
+    return replace(candidate, unseen=np.zeros(0), sizes=sizes, measured=candidate.measured[:size])
 
 
 def _on_everything(candidate: Candidate, parts: Sequence[Part]) -> Candidate | None:
@@ -173,8 +176,3 @@ def _settles(whole: Candidate, base: Candidate) -> bool:
 def _holds(candidate: Candidate, base: Candidate) -> bool:
     """Whether a fit to the fitted part takes away most of what the base plant leaves of the unseen one."""
     return share_explained(candidate.unseen_test, base.unseen_test) > MOST
-
-
-def _evidence(fit: Calibration) -> float:
-    """Its logarithm, on what was fitted alone."""
-    return evidence(block_losses(fit.residuals), len(fit.names))

@@ -11,7 +11,7 @@ from scipy.stats import binom
 
 from deatwin.ident.greybox.fit import Part, calibrate
 from deatwin.ident.mismatch.advise import distance, question
-from deatwin.ident.mismatch.advise.advise import SCREENED, _needed, advise
+from deatwin.ident.mismatch.advise.advise import SCREENED, _labels, _needed, advise
 from deatwin.ident.mismatch.advise.waveforms import REPERTOIRE, Limits, bears, limits_of, safe_limits, waveform
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.excess import practical_size
@@ -165,6 +165,7 @@ def test_where_the_reading_cannot_tell_another_signal_is_advised(tmp_path):
     found.save_input(tmp_path / "next_input.csv")
     assert not (tmp_path / "next_input.csv").exists()
     assert max(found.tried.values()) < 16
+    assert found.undecided == found.rivals
     axes = found.plot()
     assert axes.get_xlabel()
     plt.close(axes.figure)
@@ -189,7 +190,7 @@ def test_of_many_explanations_the_nearest_pairs_are_simulated(monkeypatch):
 
     monkeypatch.setattr(question, "difference", counted)
     nearest, few = asked.refitted(commands), len(asked_for)
-    assert few <= question.NEAREST * 4 < 12
+    assert few < 12
     monkeypatch.setattr(question, "NEAREST", 3)
     np.testing.assert_array_equal(asked.refitted(commands), nearest)
     assert nearest.max() > 0.0
@@ -222,36 +223,49 @@ def test_an_input_that_decides_on_some_of_the_explanations_is_advised():
     experiment = nominal.with_effects(Delay(time=0.01)).record(blank(sine(8.0, 0.2)), np.random.default_rng(0))
     bench = bench_of(nominal, experiment)
     # to a slow sine all three are late; a fast input shows the delay, but a lag is itself whatever is said of it
-    rivals = rivals_on(bench, Delay(time=0.01), ElectrodeRC(time=0.01), ElectrodeRC(time=0.012))
+    rivals = rivals_on(bench, Delay(time=0.01), ElectrodeRC(time=0.01), SensorLag(time=0.01))
     found = advise(bench, rivals, np.random.default_rng(0))
     assert found is not None
     assert found.recording is not None
-    assert found.rivals == ("delay", "electrode_rc (1)", "electrode_rc (2)")
+    assert found.rivals == ("delay", "electrode_rc", "sensor_lag")
     assert found.undecided == found.rivals[1:]
-    assert found.measure is not None
-    # between two of the three chance decides, as good as; the third is told with an error of 2.3 % at most
-    assert 2 / 3 * 0.4 < found.confusion_after < (2 * 0.5 + distance.confusion(16.0)) / 3
+    assert found.measure in ("the current", "the voltage on the film")  # which a lag of the reading leaves as it was
+    # two of the three are confused by more than 2.3 %, and by chance at most; the third by no more than that
+    told = distance.confusion(16.0)
+    assert 2 * told / 3 < found.confusion_after < (2 * 0.5 + told) / 3
     assert found.confusion_after < found.confusion_before
-    assert f"if electrode rc (1) and electrode rc (2) are left, measure {found.measure}." in found.sentence
+    assert f"if electrode rc and sensor lag are left, measure {found.measure}." in found.sentence
     assert found.to_dict()["undecided"] == list(found.undecided)
 
 
+def test_the_same_effects_on_another_form_of_the_rig_get_a_number():
+    rivals = [SimpleNamespace(effects=effects) for effects in (("creep",), ("delay", "leakage"), ("creep",), ())]
+    assert _labels(rivals) == ("creep (1)", "delay + leakage", "creep (2)", "nothing missing")
+
+
 @compiled
-def test_an_input_moves_the_plant_no_further_than_its_own_error_hides():
+def test_an_input_stays_where_recordings_were_if_it_would_move_the_plant_too_far():
     # near 3 kV a small sine moves the film by few micrometres: the whole range would by hundreds
     high = blank(2.9 + 0.05 * (sine(20.0, 0.5) - 2.3))
-    nominal = Plant(rig=Diaphragm(noise=2e-7, model_error=2e-7))
+    nominal = Plant(rig=Diaphragm(noise=2e-7, model_error=2e-7, command_range=(0.0, 3.4)))
     concealed = nominal.with_values(WRONG).with_effects(SensorLag(time=0.05))
     bench = bench_of(nominal, concealed.record(high, np.random.default_rng(0)))
     fits = [rival.calibration for rival in rivals_on(bench, SensorLag(time=0.05), ElectrodeRC(time=0.05))]
     asked = question.Question.of(bench, fits, nominal.rig.noise, np.random.default_rng(1))
     whole = replace(asked, bench=replace(bench, nominal=nominal.with_rig(replace(nominal.rig, model_error=1.0))))
-    for name in ("staircase up and down", "rest, two holds and a fast chirp in turn"):
+    for name in REPERTOIRE:
         calm, far = (of.commands(name, 3000) for of in (asked, whole))
+        if far is None:
+            assert calm is None
+            continue
         errors = [asked.bench.nominal.rig.for_motion(r.std()).model_error for r in _readings(fits[0], calm, far)]
-        assert errors[0] < 1.2 * practical_size(asked.noise, nominal.rig.model_error) < errors[1]
-        assert calm.max() == pytest.approx(far.max())
-        assert calm.min() > far.min() == 0.0
+        assert errors[0] <= errors[1]
+        assert calm.max() <= high.recordings[0].inputs.max() + 1e-9 or np.array_equal(calm, far)
+        if name == "holds with rests between them":  # near the top only, each hold would be the same
+            assert np.unique(calm).size == np.unique(far).size == 4
+            assert np.ptp(calm[calm > 0]) > 0.2 * calm.max()
+        elif 0.0 in far:
+            assert errors[0] < 1.5 * practical_size(asked.noise, nominal.rig.model_error) < errors[1]
 
 
 def _readings(fit, *inputs):

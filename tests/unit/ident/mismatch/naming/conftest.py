@@ -1,6 +1,7 @@
 """Explanations that leave residuals of given sizes, and searches in which such ones were tried."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -48,6 +49,24 @@ def candidate() -> Callable[..., Candidate]:
         return Candidate(effects=effects, calibration=calibration, unseen=late, noise=NOISE, contribution=does)
 
     return make
+
+
+@pytest.fixture
+def differing_fast() -> Callable[[Candidate, float], Candidate]:
+    """``differing_fast(candidate, size)``: what it leaves, slower, and so much more at half the sample rate."""
+
+    def of(explanation: Candidate, size: float) -> Candidate:
+        calibration = vars(explanation.calibration) | {"residuals": _added(explanation.calibration.residuals, size)}
+        return replace(
+            explanation, calibration=SimpleNamespace(**calibration), unseen=_added(explanation.unseen, size)
+        )
+
+    return of
+
+
+def _added(residuals: np.ndarray, size: float) -> np.ndarray:
+    slower = residuals * np.tile([1.0, -1.0, -1.0, 1.0], residuals.size // 4)  # of pairs of equal sign
+    return slower + size * np.tile([1.0, -1.0], residuals.size // 2)
 
 
 @pytest.fixture

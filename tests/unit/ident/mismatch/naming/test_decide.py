@@ -139,15 +139,43 @@ def test_what_is_worse_by_more_than_the_model_error_has_been_told_apart(
 def test_what_differs_by_little_is_no_rival_where_it_is_told_apart_and_unlikely(
     candidate, is_adequate, noise, monkeypatch, d2, more, kept
 ):
-    """2.1² + 0.36 = 2.184², half of 1.2 apart; 200 ln(2.125 / 2.1) are 2.4 nats, with a parameter more 5.0."""
+    """200 ln(2.125 / 2.1) are 2.4 nats, with a parameter more 5.0: strong."""
     best, other = candidate("creep", rms=2.1), candidate("mullins", rms=2.125)
     names = ("a",) * (len(best.calibration.names) + more)
     other = replace(other, calibration=SimpleNamespace(**{**vars(other.calibration), "names": names}))
     decided = decide((best, other), (best, other), noise, is_adequate, lambda c: True)
-    assert decided.rivals == (other,)
+    assert decided.rivals == (() if more else (other,))
     monkeypatch.setattr("deatwin.ident.mismatch.naming.decide.separation", lambda *given: d2)
     found = with_distances(decided, (best, other), SimpleNamespace(everything=(), jobs=1), lambda c: True)
     assert (found.rivals == (other,)) is kept
+
+
+def test_distances_need_no_probabilities_and_take_no_rival_away(candidate, noise, monkeypatch):
+    """A decision by other fits may know more of a rival, or nothing of one that could not be fitted there."""
+    best, rival, lost = candidate("creep", rms=2.1), candidate("delay", rms=2.6), candidate("mullins", rms=3.0)
+    known = {best.effects: 0.6, rival.effects: 0.4}
+    naming = Naming(candidates=(best, rival, lost), best=best, rivals=(rival,), probabilities=known, noise=noise)
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.decide.separation", lambda *given: 100.0)
+    found = with_distances(naming, (best, rival, lost), SimpleNamespace(everything=(), jobs=1), lambda c: True)
+    assert found.rivals == (rival,)
+    assert found.probabilities == known
+
+
+def test_what_differs_fast_from_the_likelier_one_does_not_lead_for_its_fewer_parameters(
+    candidate, differing_fast, is_adequate, noise
+):
+    """10,000 samples that differ by 0.1 µm at half the sample rate: d² = 25, so 1 / 2(1/25 + 1/9) = 3.31 nats.
+
+    Blocks see 100 ln(1 + 0.1²/2.1²) = 0.23, a parameter costs half of ln 200 = 2.65.
+    """
+    short, right = candidate("leakage", rms=2.1), candidate("delay", "creep", rms=2.1)
+    wrong, right = differing_fast(short, 0.1), differing_fast(right, 0.0)
+    assert wrong.evidence > right.evidence
+    decided = decide((wrong, right), (wrong, right), noise, is_adequate, lambda c: True)
+    assert decided.best is right
+    assert decided.rivals == (wrong,)
+    odds = np.exp(1 / (2 * (1 / 25 + 1 / 9)) - np.log(200) / 2)
+    assert decided.probabilities[right.effects] == pytest.approx(odds / (1 + odds), rel=1e-2)
 
 
 def test_between_two_shares_what_may_be_left_rises_evenly(candidate, noise):

@@ -29,6 +29,15 @@ def test_what_keeps_a_limit_by_luck_does_not_lead_what_is_likelier_by_far(candid
     assert naming.rivals == (bad,)
 
 
+@pytest.mark.parametrize(("nats", "leads"), [(3.1, True), (2.9, False)])  # ln 20 = 3.0 are strong
+def test_what_is_likelier_by_far_is_so_by_what_the_two_differ_in(candidate, search_over, monkeypatch, nats, leads):
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.with_distances", lambda naming, *_: naming)
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.advantage", lambda one, other: nats)
+    lucky, likelier = candidate("delay", rms=2.3), candidate("sensor_drift", rms=2.36, unseen=1.9)
+    found = search_over(candidate(rms=9.0), lucky, likelier).decided([("delay",), ("sensor_drift",)])
+    assert (found.best is likelier) is leads
+
+
 def test_an_effect_of_a_pair_must_count_for_more_than_the_model_error(candidate, search_over):
     base = candidate(rms=5.7)
     drift, creep = candidate("permittivity_drift", rms=2.54), candidate("creep", rms=4.98)

@@ -44,6 +44,29 @@ def test_what_differs_fast_is_told_by_the_ratio_of_likelihoods():
     assert advantage(one, other) == pytest.approx(white / (1 + LAW**2 * 1.25), rel=0.02)
 
 
+def test_the_larger_of_the_errors_and_the_smaller_of_the_noises_count(monkeypatch):
+    monkeypatch.setattr(Candidate, "evidence", 0.0)
+    noise = np.random.default_rng(5).standard_normal(COUNT)
+    near, far = explanation("creep", noise, 0.0), explanation("leakage", noise + 0.5, 1.0)
+    same = explanation("creep", noise, 1.0)
+    assert advantage(near, far) == advantage(same, far) != advantage(near, replace(far, calibration=near.calibration))
+    fast_one = explanation("delay", noise + fast(0.05))
+    quiet, loud = (replace(fast_one, noise=level) for level in (1.0, 4.0))
+    assert advantage(near, loud) == advantage(near, replace(loud, noise=NOISE))
+    assert abs(advantage(near, quiet)) > abs(advantage(near, loud))
+
+
+def test_what_is_slow_averages_out_from_one_experiment_to_the_next(monkeypatch):
+    monkeypatch.setattr(Candidate, "evidence", 0.0)
+    noise = np.random.default_rng(6).standard_normal(COUNT)
+    pair = explanation("creep", noise, 1.0), explanation("leakage", noise + 0.1, 1.0)
+    sizes = ((700, 300), (700, 300))
+    one, other = (replace(explained, sizes=sizes) for explained in pair)
+    assert one.pieces == (700, 700, 300, 300)
+    assert sum(one.pieces) == one.residuals.size
+    assert advantage(one, other) > advantage(*pair)
+
+
 def test_what_differs_slowly_counts_no_more_than_by_blocks():
     rng = np.random.default_rng(2)
     noise = NOISE * rng.standard_normal(COUNT)

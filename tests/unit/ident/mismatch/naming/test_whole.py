@@ -90,6 +90,26 @@ def test_the_likelier_one_does_not_lead_where_the_unseen_part_would_refute_it(to
     assert {naming.best, *naming.rivals} == {SHORT, wild}
 
 
+# 10,000 samples that differ fast by 0.1 µm from others of 2.2 µm: d² = 25, 1 / 2(1/25 + 1/9) = 3.3 nats are strong;
+# by 0.08, d² = 16, 2.9 are not. Blocks see 100 ln(1 + 0.1²/2.2²) = 0.2 nats. Of 7000 samples 0.13 are 3.4 nats.
+@pytest.mark.parametrize(("fitted", "everything", "kept"), [
+    (0.0, 0.08, True), (0.0, 0.1, False), (0.1, 0.0, True), (0.13, 0.0, False),
+])  # fmt: skip
+def test_what_differs_fast_from_the_best_is_ruled_out_by_that(monkeypatch, differing_fast, fitted, everything, kept):
+    best = differing_fast(candidate("delay", 2.2, 2.4), 0.0)
+    rival = differing_fast(candidate("sensor_lag", 2.2, 3.6), fitted)
+
+    def on_everything(one, parts):
+        return differing_fast(candidate(*one.effects, 2.2, 2.2), everything if one is rival else 0.0)
+
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.whole._on_everything", on_everything)
+    naming = decide((candidate("base", 9.0, 9.0), best, rival), (best, rival), NOISE, lambda c: True, lambda c: True)
+    assert naming.rivals == ()
+    judged = judged_on_everything(naming, BENCH, lambda c: True)
+    assert judged.best is best
+    assert (judged.rivals == (rival,)) is kept
+
+
 def test_what_loses_on_the_fitted_part_has_lost(together):
     # 140 blocks: 70 ln(2.25²/2.2²) = 3.1 nats worse where it was fitted.
     worse = candidate("mullins", 2.25, 3.6)
