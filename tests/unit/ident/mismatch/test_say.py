@@ -176,6 +176,11 @@ def test_no_exponent_and_one_sentence():
         assert "  " not in diagnosis.sentence
 
 
+def test_what_an_input_leaves_open_is_said_with_what_to_measure():
+    assert "; what it leaves open takes a measurement of the current." in DIAGNOSES["ambiguous, in part"].sentence
+    assert "leaves open" not in DIAGNOSES["ambiguous, two and advice"].sentence
+
+
 def test_each_verdict_says_only_what_it_may():
     for diagnosis in DIAGNOSES.values():
         said = diagnosis.sentence

@@ -141,26 +141,31 @@ class Question:
         -------
         ndarray, shape (count,), or None
             Where all of the working range would move the plant so far that its own error, by which all recordings
-            are judged, would hide what the ones at hand show: below the highest command that these used, and in the
-            upper part there, as far as that moves it less. None where the limits do not allow this waveform.
+            are judged, would hide what the ones at hand show: between rest and what these used, and there near the
+            command that is farthest from rest, as far as that moves it less. None where the limits do not allow this
+            waveform.
         """
         limits, share = self.limits, 1.0
         made = None if limits is None else self._made(name, count, limits)
         if made is None or limits is None:
             return None
-        top, error = float(np.clip(self._used, limits.bottom, limits.highest)), self._error_of(made)
+        error = self._error_of(made)
         for _ in range(1 + CALMED):
-            calmer = self._made(name, count, limits.below(top, share)) if error > self._hidden else None
+            calmer = self._made(name, count, self._near_the_farthest(limits, share)) if error > self._hidden else None
             if calmer is None or self._error_of(calmer) > error:
                 break
             made, error = calmer, self._error_of(calmer)
             share *= self._hidden / error
         return made
 
-    @cached_property
-    def _used(self) -> float:
-        """The highest command of the recordings at hand, which the plant has borne."""
-        return max(float(r.inputs[0].max()) for part in self.bench.everything for r in part.experiment.recordings)
+    def _near_the_farthest(self, limits: Limits, share: float) -> Limits:
+        """A share of the commands between rest and those of the recordings, beside the one that is farthest from it."""
+        used = np.concatenate([r.inputs[0] for part in self.bench.everything for r in part.experiment.recordings])
+        ends = (min(limits.rest, float(used.min())), max(limits.rest, float(used.max())))
+        low, high = np.clip(ends, min(limits.lowest, limits.bottom), limits.highest)
+        if high - limits.rest >= limits.rest - low:
+            return limits.between(high - share * (high - low), high)
+        return limits.between(low, low + share * (high - low))
 
     def _made(self, name: str, count: int, limits: Limits) -> np.ndarray | None:
         rng = np.random.default_rng(self.seed)

@@ -26,7 +26,7 @@ from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.simulate import RunStatus
 
-__all__ = ["REPERTOIRE", "Limits", "bears", "limits_of", "safe_limits", "waveform"]
+__all__ = ["BIPOLAR", "REPERTOIRE", "Limits", "bears", "limits_of", "safe_limits", "waveform"]
 
 CHIRP = (5.0, 15.0)
 """Hz; lower where the sample rate does not allow it."""
@@ -76,21 +76,19 @@ class Limits:
         """
         return np.asarray(self.bottom + (self.highest - self.bottom) * np.asarray(share))
 
-    def below(self, top: float, share: float) -> Limits:
-        """The same with a part of the working range only.
+    def between(self, bottom: float, highest: float) -> Limits:
+        """The same with another working range.
 
         Parameters
         ----------
-        top : float
-            Its upper end, inside the range.
-        share : float
-            Of what lies below, up to 1.
+        bottom, highest : float
+            Its ends.
 
         Returns
         -------
         Limits
         """
-        return replace(self, highest=top, bottom=top - share * (top - self.bottom))
+        return replace(self, bottom=bottom, highest=highest)
 
     def scaled(self, share: float) -> Limits:
         """The same with all distances from rest multiplied.
@@ -204,7 +202,7 @@ def waveform(
     ndarray, shape (n,), or None
         In their unit; None where the limits do not allow this waveform.
     """
-    if limits.highest <= limits.bottom or (name in BIPOLAR and limits.lowest >= limits.rest):
+    if limits.highest <= limits.bottom or (name in BIPOLAR and not limits.lowest < limits.rest < limits.highest):
         return None
     made = REPERTOIRE[name](limits, seconds, sample_time, rng)
     count = max(2, round(seconds / sample_time))

@@ -10,7 +10,7 @@ import numpy as np
 from deatwin.ident.greybox.fit import Part, calibrate
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.candidate import Candidate
-from deatwin.ident.mismatch.naming.decide import STRONG, Naming, decide, is_as_likely, normalised
+from deatwin.ident.mismatch.naming.decide import STRONG, Naming, cannot_rule_out, decide, is_as_likely, normalised
 from deatwin.ident.mismatch.naming.versus import advantage, likeliest
 from deatwin.ident.mismatch.naming.worth import MOST, SUFFICIENT, is_near_floor, share_explained
 from deatwin.ident.mismatch.refit.search import DECIDING
@@ -70,19 +70,22 @@ def settled_on_everything(
     fitted = [whole for whole in found if whole is not None]
     wholes = [whole for whole in fitted if whole.effects in known]
     enough = [whole for whole in wholes if _settles(whole, base)]
-    naming = decide(tried, wholes, noise, lambda whole: whole.effects in chosen and whole in enough, lambda whole: True)
+    answers = [whole for whole in enough if whole.effects in chosen]
+    naming = decide(tried, wholes, noise, lambda whole: whole in answers, lambda whole: True)
     if naming.best is None:
         return naming
     holding = [whole for whole in enough if _holds(known[whole.effects], tried[0])]
     first = likeliest(holding or [naming.best])
     lead = first if advantage(first, naming.best) > STRONG else naming.best
     led, best = naming.led_by(lead), known[lead.effects]
+    # How far apart the two are is known of fits to the fitted part only, which err where they are extrapolated.
+    near = [w for w in answers if w not in (lead, *led.rivals) and cannot_rule_out(w, lead)]
     back = [
         w for w in fitted
         if w.effects in strayed and is_as_likely(w, lead) and _is_as_likely_there(strayed[w.effects], best)
     ]  # fmt: skip
     odds = {w.effects: _odds(w, lead, w in holding) for w in (*wholes, *back)}
-    rivals = (*(known[c.effects] for c in led.rivals), *(strayed[w.effects] for w in back))
+    rivals = (*(known[c.effects] for c in (*led.rivals, *near)), *(strayed[w.effects] for w in back))
     return replace(led, best=best, rivals=rivals, probabilities=normalised(odds))
 
 
@@ -127,7 +130,10 @@ def judged_on_everything(naming: Naming, bench: Bench, possible: Callable[[Candi
     back = [w for w in back if not leading or is_as_likely(w, leading[0])]
     if not back:
         return naming
-    leading += [w for w in back if w.fitted_test.within_floor and _holds(competing[w.effects], naming.candidates[0])]
+    if leading:  # a fit that failed is no evidence against the best
+        leading += [
+            w for w in back if w.fitted_test.within_floor and _holds(competing[w.effects], naming.candidates[0])
+        ]
     first = likeliest(leading or back)
     # What was not fitted again keeps its odds against the best.
     known = _odds(whole.get(best.effects, first), first, leads=True)

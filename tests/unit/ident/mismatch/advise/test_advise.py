@@ -12,7 +12,7 @@ from scipy.stats import binom
 from deatwin.ident.greybox.fit import Part, calibrate
 from deatwin.ident.mismatch.advise import distance, question
 from deatwin.ident.mismatch.advise.advise import SCREENED, _labels, _needed, advise
-from deatwin.ident.mismatch.advise.waveforms import REPERTOIRE, Limits, bears, limits_of, safe_limits, waveform
+from deatwin.ident.mismatch.advise.waveforms import BIPOLAR, REPERTOIRE, Limits, bears, limits_of, safe_limits, waveform
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.excess import practical_size
 from deatwin.ident.mismatch.naming.candidate import Candidate, judge
@@ -77,6 +77,13 @@ class Wire(Rig):
         return build.place(Place.SENSOR, "reading", build.parameter("gain") * voltage + build.parameter("zero"))
 
 
+class CrudeWire(Wire):
+    """The same with equations that are right to a hundredth of the motion."""
+
+    kind: ClassVar[str] = "crude wire"
+    model_share: ClassVar[float] = 0.01
+
+
 def sine(seconds: float, frequency: float, size: float = 0.7) -> np.ndarray:
     return 2.3 + size * np.sin(2 * np.pi * frequency * STEP * np.arange(round(seconds / STEP)))
 
@@ -116,7 +123,9 @@ def test_a_waveform_keeps_to_limits_and_length(name, seconds, step):
 
 def test_polarity_is_reversed_only_where_the_drive_can():
     one_sided = Limits(lowest=0.0, highest=3.0, bottom=0.0, rest=0.0)
-    assert waveform("holds of alternating polarity", one_sided, 10.0, STEP, np.random.default_rng(0)) is None
+    negative = replace(one_sided, lowest=-3.0, highest=0.0, bottom=-3.0)
+    for limits in (one_sided, negative):
+        assert waveform("holds of alternating polarity", limits, 10.0, STEP, np.random.default_rng(0)) is None
     both = replace(one_sided, lowest=-2.0)
     made = waveform("holds of alternating polarity", both, 10.0, STEP, np.random.default_rng(0))
     assert made is not None
@@ -244,7 +253,7 @@ def test_the_same_effects_on_another_form_of_the_rig_get_a_number():
 
 
 @compiled
-def test_an_input_stays_where_recordings_were_if_it_would_move_the_plant_too_far():
+def test_an_input_stays_between_rest_and_recordings_if_it_would_move_the_plant_too_far():
     # near 3 kV a small sine moves the film by few micrometres: the whole range would by hundreds
     high = blank(2.9 + 0.05 * (sine(20.0, 0.5) - 2.3))
     nominal = Plant(rig=Diaphragm(noise=2e-7, model_error=2e-7, command_range=(0.0, 3.4)))
@@ -266,6 +275,19 @@ def test_an_input_stays_where_recordings_were_if_it_would_move_the_plant_too_far
             assert np.ptp(calm[calm > 0]) > 0.2 * calm.max()
         elif 0.0 in far:
             assert errors[0] < 1.5 * practical_size(asked.noise, nominal.rig.model_error) < errors[1]
+
+
+@pytest.mark.parametrize(("low", "high"), [(-0.5, 0.3), (-0.3, 0.5), (-3.0, -1.0)])
+def test_a_drive_of_both_polarities_is_not_used_where_no_recording_was(low, high):
+    # the error is a hundredth of the motion: a range of 20 V hides what is seen in one of 1 V
+    nominal = Plant(rig=CrudeWire(noise=0.0, command_range=(-10.0, 10.0)))
+    experiment = nominal.record(blank(np.linspace(low, high, 400)), np.random.default_rng(0))
+    bench = bench_of(nominal.with_rig(nominal.rig.for_motion(experiment.recordings[0].outputs.std())), experiment)
+    fit = calibrate(nominal, bench.fitted)
+    asked = question.Question.of(bench, [fit, replace(fit)], 0.0, np.random.default_rng(1))
+    for name in set(REPERTOIRE) - BIPOLAR:  # whose purpose is the other polarity
+        made = asked.commands(name, 1000)
+        assert min(low, 0.0) - 1e-9 <= made.min() < made.max() <= max(high, 0.0) + 1e-9
 
 
 def _readings(fit, *inputs):

@@ -152,7 +152,8 @@ def test_what_differs_by_little_is_no_rival_where_it_is_told_apart_and_unlikely(
 
 def test_distances_need_no_probabilities_and_take_no_rival_away(candidate, noise, monkeypatch):
     """A decision by other fits may know more of a rival, or nothing of one that could not be fitted there."""
-    best, rival, lost = candidate("creep", rms=2.1), candidate("delay", rms=2.6), candidate("mullins", rms=3.0)
+    # 200 ln(2.2 / 2.1) are 9 nats, and the two differ by half of the model error
+    best, rival, lost = candidate("creep", rms=2.1), candidate("delay", rms=2.2), candidate("mullins", rms=3.0)
     known = {best.effects: 0.6, rival.effects: 0.4}
     naming = Naming(candidates=(best, rival, lost), best=best, rivals=(rival,), probabilities=known, noise=noise)
     monkeypatch.setattr("deatwin.ident.mismatch.naming.decide.separation", lambda *given: 100.0)

@@ -1,5 +1,6 @@
 """What all recordings together bring back, or settle; residuals are of given sizes, in blocks of fifty samples."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming, decide
-from deatwin.ident.mismatch.naming.whole import judged_on_everything, settled_on_everything
+from deatwin.ident.mismatch.naming.whole import _of_the_fitted_part, judged_on_everything, settled_on_everything
 
 NOISE = 2.0
 FAILS = -1.0
@@ -110,6 +111,20 @@ def test_what_differs_fast_from_the_best_is_ruled_out_by_that(monkeypatch, diffe
     assert (judged.rivals == (rival,)) is kept
 
 
+def test_of_the_fitted_part_all_is_left_out_that_was_not_fitted():
+    explained = replace(LONG, sizes=((4000, 2000), (3000, 1000)), measured=np.arange(10_000.0))
+    part = _of_the_fitted_part(explained)
+    assert part.pieces == (4000, 3000)
+    np.testing.assert_array_equal(part.measured, np.arange(7000.0))
+    assert part.residuals.size == part.measured.size
+
+
+def test_a_fit_that_failed_is_no_evidence_against_the_best(together):
+    naming = judged(together, SHORT, LONG, together={"creep": FAILS, "dielectric_absorption": 2.2})
+    assert naming.best is SHORT
+    assert naming.rivals == (LONG,)
+
+
 def test_what_loses_on_the_fitted_part_has_lost(together):
     # 140 blocks: 70 ln(2.25²/2.2²) = 3.1 nats worse where it was fitted.
     worse = candidate("mullins", 2.25, 3.6)
@@ -156,6 +171,36 @@ def test_what_leaves_as_little_of_everything_is_a_rival_though_it_errs_on_the_fi
     found = settled(together, LONG, rough, together={"dielectric_absorption": 2.3, "creep": other})
     assert found.best is LONG
     assert (rough in found.rivals) is kept
+
+
+# They differ by 0.1 µm at half the sample rate, d² = 25: 1 / 2(1/25 + 1/9) = 3.3 nats, of which blocks see 0.2. By 0.08
+# they are 2.9: less than is strong.
+@pytest.mark.parametrize(("apart", "leads"), [(0.1, True), (0.08, False)])
+def test_what_leaves_less_that_is_fast_leads_on_everything(monkeypatch, differing_fast, apart, leads):
+    rough = candidate("creep", 2.6, 3.6)
+
+    def on_everything(one, parts):
+        rms = 9.0 if one.effects == ("base",) else 2.2
+        return differing_fast(candidate(*one.effects, rms, rms), apart if one is LONG else 0.0)
+
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.whole._on_everything", on_everything)
+    tried = (candidate("base", 9.0, 9.0), LONG, rough)
+    found = settled_on_everything(tried[1:], tried, BENCH, lambda c: c.fitted_test.within_floor, lambda c: True)
+    assert (found.best is rough) is leads
+    assert {found.best, *found.rivals} == {LONG, rough}
+    d2 = 10_000 * apart**2 / 4
+    odds = np.exp(1 / (2 * (1 / d2 + 1 / 9)))
+    assert found.probabilities[rough.effects] == pytest.approx(odds / (1 + odds), rel=1e-2)
+
+
+# 100 ln(2.34²/2.3²) = 3.4 nats are strong; by the squares the two differ by 0.43², of all recordings; by the split
+# fits, which err where they are extrapolated, by 1.5². Of 2.36² - 2.3² it is 0.53², more than half of the error.
+@pytest.mark.parametrize(("rms", "kept"), [(2.34, True), (2.36, False)])
+def test_how_far_two_are_apart_is_judged_by_all_recordings(together, rms, kept):
+    worse = candidate("creep", 2.1, 4.5)
+    found = settled(together, LONG, worse, together={"dielectric_absorption": 2.3, "creep": rms})
+    assert found.best is LONG
+    assert (worse in found.rivals) is kept
 
 
 def test_nothing_is_fitted_to_everything_where_nothing_explains_the_fitted_part(together):
