@@ -155,7 +155,7 @@ class Question:
             if calmer is None or self._error_of(calmer) > error:
                 break
             made, error = calmer, self._error_of(calmer)
-            share *= self._hidden / error
+            share *= self._hidden / error if error > 0 else 1.0  # a range in which nothing moves
         return made
 
     def _near_the_farthest(self, limits: Limits, share: float) -> Limits:

@@ -290,6 +290,15 @@ def test_a_drive_of_both_polarities_is_not_used_where_no_recording_was(low, high
         assert min(low, 0.0) - 1e-9 <= made.min() < made.max() <= max(high, 0.0) + 1e-9
 
 
+def test_an_input_by_which_nothing_moves_is_calm_enough(monkeypatch):
+    nominal = Plant(rig=Wire(noise=0.0, command_range=(-10.0, 10.0)))
+    bench = bench_of(nominal, nominal.record(blank(np.linspace(-0.3, 0.5, 400)), np.random.default_rng(0)))
+    fit = calibrate(nominal, bench.fitted)
+    asked = question.Question.of(bench, [fit, replace(fit)], 0.0, np.random.default_rng(1))
+    monkeypatch.setattr(question.Question, "_error_of", lambda _, made: 0.0 if made.max() <= 0.5 else 1.0)
+    assert asked.commands("staircase up and down", 500).max() == pytest.approx(0.5)
+
+
 def _readings(fit, *inputs):
     return [fit.plant.simulate(blank(commands)).require().outputs[0][0] for commands in inputs]
 
