@@ -34,6 +34,9 @@ FLAGS = (
     # Passes that find nothing in straight-line code and take a third of the time.
     "-fno-tree-pre", "-fno-gcse", "-fno-tree-vrp", "-fno-schedule-insns2", "-fno-code-hoisting",
 )  # fmt: skip
+GCC_ONLY = ("-fira-region=one",)
+"""Registers given out once for a whole function: for straight-line code the same, in half of the time and a third of
+the memory. Clang has no such option."""
 LOOPS = ("-O3",)
 """What code with loops gains from, and straight-line code does not."""
 THIS_PROCESSOR = "-march=native"
@@ -219,6 +222,8 @@ def _target(program: str) -> _Target:
     knows = asked.returncode == 0
     macros = asked.stdout if knows else ""
     flags = (*FLAGS, THIS_PROCESSOR) if knows else FLAGS
+    if "__GNUC__" in macros and "__clang__" not in macros:
+        flags = (*flags, *GCC_ONLY)
     key = "\0".join((version_text, macros, *flags, platform.system(), platform.machine(), version("casadi")))
     return _Target(program=program, flags=flags, wide_vectors=WIDE_VECTORS in macros, key=key)
 
