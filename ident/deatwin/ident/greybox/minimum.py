@@ -117,23 +117,29 @@ class _GivenUp(Exception):
 
 
 class _Memory:
-    """Residuals and Jacobian of one simulation, kept for the solver's second question."""
+    """Residuals and Jacobian of the last simulation and of the best one, to which the solver comes back."""
 
     def __init__(self, problem: Problem, hopeless: float) -> None:
         self.problem, self.hopeless = problem, hopeless
         self.evaluations = 0
         self._looks: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
         self._last: tuple[np.ndarray, tuple[np.ndarray, np.ndarray] | None] | None = None
-        self._best: tuple[np.ndarray, np.ndarray] | None = None
+        self._lowest: tuple[np.ndarray, tuple[np.ndarray, np.ndarray]] | None = None
+        self._before: np.ndarray | None = None
 
     def __call__(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-        if self._last is None or not np.array_equal(self._last[0], x):
-            self.evaluations += 1
-            self._last = x.copy(), self.problem.evaluate(x)
-            if self._last[1] is not None:
-                self._best = self._last[1]
-                self._look(x, *self._last[1])
-        return self._last[1]
+        for known in filter(None, (self._last, self._lowest)):
+            if np.array_equal(known[0], x):
+                return known[1]
+        self.evaluations += 1
+        found = self.problem.evaluate(x)
+        self._last = x.copy(), found
+        if found is not None:
+            self._before = found[0]
+            if self._lowest is None or found[0] @ found[0] < self._lowest[1][0] @ self._lowest[1][0]:
+                self._lowest = x.copy(), found
+            self._look(x, *found)
+        return found
 
     def _look(self, x: np.ndarray, residuals: np.ndarray, jacobian: np.ndarray) -> None:
         """Give up where the first points agree that the minimum is too high."""
@@ -153,9 +159,9 @@ class _Memory:
         if found is not None:
             return found[0]
         # A trial point at which the plant pulls in: so bad that the solver takes a shorter step.
-        if self._best is None:
+        if self._before is None:
             raise RuntimeError("a fit was asked for residuals before a point that can be simulated")
-        return 1e3 * (np.abs(self._best[0]) + 1e-3)
+        return 1e3 * (np.abs(self._before) + 1e-3)
 
     def jacobian(self, x: np.ndarray) -> np.ndarray:
         found = self(x)

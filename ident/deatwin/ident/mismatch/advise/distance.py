@@ -22,6 +22,7 @@ __all__ = [
     "STEPS",
     "TOLD_APART",
     "Memory",
+    "Response",
     "confusion",
     "difference",
     "directions",
@@ -29,6 +30,8 @@ __all__ = [
     "separation",
 ]
 
+Response = tuple[np.ndarray, np.ndarray]
+"""Residuals (n,) of a plant and the derivative (n, n_p) of its readings, SI."""
 TOLD_APART = 16.0
 """d² from which on two explanations can be told apart: the wrong one wins in 2.3 % of all recordings."""
 STEPS = 4
@@ -193,6 +196,7 @@ def difference(
     *,
     memory: Memory | None = None,
     steps: int = STEPS,
+    response: Response | None = None,
 ) -> Difference | None:
     """What a rival cannot imitate of a plant's readings, after a refit of all its parameters.
 
@@ -211,6 +215,8 @@ def difference(
         Earlier recordings, which the refit must keep explaining; they are put behind `parts` in the result.
     steps : int
         With simulations, at most; with none the projection alone is the result.
+    response : tuple of ndarray, optional
+        What `Problem.evaluate` gives of the rival on these parts where its refit starts, if that is known.
 
     Returns
     -------
@@ -229,8 +235,9 @@ def difference(
     whole = start if memory is None else start.beside(memory.known)
     measured = np.concatenate([part.measured for part in parts])
     imitation = _Imitation(
-        plant=rival.plant, parts=tuple(parts), names=rival.names, beyond=readings - measured, memory=memory
-    )
+        plant=rival.plant, parts=tuple(parts), names=rival.names, beyond=readings - measured, memory=memory,
+        response=response,
+    )  # fmt: skip
     left = imitation.left(steps)
     return None if left is None else replace(whole, left=left)
 
@@ -255,14 +262,17 @@ def directions(one: Calibration, other: Calibration) -> list[tuple[Calibration, 
 class _Imitation(Problem):
     """Least squares of a rival's parameters on readings without noise and, to first order, on earlier recordings.
 
-    `beyond` is the truth's readings less those of the recordings, which `Problem` compares with.
+    `beyond` is the truth's readings less those of the recordings, which `Problem` compares with; `response` is the
+    result of that at the start.
     """
 
     beyond: np.ndarray
     memory: Memory | None
+    response: Response | None
 
-    def evaluate(self, coordinates: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-        found = super().evaluate(coordinates)
+    def evaluate(self, coordinates: np.ndarray) -> Response | None:
+        known = self.response if np.array_equal(coordinates, self.start()) else None
+        found = known or super().evaluate(coordinates)
         if found is None:
             return None
         left, jacobian = found[0] + self.beyond, found[1]

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Self
 
 import numpy as np
 
 from deatwin.ident.greybox.fit import Calibration, Part, Problem, simulated
 from deatwin.ident.mismatch.advise.difference import Difference
-from deatwin.ident.mismatch.advise.distance import Memory, difference, directions
+from deatwin.ident.mismatch.advise.distance import Memory, Response, difference, directions
 from deatwin.ident.mismatch.advise.waveforms import Limits, bears, limits_of, safe_limits, waveform
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.excess import practical_size
@@ -162,7 +162,7 @@ class Question:
         """A share of the commands between rest and those of the recordings, beside the one that is farthest from it."""
         used = np.concatenate([r.inputs[0] for part in self.bench.everything for r in part.experiment.recordings])
         ends = (min(limits.rest, float(used.min())), max(limits.rest, float(used.max())))
-        low, high = np.clip(ends, min(limits.lowest, limits.bottom), limits.highest)
+        low, high = np.clip(ends, limits.lowest, limits.highest)
         if high - limits.rest >= limits.rest - low:
             return limits.between(high - share * (high - low), high)
         return limits.between(low, low + share * (high - low))
@@ -253,21 +253,26 @@ class Question:
 
     def _distances(self, commands: np.ndarray) -> np.ndarray:
         """The same of each pair."""
-        parts = self.parts(commands)
-        responses = []
-        for fit in self.fits:
-            problem = Problem(plant=fit.plant, parts=tuple(parts), names=fit.names)
-            found = problem.evaluate(problem.start())
-            if found is None:
-                return np.zeros(len(self.pairs))
-            responses.append((-found[0], found[1]))  # measured is zero, so the residual is minus the reading
+        parts, responses = self.parts(commands), [r for r in self._responses(commands.tobytes()) if r is not None]
+        if len(responses) < len(self.fits):
+            return np.zeros(len(self.pairs))
         distances = []
         for (truth, rival), memory in zip(self.pairs, self.memories, strict=True):
-            readings, left = responses[truth][0], responses[truth][0] - responses[rival][0]
+            readings = -responses[truth][0]  # measured is zero, so the residual is minus the reading
+            left = readings + responses[rival][0]
             known = Difference.between(self.fits[truth].plant, self.fits[rival].plant, readings, left, parts)
             both = Memory(known=known, jacobian=responses[rival][1]).beside(memory)
             distances.append(both.refitted.squared_distance(self.noise))
         return np.array(distances)
+
+    @cached_property
+    def _responses(self) -> Callable[[bytes], list[Response | None]]:
+        """From an input to what each explanation makes of it; the last one is kept, since all draws ask for it."""
+        return lru_cache(maxsize=1)(lambda made: [self._response(fit, np.frombuffer(made)) for fit in self.fits])
+
+    def _response(self, fit: Calibration, commands: np.ndarray) -> Response | None:
+        problem = Problem(plant=fit.plant, parts=tuple(self.parts(commands)), names=fit.names)
+        return problem.evaluate(problem.start())
 
     def refitted(self, commands: np.ndarray, draw: int = 0) -> np.ndarray:
         """d² after recordings of an input, with each rival refitted to the truth.
@@ -289,7 +294,7 @@ class Question:
         SimulationError
             If a truth cannot be simulated.
         """
-        parts = self.parts(commands)
+        parts, responses = self.parts(commands), self._responses(commands.tobytes())
         distances = np.full(len(self.pairs), np.inf)
         for k in self._contested(commands):
             (truth, rival), memory = self.pairs[k], self.memories[k]
@@ -297,8 +302,9 @@ class Question:
             change = fit.jacobian @ shift
             known = replace(memory.known, readings=memory.known.readings + change, left=memory.known.left + change)
             found = difference(
-                _moved(fit, shift), self.fits[rival], parts, memory=replace(memory, known=known), steps=STEPS
-            )
+                _moved(fit, shift), self.fits[rival], parts, memory=replace(memory, known=known), steps=STEPS,
+                response=responses[rival],
+            )  # fmt: skip
             if found is not None:
                 distances[k] = found.squared_distance(self.noise)
         return self._nearest(distances)

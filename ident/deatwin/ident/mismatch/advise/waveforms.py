@@ -50,8 +50,8 @@ class Limits:
     ----------
     lowest, highest : float
         Bounds.
-    bottom : float
-        Lower end of the range in which the plant works: rest where the drive can give another polarity that
+    bottom, top : float
+        Ends of the range in which the plant works: one of them rest where the drive can give another polarity that
         recordings did not use.
     rest : float
         Command at rest.
@@ -60,6 +60,7 @@ class Limits:
     lowest: float
     highest: float
     bottom: float
+    top: float
     rest: float
 
     def at(self, share: float | np.ndarray) -> np.ndarray:
@@ -68,42 +69,51 @@ class Limits:
         Parameters
         ----------
         share : float or ndarray
-            0 at the bottom, 1 at the top.
+            0 at the end that is nearer to rest, 1 at the other one.
 
         Returns
         -------
         ndarray
         """
-        return np.asarray(self.bottom + (self.highest - self.bottom) * np.asarray(share))
+        near, far = sorted((self.bottom, self.top), key=lambda end: abs(end - self.rest))
+        return np.asarray(near + (far - near) * np.asarray(share))
 
-    def between(self, bottom: float, highest: float) -> Limits:
+    @property
+    def farthest(self) -> float:
+        """How far from rest the plant may be driven to either side, as far as it works on one."""
+        works = max(self.top - self.rest, self.rest - self.bottom)
+        return min(works, self.highest - self.rest, self.rest - self.lowest)
+
+    def between(self, bottom: float, top: float) -> Limits:
         """The same with another working range.
 
         Parameters
         ----------
-        bottom, highest : float
+        bottom, top : float
             Its ends.
 
         Returns
         -------
         Limits
         """
-        return replace(self, bottom=bottom, highest=highest)
+        return replace(self, bottom=bottom, top=top)
 
     def scaled(self, share: float) -> Limits:
-        """The same with all distances from rest multiplied.
+        """The same with all distances from rest lessened, as far as the drive goes.
 
         Parameters
         ----------
         share : float
-            Factor.
+            Factor, at most 1.
 
         Returns
         -------
         Limits
         """
-        ends = {name: self.rest + share * (getattr(self, name) - self.rest) for name in ("lowest", "highest")}
-        return replace(self, **ends, bottom=max(ends["lowest"], min(self.bottom, ends["highest"])))
+        ends = self.rest + share * (np.array([self.lowest, self.highest]) - self.rest)
+        lowest, highest = np.clip(ends, self.lowest, self.highest).tolist()  # where rest is not between them
+        bottom, top = np.clip([self.bottom, self.top], lowest, highest).tolist()
+        return replace(self, lowest=lowest, highest=highest, bottom=bottom, top=top)
 
 
 Maker = Callable[[Limits, float, float, np.random.Generator], np.ndarray]
@@ -127,8 +137,10 @@ def limits_of(plant: Plant, parts: Sequence[Part]) -> Limits:
     used = np.concatenate([record.inputs[0] for part in parts for record in part.experiment.recordings])
     rest = plant.rig.start.rest_command
     lowest, highest = plant.rig.command_range or (min(rest, float(used.min())), max(rest, float(used.max())))
-    bottom = max(lowest, rest) if used.min() >= rest else lowest
-    return Limits(lowest=lowest, highest=highest, bottom=min(bottom, highest), rest=rest)
+    bottom = rest if used.min() >= rest else lowest
+    top = rest if used.max() <= rest else highest
+    bottom, top = np.clip([bottom, top], lowest, highest).tolist()
+    return Limits(lowest=lowest, highest=highest, bottom=bottom, top=top, rest=rest)
 
 
 def safe_limits(plants: Sequence[Plant], limits: Limits) -> Limits | None:
@@ -149,7 +161,7 @@ def safe_limits(plants: Sequence[Plant], limits: Limits) -> Limits | None:
     share = 1.0
     while share >= LOWEST:
         tried = limits.scaled(share)
-        probe = np.repeat([tried.bottom, tried.highest, tried.lowest, tried.highest], PROBE)
+        probe = np.repeat([*tried.at(np.array([0.0, 1.0])), tried.lowest, tried.highest], PROBE)
         if all(bears(plant, probe, tried.rest) for plant in plants):
             return tried
         share *= LOWERED
@@ -202,7 +214,7 @@ def waveform(
     ndarray, shape (n,), or None
         In their unit; None where the limits do not allow this waveform.
     """
-    if limits.highest <= limits.bottom or (name in BIPOLAR and not limits.lowest < limits.rest < limits.highest):
+    if limits.top <= limits.bottom or (name in BIPOLAR and not limits.lowest < limits.rest < limits.highest):
         return None
     made = REPERTOIRE[name](limits, seconds, sample_time, rng)
     count = max(2, round(seconds / sample_time))
@@ -246,7 +258,7 @@ def _holds(limits: Limits, seconds: float, sample_time: float, rng: np.random.Ge
 
 def _random_steps(limits: Limits, seconds: float, sample_time: float, rng: np.random.Generator) -> np.ndarray:
     shortest, longest = seconds / 80, seconds / 8
-    return random_holds(rng, seconds, sample_time, limits.bottom, limits.highest, shortest, longest)
+    return random_holds(rng, seconds, sample_time, limits.bottom, limits.top, shortest, longest)
 
 
 def _sweeps(limits: Limits, seconds: float, sample_time: float, rng: np.random.Generator) -> np.ndarray:
@@ -299,12 +311,12 @@ def _probed_holds(limits: Limits, seconds: float, sample_time: float, rng: np.ra
 
 
 def _staircase(limits: Limits, seconds: float, sample_time: float, rng: np.random.Generator) -> np.ndarray:
-    return staircase(sample_time, limits.bottom, limits.highest, levels=6, hold=seconds / 11)
+    return staircase(sample_time, limits.bottom, limits.top, levels=6, hold=seconds / 11)
 
 
 def _triangles(limits: Limits, seconds: float, sample_time: float, rng: np.random.Generator) -> np.ndarray:
     rates = (2 / seconds, 8 / seconds, 8 / seconds, 8 / seconds, 8 / seconds)
-    return triangles(sample_time, limits.bottom, limits.highest, rates=rates)
+    return triangles(sample_time, limits.bottom, limits.top, rates=rates)
 
 
 def _long_hold(limits: Limits, seconds: float, sample_time: float, rng: np.random.Generator) -> np.ndarray:
@@ -313,9 +325,8 @@ def _long_hold(limits: Limits, seconds: float, sample_time: float, rng: np.rando
 
 
 def _reversals(limits: Limits, seconds: float, sample_time: float, rng: np.random.Generator) -> np.ndarray:
-    level = min(limits.highest - limits.rest, limits.rest - limits.lowest)
     count = max(8, round(seconds / sample_time))
-    held = np.repeat([0.8 * level, level], -(-count // 2))[:count]
+    held = limits.farthest * np.repeat([0.8, 1.0], -(-count // 2))[:count]
     return limits.rest + with_alternating_polarity(held, sample_time, seconds / 8)
 
 

@@ -112,7 +112,7 @@ def rivals_on(bench: Bench, *effects: Effect) -> list[Candidate]:
 @pytest.mark.parametrize("name", REPERTOIRE)
 @pytest.mark.parametrize(("seconds", "step"), [(60.0, 0.02), (3.0, 1 / 600), (2400.0, 4.0)])
 def test_a_waveform_keeps_to_limits_and_length(name, seconds, step):
-    limits = Limits(lowest=-1.5, highest=3.0, bottom=1.0, rest=0.0)
+    limits = Limits(lowest=-1.5, highest=3.0, bottom=1.0, top=3.0, rest=0.0)
     made = waveform(name, limits, seconds, step, np.random.default_rng(0))
     assert made is not None
     assert made.size == round(seconds / step)
@@ -122,8 +122,8 @@ def test_a_waveform_keeps_to_limits_and_length(name, seconds, step):
 
 
 def test_polarity_is_reversed_only_where_the_drive_can():
-    one_sided = Limits(lowest=0.0, highest=3.0, bottom=0.0, rest=0.0)
-    negative = replace(one_sided, lowest=-3.0, highest=0.0, bottom=-3.0)
+    one_sided = Limits(lowest=0.0, highest=3.0, bottom=0.0, top=3.0, rest=0.0)
+    negative = replace(one_sided, lowest=-3.0, highest=0.0, bottom=-3.0, top=0.0)
     for limits in (one_sided, negative):
         assert waveform("holds of alternating polarity", limits, 10.0, STEP, np.random.default_rng(0)) is None
     both = replace(one_sided, lowest=-2.0)
@@ -139,11 +139,36 @@ def test_the_rig_says_what_may_be_given_and_else_the_recordings_do():
     assert (used.lowest, used.highest) == pytest.approx((0.0, 3.0), abs=1e-3)  # every experiment begins at rest
     free = limits_of(NOMINAL.with_rig(replace(NOMINAL.rig, command_range=(-5.0, 5.0))), parts)
     assert (free.lowest, free.highest) == (-5.0, 5.0)
-    assert free.bottom == 0.0  # only a reversal goes to a polarity that no recording has used
+    assert (free.bottom, free.top) == (0.0, 5.0)  # only a reversal goes to a polarity that no recording has used
+    negative = [Part.whole(blank(-sine(10.0, 0.5)))]
+    below = limits_of(NOMINAL.with_rig(replace(NOMINAL.rig, command_range=(-5.0, 5.0))), negative)
+    assert (below.bottom, below.top) == (-5.0, 0.0)
+
+
+SIDELESS = {"random steps", "staircase up and down", "triangles at two rates"}
+"""Waveforms that use a range from end to end, whichever of the two is nearer to rest."""
+
+
+@pytest.mark.parametrize("name", sorted(set(REPERTOIRE) - SIDELESS))
+def test_a_drive_of_negative_commands_gets_the_mirrored_input(name):
+    drive = Limits(lowest=-3.0, highest=3.0, bottom=0.5, top=2.0, rest=0.0)
+    mirrored = drive.between(-2.0, -0.5)
+    made, seen = (waveform(name, limits, 20.0, STEP, np.random.default_rng(0)) for limits in (drive, mirrored))
+    assert made is not None
+    assert seen is not None
+    assert 1.9 < np.abs(made).max() <= 2.0  # a reversal too keeps to how far from rest the plant works
+    np.testing.assert_allclose(np.abs(seen), np.abs(made), rtol=0, atol=1e-12)
+
+
+def test_a_range_is_lessened_within_the_drive_where_rest_is_outside_of_it():
+    drive = Limits(lowest=2.0, highest=8.0, bottom=2.0, top=8.0, rest=0.0)
+    assert drive.scaled(0.5) == replace(drive, highest=4.0, top=4.0)  # not 1.0, which it cannot give
+    below = Limits(lowest=-8.0, highest=-2.0, bottom=-8.0, top=-2.0, rest=0.0)
+    assert below.scaled(0.5) == replace(below, lowest=-4.0, bottom=-4.0)
 
 
 def test_safe_limits_stay_below_the_static_limits_of_the_film():
-    wide = Limits(lowest=0.0, highest=5.0, bottom=1.0, rest=0.0)
+    wide = Limits(lowest=0.0, highest=5.0, bottom=1.0, top=5.0, rest=0.0)
     soft = NOMINAL.with_values({"shear_modulus": 24e3})
     safe = safe_limits([NOMINAL, soft], wide)
     assert safe is not None
@@ -285,9 +310,11 @@ def test_a_drive_of_both_polarities_is_not_used_where_no_recording_was(low, high
     bench = bench_of(nominal.with_rig(nominal.rig.for_motion(experiment.recordings[0].outputs.std())), experiment)
     fit = calibrate(nominal, bench.fitted)
     asked = question.Question.of(bench, [fit, replace(fit)], 0.0, np.random.default_rng(1))
-    for name in set(REPERTOIRE) - BIPOLAR:  # whose purpose is the other polarity
+    for name in set(REPERTOIRE) - BIPOLAR:
         made = asked.commands(name, 1000)
         assert min(low, 0.0) - 1e-9 <= made.min() < made.max() <= max(high, 0.0) + 1e-9
+    for name in BIPOLAR:  # whose purpose is the other polarity, as far from rest as one of them was
+        assert np.abs(asked.commands(name, 1000)).max() <= max(abs(low), abs(high)) + 1e-9
 
 
 def test_an_input_by_which_nothing_moves_is_calm_enough(monkeypatch):
