@@ -9,10 +9,10 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from deatwin.plant.integrator.lanes import LANES
-
 __all__ = ["solved_in_lanes"]
 
+LANES = 8
+"""Numbers in a vector; a processor whose vectors are shorter takes two for one."""
 MOST = 100
 """Unknowns of all stages up to which whole rows cost less than the lists of a sparse method."""
 HEAD = """\

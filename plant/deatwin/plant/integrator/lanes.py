@@ -15,8 +15,9 @@ import casadi as ca
 
 __all__ = ["LANES", "Exchange", "call_in_lanes", "in_lanes", "in_lanes_name"]
 
-LANES = 8
-"""Numbers in a vector; a processor whose vectors are shorter takes two for one."""
+LANES = 4
+"""Points at a time. Where vectors hold more, fewer of them would be evaluated; but one that is too long for the
+processor is cut in two by the compiler, which then takes twice as long and keeps half as much in registers."""
 DIRECT = {
     ca.OP_ASSIGN: "{0}", ca.OP_ADD: "{0} + {1}", ca.OP_SUB: "{0} - {1}", ca.OP_MUL: "{0} * {1}",
     ca.OP_DIV: "{0} / {1}", ca.OP_NEG: "-{0}", ca.OP_SQ: "{0} * {0}", ca.OP_TWICE: "{0} + {0}", ca.OP_INV: "1.0 / {0}",
@@ -85,13 +86,14 @@ def call_in_lanes(function: ca.Function, count: int) -> str:
     function : casadi.Function
         As given to that.
     count : int
-        Number of points, at most `LANES`.
+        Number of points.
 
     Returns
     -------
     str
     """
-    return f"  return {in_lanes_name(function)}(arg, res, {count});"
+    calls = (f"{in_lanes_name(function)}(arg, res, {first}, {count})" for first in range(0, count, LANES))
+    return f"  return {' || '.join(calls)};"
 
 
 def in_lanes_name(function: ca.Function) -> str:
@@ -117,13 +119,14 @@ def in_lanes(function: ca.Function, varying: Sequence[int]) -> str | None:
     """
     names = ", ".join(f"a{i}" for i in range(function.sz_w()))
     lines = [
-        f"static int {in_lanes_name(function)}(const double** arg, double** res, int count) {{",
+        f"static int {in_lanes_name(function)}(const double** arg, double** res, int first, int count) {{",
         f"  typedef double lanes __attribute__((vector_size({LANES * 8})));",
         f"  lanes {names};",
         "  const lanes zero = {0};",
+        f"  const int points = count - first < {LANES} ? count - first : {LANES};",
         "  int k;",
         # Lanes without a point repeat the last one, so that they raise nothing that it does not.
-        *(f"  const int p{k} = {k} < count ? {k} : count - 1;" for k in range(LANES)),
+        *(f"  const int p{k} = first + ({k} < points ? {k} : points - 1);" for k in range(LANES)),
     ]
     for number in range(function.n_instructions()):
         line = _statement(function, number, varying)
@@ -139,8 +142,8 @@ def _statement(function: ca.Function, number: int, varying: Sequence[int]) -> st
     inputs, outputs = function.instruction_input(number), function.instruction_output(number)
     if operation == ca.OP_OUTPUT:
         result, entry = outputs
-        target = f"res[{result}][k * {function.nnz_out(result)} + {entry}]"
-        return f"if (res[{result}]) for (k = 0; k < count; ++k) {target} = a{inputs[0]}[k];"
+        target = f"res[{result}][(first + k) * {function.nnz_out(result)} + {entry}]"
+        return f"if (res[{result}]) for (k = 0; k < points; ++k) {target} = a{inputs[0]}[k];"
     target = f"a{outputs[0]}"
     if operation == ca.OP_CONST and math.isfinite(function.instruction_constant(number)):
         return f"{target} = zero + {function.instruction_constant(number)!r};"

@@ -11,7 +11,7 @@ import numpy as np
 
 from deatwin.plant.equations import Equations
 from deatwin.plant.integrator.dense import solved_in_lanes
-from deatwin.plant.integrator.lanes import LANES, Exchange, call_in_lanes, in_lanes, in_lanes_name
+from deatwin.plant.integrator.lanes import Exchange, call_in_lanes, in_lanes, in_lanes_name
 
 __all__ = ["Stages"]
 
@@ -179,8 +179,8 @@ class Stages:
         written = {f.name(): solved_in_lanes(pattern, self.inverse, self.n_x, *sizes) for f, *sizes in systems}
         bodies = {name: body for name, body in written.items() if body is not None}
         helpers = {}
-        parts = (self.residual, self.jacobian, self.derivatives) if self.count <= LANES else ()
-        for part, whole in zip(parts, (self.values, self.jacobians, self.slopes), strict=False):
+        parts = (self.residual, self.jacobian, self.derivatives)
+        for part, whole in zip(parts, (self.values, self.jacobians, self.slopes), strict=True):
             helper = in_lanes(part, varying=(0, 3))
             if helper is not None:
                 helpers[in_lanes_name(part)] = helper
