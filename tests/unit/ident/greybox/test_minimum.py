@@ -81,3 +81,25 @@ def test_a_start_on_a_bound_counts_as_one_look():
     assert lost.status is FitStatus.GIVEN_UP
     assert lost.evaluations == 3  # on the bound, off it by a hair, and one step on
     assert lost.coordinates == pytest.approx(0.4, abs=0.5)
+
+
+class Notch(Bowl):
+    """A narrow valley beside the way: trial points in it are worse than where they come from, and are taken back."""
+
+    def __init__(self):
+        super().__init__([0.9, 0.1], lambda x: False)
+        self.seen = []
+
+    def evaluate(self, x):
+        self.seen.append(x.copy())
+        return np.array([1 - x[0], 30 * (x[1] - x[0] ** 2)]), np.array([[1.0, 0.0], [60 * x[0], -30.0]])
+
+
+@pytest.mark.parametrize("evaluations", range(2, 12))
+def test_no_point_is_simulated_twice(evaluations):
+    valley = Notch()
+    found = minimise(valley, evaluations=evaluations)
+    assert found is not None
+    assert len({x.tobytes() for x in valley.seen}) == len(valley.seen) == found.evaluations
+    np.testing.assert_array_equal(found.residuals, Notch().evaluate(found.coordinates)[0])
+    assert np.sum(found.residuals**2) == min(np.sum(Notch().evaluate(x)[0] ** 2) for x in valley.seen)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from deatwin.ident.greybox.fit import Part, calibrate
+from deatwin.ident.greybox.fit import Part, Problem, calibrate
 from deatwin.ident.mismatch.advise import distance, question
 from deatwin.ident.mismatch.advise.advise import SCREENED, _labels, _needed, advise
 from deatwin.ident.mismatch.advise.waveforms import BIPOLAR, REPERTOIRE, Limits, bears, limits_of, safe_limits, waveform
@@ -229,6 +229,35 @@ def test_of_many_explanations_the_nearest_pairs_are_simulated(monkeypatch):
     np.testing.assert_array_equal(asked.refitted(commands), nearest)
     assert nearest.max() > 0.0
     assert len(asked_for) == few + 12
+
+
+@compiled
+def test_an_input_is_simulated_once_with_each_fitted_explanation(monkeypatch):
+    nominal = Plant(rig=Wire())
+    experiment = nominal.with_effects(ElectrodeRC(time=0.1)).record(blank(sine(8.0, 0.5)), np.random.default_rng(0))
+    bench = bench_of(nominal, experiment)
+    of = [r.calibration for r in rivals_on(bench, ElectrodeRC(time=0.08), Delay(time=0.05), SensorLag(time=0.08))]
+    asked = question.Question.of(bench, of, nominal.rig.noise, np.random.default_rng(1))
+    commands = asked.commands("steps with long holds", 1000)
+    started: list[Plant] = []
+    evaluate = Problem.evaluate
+
+    def counted(problem, coordinates):
+        if np.array_equal(coordinates, problem.start()) and problem.parts[0].experiment.recordings[0].n_samples == 1000:
+            started.append(problem.plant)
+        return evaluate(problem, coordinates)
+
+    alone = [distance.difference(of[t].plant, of[r], asked.parts(commands), memory=memory, steps=question.STEPS)
+             for (t, r), memory in zip(asked.pairs, asked.memories, strict=True)]  # fmt: skip
+    monkeypatch.setattr(Problem, "evaluate", counted)
+    found = asked.refitted(commands)
+    for draw in (1, 2):
+        asked.refitted(commands, draw)
+    asked.first_order(commands)
+    assert len(started) == len(of)  # though of two pairs each, and in three draws
+    squared = {pair: one.squared_distance(asked.noise) for pair, one in zip(asked.pairs, alone, strict=True)}
+    nearest = [min(d for pair, d in squared.items() if k in pair) for k in range(len(of))]
+    np.testing.assert_array_equal(found, nearest)  # as if each refit had evaluated its own start
 
 
 @pytest.mark.parametrize(
