@@ -253,7 +253,7 @@ class Question:
 
     def _distances(self, commands: np.ndarray) -> np.ndarray:
         """The same of each pair."""
-        parts, responses = self.parts(commands), [r for r in self._responses(commands.tobytes()) if r is not None]
+        parts, responses = self.parts(commands), [r for r in self._responses(_bytes(commands)) if r is not None]
         if len(responses) < len(self.fits):
             return np.zeros(len(self.pairs))
         distances = []
@@ -294,7 +294,7 @@ class Question:
         SimulationError
             If a truth cannot be simulated.
         """
-        parts, responses = self.parts(commands), self._responses(commands.tobytes())
+        parts, responses = self.parts(commands), self._responses(_bytes(commands))
         distances = np.full(len(self.pairs), np.inf)
         for k in self._contested(commands):
             (truth, rival), memory = self.pairs[k], self.memories[k]
@@ -324,6 +324,10 @@ class Question:
     def _involved(self) -> tuple[np.ndarray, ...]:
         """For each explanation, the pairs that it is one of."""
         return tuple(np.flatnonzero([k in pair for pair in self.pairs]) for k in range(len(self.fits)))
+
+
+def _bytes(commands: np.ndarray) -> bytes:
+    return np.asarray(commands, dtype=float).tobytes()
 
 
 def _draws(bench: Bench, fit: Calibration, rng: np.random.Generator) -> list[np.ndarray]:

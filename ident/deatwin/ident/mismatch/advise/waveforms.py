@@ -69,20 +69,21 @@ class Limits:
         Parameters
         ----------
         share : float or ndarray
-            0 at the end that is nearer to rest, 1 at the other one.
+            0 at the bottom and 1 at the top; the reverse where the plant works below rest alone, so that 0 is always
+            the end that is near to rest.
 
         Returns
         -------
         ndarray
         """
-        near, far = sorted((self.bottom, self.top), key=lambda end: abs(end - self.rest))
-        return np.asarray(near + (far - near) * np.asarray(share))
+        begin, end = (self.top, self.bottom) if self.top <= self.rest else (self.bottom, self.top)
+        return np.asarray(begin + (end - begin) * np.asarray(share))
 
     @property
     def farthest(self) -> float:
-        """How far from rest the plant may be driven to either side, as far as it works on one."""
-        works = max(self.top - self.rest, self.rest - self.bottom)
-        return min(works, self.highest - self.rest, self.rest - self.lowest)
+        """How far from rest the plant may be driven to either side: as far as it works on both, or on the only one."""
+        sides = [reach for reach in (self.top - self.rest, self.rest - self.bottom) if reach > 0]
+        return min(*sides, self.highest - self.rest, self.rest - self.lowest)
 
     def between(self, bottom: float, top: float) -> Limits:
         """The same with another working range.
@@ -138,7 +139,7 @@ def limits_of(plant: Plant, parts: Sequence[Part]) -> Limits:
     rest = plant.rig.start.rest_command
     lowest, highest = plant.rig.command_range or (min(rest, float(used.min())), max(rest, float(used.max())))
     bottom = rest if used.min() >= rest else lowest
-    top = rest if used.max() <= rest else highest
+    top = rest if used.min() < rest and used.max() <= rest else highest
     bottom, top = np.clip([bottom, top], lowest, highest).tolist()
     return Limits(lowest=lowest, highest=highest, bottom=bottom, top=top, rest=rest)
 

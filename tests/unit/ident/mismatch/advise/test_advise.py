@@ -140,9 +140,11 @@ def test_the_rig_says_what_may_be_given_and_else_the_recordings_do():
     free = limits_of(NOMINAL.with_rig(replace(NOMINAL.rig, command_range=(-5.0, 5.0))), parts)
     assert (free.lowest, free.highest) == (-5.0, 5.0)
     assert (free.bottom, free.top) == (0.0, 5.0)  # only a reversal goes to a polarity that no recording has used
-    negative = [Part.whole(blank(-sine(10.0, 0.5)))]
-    below = limits_of(NOMINAL.with_rig(replace(NOMINAL.rig, command_range=(-5.0, 5.0))), negative)
+    wide, swing = NOMINAL.with_rig(replace(NOMINAL.rig, command_range=(-5.0, 5.0))), sine(10.0, 0.5)
+    below = limits_of(wide, [Part.whole(blank(-swing))])
     assert (below.bottom, below.top) == (-5.0, 0.0)
+    rested = limits_of(wide, [Part.whole(blank(0.0 * swing))])
+    assert (rested.bottom, rested.top) == (0.0, 5.0)  # nothing was driven: as if it had been to positive commands
 
 
 SIDELESS = {"random steps", "staircase up and down", "triangles at two rates"}
@@ -157,7 +159,14 @@ def test_a_drive_of_negative_commands_gets_the_mirrored_input(name):
     assert made is not None
     assert seen is not None
     assert 1.9 < np.abs(made).max() <= 2.0  # a reversal too keeps to how far from rest the plant works
-    np.testing.assert_allclose(np.abs(seen), np.abs(made), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(seen, made if name in BIPOLAR else -made, rtol=0, atol=1e-12)
+
+
+def test_a_reversal_goes_as_far_as_recordings_of_both_polarities_did():
+    both = Limits(lowest=-5.0, highest=5.0, bottom=-3.0, top=2.0, rest=0.3)
+    assert both.farthest == 1.7  # to 2.0; the other side would bear 3.3
+    assert both.between(-3.0, 0.0).farthest == pytest.approx(3.3)
+    assert both.at(0.0) == -3.0  # as where all are positive: only below rest alone it is the other way round
 
 
 def test_a_range_is_lessened_within_the_drive_where_rest_is_outside_of_it():
@@ -258,6 +267,8 @@ def test_an_input_is_simulated_once_with_each_fitted_explanation(monkeypatch):
     squared = {pair: one.squared_distance(asked.noise) for pair, one in zip(asked.pairs, alone, strict=True)}
     nearest = [min(d for pair, d in squared.items() if k in pair) for k in range(len(of))]
     np.testing.assert_array_equal(found, nearest)  # as if each refit had evaluated its own start
+    whole = np.round(commands).astype(int)
+    np.testing.assert_array_equal(asked.first_order(whole), asked.first_order(whole.astype(float)))
 
 
 @pytest.mark.parametrize(
