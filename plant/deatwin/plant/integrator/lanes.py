@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 import casadi as ca
 
-__all__ = ["LANES", "Exchange", "call_in_lanes", "in_lanes", "in_lanes_name"]
+__all__ = ["Exchange", "call_in_lanes", "in_lanes", "in_lanes_name"]
 
 LANES = 4
 """Points at a time. Where vectors hold more, fewer of them would be evaluated; but one that is too long for the

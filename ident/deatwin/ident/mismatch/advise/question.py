@@ -12,7 +12,7 @@ import numpy as np
 from deatwin.ident.greybox.fit import Calibration, Part, Problem, simulated
 from deatwin.ident.mismatch.advise.difference import Difference
 from deatwin.ident.mismatch.advise.distance import Memory, Response, difference, directions
-from deatwin.ident.mismatch.advise.waveforms import Limits, bears, limits_of, safe_limits, waveform
+from deatwin.ident.mismatch.advise.waveforms import Limits, bears, limits_of, safe_limits, used_range, waveform
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.excess import practical_size
 from deatwin.plant.model import Plant
@@ -152,20 +152,19 @@ class Question:
         error = self._error_of(made)
         for _ in range(1 + CALMED):
             calmer = self._made(name, count, self._near_the_farthest(limits, share)) if error > self._hidden else None
-            if calmer is None or self._error_of(calmer) > error:
+            if calmer is None or (calmed := self._error_of(calmer)) > error:
                 break
-            made, error = calmer, self._error_of(calmer)
+            made, error = calmer, calmed
             share *= self._hidden / error if error > 0 else 1.0  # a range in which nothing moves
         return made
 
     def _near_the_farthest(self, limits: Limits, share: float) -> Limits:
         """A share of the commands between rest and those of the recordings, beside the one that is farthest from it."""
-        used = np.concatenate([r.inputs[0] for part in self.bench.everything for r in part.experiment.recordings])
-        ends = (min(limits.rest, float(used.min())), max(limits.rest, float(used.max())))
-        low, high = np.clip(ends, limits.lowest, limits.highest)
+        least, most = used_range(self.bench.everything)
+        low, high = np.clip([min(limits.rest, least), max(limits.rest, most)], limits.lowest, limits.highest)
         if high - limits.rest >= limits.rest - low:
-            return limits.between(high - share * (high - low), high)
-        return limits.between(low, low + share * (high - low))
+            return replace(limits, bottom=high - share * (high - low), top=high)
+        return replace(limits, bottom=low, top=low + share * (high - low))
 
     def _made(self, name: str, count: int, limits: Limits) -> np.ndarray | None:
         rng = np.random.default_rng(self.seed)
@@ -253,7 +252,7 @@ class Question:
 
     def _distances(self, commands: np.ndarray) -> np.ndarray:
         """The same of each pair."""
-        parts, responses = self.parts(commands), [r for r in self._responses(_bytes(commands)) if r is not None]
+        parts, responses = self.parts(commands), [r for r in self._responses(commands) if r is not None]
         if len(responses) < len(self.fits):
             return np.zeros(len(self.pairs))
         distances = []
@@ -265,9 +264,13 @@ class Question:
             distances.append(both.refitted.squared_distance(self.noise))
         return np.array(distances)
 
+    def _responses(self, commands: np.ndarray) -> list[Response | None]:
+        """What each explanation makes of an input."""
+        return self._last_responses(np.asarray(commands, dtype=float).tobytes())
+
     @cached_property
-    def _responses(self) -> Callable[[bytes], list[Response | None]]:
-        """From an input to what each explanation makes of it; the last one is kept, since all draws ask for it."""
+    def _last_responses(self) -> Callable[[bytes], list[Response | None]]:
+        """Those of the last input are kept, since all draws ask for them."""
         return lru_cache(maxsize=1)(lambda made: [self._response(fit, np.frombuffer(made)) for fit in self.fits])
 
     def _response(self, fit: Calibration, commands: np.ndarray) -> Response | None:
@@ -294,7 +297,7 @@ class Question:
         SimulationError
             If a truth cannot be simulated.
         """
-        parts, responses = self.parts(commands), self._responses(_bytes(commands))
+        parts, responses = self.parts(commands), self._responses(commands)
         distances = np.full(len(self.pairs), np.inf)
         for k in self._contested(commands):
             (truth, rival), memory = self.pairs[k], self.memories[k]
@@ -326,18 +329,13 @@ class Question:
         return tuple(np.flatnonzero([k in pair for pair in self.pairs]) for k in range(len(self.fits)))
 
 
-def _bytes(commands: np.ndarray) -> bytes:
-    return np.asarray(commands, dtype=float).tobytes()
-
-
 def _draws(bench: Bench, fit: Calibration, rng: np.random.Generator) -> list[np.ndarray]:
     """Differences of coordinates, drawn from the covariance inside the physical range."""
     problem = Problem(plant=fit.plant, parts=(), names=fit.names)
     start, (lower, upper) = problem.start(), problem.bounds()
     variances, axes = np.linalg.eigh(fit.covariance)
     root = axes * np.sqrt(np.maximum(variances, 0.0))
-    used = np.concatenate([record.inputs[0] for part in bench.everything for record in part.experiment.recordings])
-    probe = np.repeat([used.min(), used.max()], PROBE)
+    probe = np.repeat(used_range(bench.everything), PROBE)
     shifts = [np.clip(start + root @ rng.standard_normal(start.size), lower, upper) - start for _ in range(DRAWS)]
     return [shift for shift in shifts if bears(_moved(fit, shift), probe, 0.0, headroom=1.0)]
 

@@ -26,7 +26,7 @@ from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.simulate import RunStatus
 
-__all__ = ["BIPOLAR", "REPERTOIRE", "Limits", "bears", "limits_of", "safe_limits", "waveform"]
+__all__ = ["BIPOLAR", "REPERTOIRE", "Limits", "bears", "limits_of", "safe_limits", "used_range", "waveform"]
 
 CHIRP = (5.0, 15.0)
 """Hz; lower where the sample rate does not allow it."""
@@ -85,20 +85,6 @@ class Limits:
         sides = [reach for reach in (self.top - self.rest, self.rest - self.bottom) if reach > 0]
         return min(*sides, self.highest - self.rest, self.rest - self.lowest)
 
-    def between(self, bottom: float, top: float) -> Limits:
-        """The same with another working range.
-
-        Parameters
-        ----------
-        bottom, top : float
-            Its ends.
-
-        Returns
-        -------
-        Limits
-        """
-        return replace(self, bottom=bottom, top=top)
-
     def scaled(self, share: float) -> Limits:
         """The same with all distances from rest lessened, as far as the drive goes.
 
@@ -121,6 +107,23 @@ Maker = Callable[[Limits, float, float, np.random.Generator], np.ndarray]
 """From limits, length in s, sample time in s and a source of randomness to commands; nearly of that length."""
 
 
+def used_range(parts: Sequence[Part]) -> tuple[float, float]:
+    """The lowest and the highest command of recordings.
+
+    Parameters
+    ----------
+    parts : sequence of Part
+        Recordings.
+
+    Returns
+    -------
+    tuple of float
+        In their unit.
+    """
+    inputs = [record.inputs[0] for part in parts for record in part.experiment.recordings]
+    return min(float(u.min()) for u in inputs), max(float(u.max()) for u in inputs)
+
+
 def limits_of(plant: Plant, parts: Sequence[Part]) -> Limits:
     """What a rig's drive may give; where it does not say, what recordings have used, and rest, where all begin.
 
@@ -135,11 +138,11 @@ def limits_of(plant: Plant, parts: Sequence[Part]) -> Limits:
     -------
     Limits
     """
-    used = np.concatenate([record.inputs[0] for part in parts for record in part.experiment.recordings])
+    least, most = used_range(parts)
     rest = plant.rig.start.rest_command
-    lowest, highest = plant.rig.command_range or (min(rest, float(used.min())), max(rest, float(used.max())))
-    bottom = rest if used.min() >= rest else lowest
-    top = rest if used.min() < rest and used.max() <= rest else highest
+    lowest, highest = plant.rig.command_range or (min(rest, least), max(rest, most))
+    bottom = rest if least >= rest else lowest
+    top = rest if least < rest and most <= rest else highest
     bottom, top = np.clip([bottom, top], lowest, highest).tolist()
     return Limits(lowest=lowest, highest=highest, bottom=bottom, top=top, rest=rest)
 

@@ -137,10 +137,10 @@ def test_the_rig_says_what_may_be_given_and_else_the_recordings_do():
     parts = [Part.whole(blank(sine(10.0, 0.5)))]
     used = limits_of(NOMINAL, parts)
     assert (used.lowest, used.highest) == pytest.approx((0.0, 3.0), abs=1e-3)  # every experiment begins at rest
-    free = limits_of(NOMINAL.with_rig(replace(NOMINAL.rig, command_range=(-5.0, 5.0))), parts)
+    wide, swing = NOMINAL.with_rig(replace(NOMINAL.rig, command_range=(-5.0, 5.0))), sine(10.0, 0.5)
+    free = limits_of(wide, parts)
     assert (free.lowest, free.highest) == (-5.0, 5.0)
     assert (free.bottom, free.top) == (0.0, 5.0)  # only a reversal goes to a polarity that no recording has used
-    wide, swing = NOMINAL.with_rig(replace(NOMINAL.rig, command_range=(-5.0, 5.0))), sine(10.0, 0.5)
     below = limits_of(wide, [Part.whole(blank(-swing))])
     assert (below.bottom, below.top) == (-5.0, 0.0)
     rested = limits_of(wide, [Part.whole(blank(0.0 * swing))])
@@ -154,7 +154,7 @@ SIDELESS = {"random steps", "staircase up and down", "triangles at two rates"}
 @pytest.mark.parametrize("name", sorted(set(REPERTOIRE) - SIDELESS))
 def test_a_drive_of_negative_commands_gets_the_mirrored_input(name):
     drive = Limits(lowest=-3.0, highest=3.0, bottom=0.5, top=2.0, rest=0.0)
-    mirrored = drive.between(-2.0, -0.5)
+    mirrored = replace(drive, bottom=-2.0, top=-0.5)
     made, seen = (waveform(name, limits, 20.0, STEP, np.random.default_rng(0)) for limits in (drive, mirrored))
     assert made is not None
     assert seen is not None
@@ -165,7 +165,7 @@ def test_a_drive_of_negative_commands_gets_the_mirrored_input(name):
 def test_a_reversal_goes_as_far_as_recordings_of_both_polarities_did():
     both = Limits(lowest=-5.0, highest=5.0, bottom=-3.0, top=2.0, rest=0.3)
     assert both.farthest == 1.7  # to 2.0; the other side would bear 3.3
-    assert both.between(-3.0, 0.0).farthest == pytest.approx(3.3)
+    assert replace(both, bottom=-3.0, top=0.0).farthest == pytest.approx(3.3)
     assert both.at(0.0) == -3.0  # as where all are positive: only below rest alone it is the other way round
 
 
