@@ -25,6 +25,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from deatwin.plant.integrator.coupled import coupled
 from deatwin.plant.integrator.elimination import Complex, factorised
 from deatwin.plant.integrator.stages import Stages
 
@@ -42,8 +43,6 @@ UPDATES = (4, 10)
 EULER_STEPS, EULER_UPDATES = 4, 6
 """A sample that even these do not settle, such as one with a kink of friction, starts anew from implicit Euler
 steps, so many between two stages, with so many Newton updates each."""
-UNROLLED = 16
-"""Unknowns up to which a linear system is solved by straight-line code, larger ones by sparse QR."""
 NOTHING = 1e-300
 """Keeps a ratio of two changes defined where a plant does not move at all."""
 
@@ -117,7 +116,7 @@ def _full_update(stages: Stages, n_factors: int) -> ca.Function:
     (w, size, error), factors, (x, z, *known) = _arguments(stages, n_factors)
     values, entries = stages.everywhere(stages.jacobians, w, known)
     mass, h = stages.mass(*known[4:]), known[3]
-    defect = stages.defect()(w, *ca.horzsplit(values), x, mass, h)
+    defect = stages.defect(w, values, x, mass, h)
     step = stages.all_stages(entries, mass, h, defect)
     change = ca.norm_2(step / ca.repmat(ca.DM(stages.scale), stages.count, 1))
     return ca.Function("newton_update", [w, size, error, factors, x, z, *known], [w - step, change, change**2])
@@ -143,7 +142,9 @@ def _euler(stages: Stages) -> ca.Function:
     w, before, last = ca.MX.sym("w", stages.n), ca.MX.sym("before", stages.n_x), ca.MX.sym("t_last")
     small, m = ca.MX.sym("h_small"), ca.MX.sym("m", stages.n_x)
     value, jacobian = stages.jacobian(w, d, u, last, p, c)
-    defect, system = stages.one_step()(w, value, jacobian, before, m, small)
+    states = m * (w[: stages.n_x, :] - before) - small * value[: stages.n_x, :]
+    defect = ca.vertcat(states, -value[stages.n_x :, :])
+    system = coupled(jacobian.sparsity(), stages.n_x, np.ones((1, 1)))(_entries(jacobian), m, small)
     rest = [d, u, last, small, m, p, c]
     update = ca.Function("euler_update", [w, before, *rest], [w - ca.solve(system, defect, "qr")])
     # Functions of functions keep the generated code short.
@@ -186,7 +187,7 @@ def _linear_systems(stages: Stages) -> _LinearSystems:
     kept = np.flatnonzero(values.imag >= 0)
     weights = np.where(values[kept].imag > 0, 2.0, 1.0)
     spectrum = (values[kept], vectors[:, kept] * weights, inverse[kept])
-    return _unrolled(stages, *spectrum) if stages.n <= UNROLLED else _sparse(stages, *spectrum)
+    return _unrolled(stages, *spectrum) if stages.unrolled else _sparse(stages, *spectrum)
 
 
 def _unrolled(stages: Stages, values: np.ndarray, vectors: np.ndarray, inverse: np.ndarray) -> _LinearSystems:
@@ -217,33 +218,30 @@ def _unrolled(stages: Stages, values: np.ndarray, vectors: np.ndarray, inverse: 
 def _sparse(stages: Stages, values: np.ndarray, vectors: np.ndarray, inverse: np.ndarray) -> _LinearSystems:
     """Sparse QR of real systems, of twice the size for a complex eigenvalue."""
     pattern = stages.jacobian.sparsity_out(1)
-    jacobian = ca.SX.sym("J", pattern)
-    mass, h = ca.SX.sym("mass", stages.n_x), ca.SX.sym("h")
-    entries: list[Symbol] = jacobian.nonzeros()
-    keep = ca.Function("factor", [jacobian, mass, h], [ca.vertcat(*entries)])
-    w, f, x, right = _right_sides(stages, values, inverse, mass, h)
-    coupling = ca.diag(ca.vertcat(mass, ca.SX(stages.n_z, 1)))
-    plain = _weight(stages, h) @ jacobian
-    systems = []
-    for value, (re, im) in zip(values, right, strict=True):
-        block = value.real * coupling - plain
-        turned = value.imag * coupling
-        if value.imag:
-            systems.append((ca.blockcat([[block, -turned], [turned, block]]), ca.vertcat(re, im)))
-        else:
-            systems.append((block, re))
-    prepare = ca.Function("prepare", [jacobian, ca.vec(w), ca.vec(f), x, mass, h], [e for s in systems for e in s])
-    given = ca.MX.sym("factors", pattern.nnz())
-    sizes = (stages.n * stages.count, stages.n * stages.count, stages.n_x, stages.n_x, 1)
-    arguments = [ca.MX.sym(n, k) for n, k in zip(("w", "f", "x", "mass", "h"), sizes, strict=True)]
-    ready = prepare(ca.MX(pattern, given), *arguments)
+    jacobian = ca.MX.sym("J", pattern)
+    sizes = {"factors": pattern.nnz(), "w": stages.n * stages.count, "f": stages.n * stages.count,
+             "x": stages.n_x, "mass": stages.n_x, "h": 1}  # fmt: skip
+    arguments = entries, w, f, x, mass, h = [ca.MX.sym(name, size) for name, size in sizes.items()]
+    defect = stages.defect(w, ca.reshape(f, stages.n, stages.count), x, mass, h)
+    by_stage = ca.reshape(defect, stages.n, stages.count)
     parts = []
-    for matrix, side in zip(ready[::2], ready[1::2], strict=True):
+    for value, row in zip(values, inverse, strict=True):
+        turn = np.array([[value.real, -value.imag], [value.imag, value.real]])
+        count = 2 if value.imag else 1
+        matrix = coupled(pattern, stages.n_x, turn[:count, :count])(ca.repmat(entries, 1, count), mass, h)
+        side = ca.vertcat(*(by_stage @ part for part in (row.real, row.imag)[:count]))
         solution = ca.solve(matrix, side, "qr")
-        parts.append((solution[: stages.n], solution[stages.n :] if side.numel() > stages.n else ca.MX(stages.n, 1)))
+        parts.append((solution[: stages.n], solution[stages.n :] if value.imag else ca.MX(stages.n, 1)))
     change = _transformed_back(vectors, parts)
-    w_columns = ca.reshape(arguments[0], stages.n, stages.count)
-    return _LinearSystems(factor=keep, correct=_corrected(stages, [given, *arguments], w_columns, change))
+    return _LinearSystems(
+        factor=ca.Function("factor", [jacobian, mass, h], [_entries(jacobian)]),
+        correct=_corrected(stages, arguments, ca.reshape(w, stages.n, stages.count), change),
+    )
+
+
+def _entries(matrix: ca.MX) -> ca.MX:
+    """What a sparse matrix holds, as a column."""
+    return ca.reshape(matrix.nz[:], matrix.nnz(), 1)
 
 
 def _weight(stages: Stages, h: ca.SX) -> ca.SX:

@@ -5,16 +5,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from deatwin.plant.equations import Equations
+from deatwin.plant.integrator.coupled import coupled
 from deatwin.plant.integrator.dense import solved_in_lanes
 from deatwin.plant.integrator.lanes import Exchange, call_in_lanes, in_lanes, in_lanes_name
 
 __all__ = ["Stages"]
 
+UNROLLED = 16
+"""Unknowns up to which linear algebra is written as straight-line code, for more with loops over sparse matrices."""
 REVERSE = {"helper_options": {"ad_weight": 0.6}}
 """Of the two ways to a Jacobian, the reverse one unless it needs half as many sweeps again: forces are gradients."""
 
@@ -116,6 +120,11 @@ class Stages:
         return self.nodes.size
 
     @property
+    def unrolled(self) -> bool:
+        """Whether linear algebra is written as straight-line code."""
+        return self.n <= UNROLLED
+
+    @property
     def n(self) -> int:
         """Unknowns of one stage."""
         return self.n_x + self.n_z
@@ -187,56 +196,41 @@ class Stages:
                 bodies |= {part.name(): call_in_lanes(part, 1), whole.name(): call_in_lanes(part, self.count)}
         return Exchange(bodies=bodies, helpers=helpers)
 
-    def assembly(self) -> ca.Function:
-        """``(J_1 .. J_s, M, h) -> `` derivative of all stages' residuals by all stages' unknowns.
+    def defect(self, w: ca.MX, values: ca.MX, x: ca.MX, mass: ca.MX, h: ca.MX) -> ca.MX:
+        """Residual of the collocation equations.
 
-        Written on scalars (SX): the sparse products of MX would cost more than the plant itself.
+        Parameters
+        ----------
+        w : casadi.MX, shape (n s,)
+            Unknowns of all stages, one after the other.
+        values : casadi.MX, shape (n, s)
+            Of the DAE there.
+        x : casadi.MX, shape (n_x,)
+            States at the start of the step.
+        mass, h : casadi.MX
+            Of the states, and the step.
+
+        Returns
+        -------
+        casadi.MX, shape (n s,)
         """
-        jacobians = [ca.SX.sym(f"J{i}", self.jacobian.sparsity_out(1)) for i in range(self.count)]
-        mass, h = ca.SX.sym("mass", self.n_x), ca.SX.sym("h")
-        coupling = ca.diag(ca.vertcat(mass, ca.SX(self.n_z, 1)))
-        weight = ca.diag(ca.vertcat(ca.repmat(h, self.n_x), ca.SX.ones(self.n_z)))
-        rows = []
-        for i in range(self.count):
-            row = [self.inverse[i, j] * coupling for j in range(self.count)]
-            row[i] = row[i] - weight @ jacobians[i]
-            rows.append(ca.horzcat(*row))
-        return ca.Function("assembly", [*jacobians, mass, h], [ca.vertcat(*rows)])
-
-    def defect(self) -> ca.Function:
-        """``(w, f_1 .. f_s, x, M, h) -> `` residual of the collocation equations."""
-        w, x = ca.SX.sym("w", self.n, self.count), ca.SX.sym("x", self.n_x)
-        values = [ca.SX.sym(f"f{i}", self.n) for i in range(self.count)]
-        mass, h = ca.SX.sym("mass", self.n_x), ca.SX.sym("h")
-        moved = (w[: self.n_x, :] - ca.repmat(x, 1, self.count)) @ ca.SX(self.inverse.T)
-        rows = [
-            ca.vertcat(mass * moved[:, i] - h * values[i][: self.n_x, :], -values[i][self.n_x :, :])
-            for i in range(self.count)
-        ]
-        return ca.Function("defect", [ca.vec(w), *values, x, mass, h], [ca.vertcat(*rows)])
-
-    def one_step(self) -> ca.Function:
-        """``(w, f, J, x, M, h) -> (residual, its Jacobian)`` of one implicit Euler step."""
-        w, value, x = ca.SX.sym("w", self.n), ca.SX.sym("f", self.n), ca.SX.sym("x", self.n_x)
-        jacobian = ca.SX.sym("J", self.jacobian.sparsity_out(1))
-        mass, h = ca.SX.sym("mass", self.n_x), ca.SX.sym("h")
-        residual = ca.vertcat(mass * (w[: self.n_x, :] - x) - h * value[: self.n_x, :], -value[self.n_x :, :])
-        weight = ca.diag(ca.vertcat(ca.repmat(h, self.n_x), ca.SX.ones(self.n_z)))
-        system = ca.diag(ca.vertcat(mass, ca.SX(self.n_z, 1))) - weight @ jacobian
-        return ca.Function("one_step", [w, value, jacobian, x, mass, h], [residual, system])
+        moved = (ca.reshape(w, self.n, self.count)[: self.n_x, :] - ca.repmat(x, 1, self.count)) @ self.inverse.T
+        states = ca.repmat(mass, 1, self.count) * moved - h * values[: self.n_x, :]
+        return ca.vec(ca.vertcat(states, -values[self.n_x :, :]))
 
     def tangent(self) -> ca.Function:
         """``(w, entries of F_d, of F_p, x, dx, dd, M, dM/dp, h) -> `` right side of the tangent system."""
-        w, x = ca.SX.sym("w", self.n, self.count), ca.SX.sym("x", self.n_x)
-        dx, dd = ca.SX.sym("dx", self.n_x, self.n_p), ca.SX.sym("dd", self.n_d, self.n_p)
+        kind: Any = ca.SX if self.unrolled else ca.MX
+        w, x = kind.sym("w", self.n, self.count), kind.sym("x", self.n_x)
+        dx, dd = kind.sym("dx", self.n_x, self.n_p), kind.sym("dd", self.n_d, self.n_p)
         patterns = [self.derivatives.sparsity_out(i) for i in (0, 1)]
-        entries = [ca.SX.sym("F", pattern.nnz(), self.count) for pattern in patterns]
+        entries = [kind.sym("F", pattern.nnz(), self.count) for pattern in patterns]
         f_d, f_p = (
-            [ca.SX(pattern, column) for column in ca.horzsplit(values)]
+            [kind(pattern, column) for column in ca.horzsplit(values)]
             for pattern, values in zip(patterns, entries, strict=True)
         )
-        mass, h = ca.SX.sym("mass", self.n_x), ca.SX.sym("h")
-        slope = ca.SX.sym("slope", self.mass_slope.sparsity_out(0))
+        mass, h = kind.sym("mass", self.n_x), kind.sym("h")
+        slope = kind.sym("slope", self.mass_slope.sparsity_out(0))
         rows = []
         for i in range(self.count):
             drive = f_d[i] @ dd + f_p[i]
@@ -275,8 +269,8 @@ class Stages:
         pattern = self.jacobian.sparsity_out(1)
         entries, mass, h = ca.MX.sym("J", pattern.nnz(), self.count), ca.MX.sym("mass", self.n_x), ca.MX.sym("h")
         right = ca.MX.sym("right", self.n * self.count, columns)
-        jacobians = [ca.MX(pattern, column) for column in ca.horzsplit(entries)]
-        found = ca.solve(self.assembly()(*jacobians, mass, h), right, "qr")[-self.n * kept :, :]
+        system = coupled(pattern, self.n_x, self.inverse)(entries, mass, h)
+        found = ca.solve(system, right, "qr")[-self.n * kept :, :]
         return ca.Function(name, [entries, mass, h, right], [found])
 
     def differentiate(self, w: ca.MX, x: ca.MX, known: Sequence[ca.MX], dx: ca.MX, dd: ca.MX) -> ca.MX:

@@ -68,12 +68,16 @@ def test_large_and_small_plants_take_steps_of_the_same_scheme(base, monkeypatch)
     # Straight-line elimination against sparse QR: both solve the same systems, to some rounding.
     equations = base.equations
     rest = rest_state(equations, 2.0, base.free_values)
-    start = (rest.x, rest.z, rest.d, 3.0, 0.0, 0.02, base.free_values, equations.constants)
-    small = step_functions(equations).plain(*start)
-    monkeypatch.setattr(newton, "UNROLLED", 0)
-    large = step_functions(equations).plain(*start)
+    slopes = (np.asarray(rest.x_p), np.asarray(rest.d_p))
+    known = (rest.d, 3.0, 0.0, 0.02, base.free_values, equations.constants)
+    steps = [step_functions(equations)]
+    monkeypatch.setattr("deatwin.plant.integrator.stages.UNROLLED", 0)
+    steps.append(step_functions(equations))
+    small, large = (step.plain(rest.x, rest.z, *known) for step in steps)
     for a, b in zip(small[:3], large[:3], strict=True):
         np.testing.assert_allclose(np.asarray(a), np.asarray(b), rtol=1e-12)
+    small, large = (np.asarray(step.sensitive(rest.x, rest.z, *slopes, *known)[2]) for step in steps)
+    np.testing.assert_allclose(small, large, rtol=1e-10, atol=1e-10 * np.abs(small).max())
 
 
 def test_a_step_that_the_simplified_method_leaves_is_still_solved(base, monkeypatch):
