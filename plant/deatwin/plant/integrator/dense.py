@@ -1,7 +1,11 @@
-"""C code that solves the linear system of all stages for many right sides at once, row by row in vectors.
+r"""C code that solves the linear system of all stages for many right sides at once, row by row in vectors.
 
 CasADi's sparse QR follows lists of indices, number by number; for the few dozen unknowns of a step, elimination of
-whole rows costs a tenth of it.
+whole rows costs a tenth of it. Only states couple the stages: the coordinates of each stage are eliminated within it,
+and what is left is a system of the states,
+
+.. math:: \Big(A^{-1}_{ij} M - \delta_{ij} h\,(J_{xx} - J_{xz} J_{zz}^{-1} J_{zx})_i\Big)\,x_j
+          = r_x - h\,(J_{xz} J_{zz}^{-1})_i\,r_z
 """
 
 from __future__ import annotations
@@ -9,40 +13,77 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
+from deatwin.plant.integrator.lanes import LANES
+
 __all__ = ["solved_in_lanes"]
 
-LANES = 8
-"""Numbers in a vector; a processor whose vectors are shorter takes two for one."""
 MOST = 100
 """Unknowns of all stages up to which whole rows cost less than the lists of a sparse method."""
 HEAD = """\
   typedef double lanes __attribute__((vector_size({bytes}), may_alias));
-  enum {{ N = {n}, S = {s}, NX = {n_x}, P = {columns}, M = N * S, F = M - N * {kept}, E = {entries}, L = {lanes} }};
-  enum {{ B = (M + L - 1) / L, W = B + (P + L - 1) / L, R = B * L }};
+  enum {{ N = {n}, NX = {n_x}, NZ = N - NX, S = {s}, P = {columns}, E = {entries}, L = {lanes}, M = NX * S }};
+  enum {{ F = S - {kept}, V = (NX + P + L - 1) / L, B = (M + L - 1) / L, W = B + (P + L - 1) / L, R = B * L }};
   static const double inverse[S][S] = {{{inverse}}};
   static const int row[E] = {{{rows}}}, column[E] = {{{places}}};
   static const lanes zero = {{0}};
-  lanes a[M][W];
-  double *of[M], weight[M];
+  lanes local[S][N][V], a[M][W];
+  double z[N][NZ + 1], *of[M], weight[M];
   const double *mass = arg[1], h = arg[2][0];
-  int i, j, k, e, best;
+  int i, j, k, e, s, best;
   for (i = 0; i < M; ++i) {{
     of[i] = (double*) a[i];
     for (j = 0; j < W; ++j) a[i][j] = zero;
-    for (j = 0; j < P; ++j) of[i][R + j] = arg[3][j * M + i];
-  }}
-  for (i = 0; i < S; ++i) {{
-    for (j = 0; j < S; ++j) for (k = 0; k < NX; ++k) of[i * N + k][j * N + k] = inverse[i][j] * mass[k];
-    for (e = 0; e < E; ++e) of[i * N + row[e]][i * N + column[e]] -= (row[e] < NX ? h : 1.0) * arg[0][i * E + e];
-  }}
-  for (i = 0; i < M; ++i) {{
+  }}"""
+STAGE = """\
+  for (s = 0; s < S; ++s) {
+    double (*const x)[V * L] = (double (*)[V * L]) local[s];
+    for (i = 0; i < N; ++i) {
+      for (j = 0; j < V; ++j) local[s][i][j] = zero;
+      for (j = 0; j <= NZ; ++j) z[i][j] = 0.0;
+      for (j = 0; j < P; ++j) x[i][NX + j] = arg[3][j * N * S + s * N + i];
+    }
+    for (e = 0; e < E; ++e) {
+      const double value = -(row[e] < NX ? h : 1.0) * arg[0][s * E + e];
+      if (column[e] < NX) x[row[e]][column[e]] = value; else z[row[e]][column[e] - NX] = value;
+      z[row[e]][NZ] += value * value;
+    }
+    for (k = 0; k < NZ; ++k) {
+      double *const own = z[NX + k], largest = 0.0, share;
+      for (best = NX + k, i = best; i < N; ++i) {
+        const double size = z[i][k] * z[i][k] / z[i][NZ];
+        if (size > largest) { largest = size; best = i; }
+      }
+      share = 1.0 / z[best][k];
+      for (j = 0; j <= NZ; ++j) { const double other = z[best][j]; z[best][j] = own[j]; own[j] = other; }
+      for (j = 0; j < V; ++j) {
+        const lanes other = local[s][best][j];
+        local[s][best][j] = local[s][NX + k][j];
+        local[s][NX + k][j] = other * share;
+      }
+      for (j = k; j < NZ; ++j) own[j] *= share;
+      for (i = 0; i < N; ++i) if (i != NX + k) {
+        const double factor = z[i][k];
+        for (j = k; j < NZ; ++j) z[i][j] -= factor * own[j];
+        for (j = 0; j < V; ++j) local[s][i][j] -= factor * local[s][NX + k][j];
+      }
+    }
+    for (i = 0; i < NX; ++i) {
+      double *const whole = of[s * NX + i];
+      for (j = 0; j < S; ++j) whole[j * NX + i] = inverse[s][j] * mass[i];
+      for (j = 0; j < NX; ++j) whole[s * NX + j] += x[i][j];
+      for (j = 0; j < P; ++j) whole[R + j] = x[i][NX + j];
+    }
+  }
+  for (i = 0; i < M; ++i) {
     lanes squares = zero;
     double sum = 0.0;
     for (j = 0; j < B; ++j) squares += a[i][j] * a[i][j];
     for (j = 0; j < L; ++j) sum += squares[j];
     weight[i] = 1.0 / sum;
-  }}"""
-"""The system and its right sides, which begin at column R, in rows; the weights make each row one of length one."""
+  }"""
+"""What each stage says of its coordinates, in the first rows of `z` its states' equations; behind a row's entries
+stands their sum of squares, against which it counts in the search for a pivot. What is left of the states, and the
+right sides, which begin at column R, go in rows; the weights make each row one of length one."""
 BLOCK = """\
   for (k = {first}; k < {last}; ++k) {{
     double largest = of[k][k] * of[k][k] * weight[k];
@@ -66,13 +107,21 @@ BLOCK = """\
   }}"""
 """Elimination of the columns of one vector: what is left of a row is a fixed number of vectors."""
 BACK = """\
-  for (k = M - 1; k >= F; --k) {{
+  for (k = M - 1; k >= F * NX; --k) {
     lanes *const found = (lanes*) of[k] + B;
     const lanes share = zero + 1.0 / of[k][k];
     for (i = k + 1; i < M; ++i) for (j = 0; j < W - B; ++j) found[j] -= of[k][i] * ((lanes*) of[i])[B + j];
     for (j = 0; j < W - B; ++j) found[j] *= share;
-    for (j = 0; j < P; ++j) res[0][j * (M - F) + k - F] = of[k][R + j];
-  }}
+  }
+  for (s = F; s < S; ++s) for (j = 0; j < P; ++j) {
+    double *const stage = res[0] + (j * (S - F) + s - F) * N;
+    for (k = 0; k < NX; ++k) stage[k] = of[s * NX + k][R + j];
+    for (i = NX; i < N; ++i) {
+      const double *const x = (const double*) local[s][i];
+      stage[i] = x[NX + j];
+      for (k = 0; k < NX; ++k) stage[i] -= x[k] * stage[k];
+    }
+  }
   return 0;"""
 
 
@@ -105,21 +154,22 @@ def solved_in_lanes(
     ----------
     Golub & Van Loan, Matrix Computations (2013), section 3.4, ISBN 978-1-4214-0794-4.
     """
-    unknowns = pattern.size1() * len(inverse)
-    if not columns or not pattern.nnz() or unknowns > MOST:
+    n, count = pattern.size1(), len(inverse)
+    coordinates = list(range(n_x, n))
+    within = pattern.sub(coordinates, coordinates)[0]
+    if not (columns and n_x) or n * count > MOST or ca.sprank(within) < n - n_x:
         return None
     rows, places = pattern.get_triplet()
-    vectors = -(-unknowns // LANES) + -(-columns // LANES)
+    vectors = -(-n_x * count // LANES) + -(-columns // LANES)
     head = HEAD.format(
-        bytes=8 * LANES, lanes=LANES, n=pattern.size1(), s=len(inverse), n_x=n_x, columns=columns, kept=kept,
-        entries=pattern.nnz(),
+        bytes=8 * LANES, lanes=LANES, n=n, s=count, n_x=n_x, columns=columns, kept=kept, entries=pattern.nnz(),
         inverse=", ".join("{" + ", ".join(f"{float(v)!r}" for v in row) + "}" for row in inverse),
         rows=", ".join(map(str, rows)), places=", ".join(map(str, places)),
     )  # fmt: skip
     blocks = [
         BLOCK.format(
-            first=first, last=min(first + LANES, unknowns),
+            first=first, last=min(first + LANES, n_x * count),
             updates="\n".join(f"        other[{j}] -= factor * pivot[{j}];" for j in range(first // LANES, vectors)),
-        ) for first in range(0, unknowns, LANES)
+        ) for first in range(0, n_x * count, LANES)
     ]  # fmt: skip
-    return "\n".join([head, *blocks, BACK.format()])
+    return "\n".join([head, STAGE, *blocks, BACK])

@@ -13,11 +13,12 @@ from dataclasses import dataclass, field
 
 import casadi as ca
 
-__all__ = ["Exchange", "call_in_lanes", "in_lanes", "in_lanes_name"]
+__all__ = ["LANES", "Exchange", "call_in_lanes", "in_lanes", "in_lanes_name"]
 
 LANES = 4
-"""Points at a time. Where vectors hold more, fewer of them would be evaluated; but one that is too long for the
-processor is cut in two by the compiler, which then takes twice as long and keeps half as much in registers."""
+"""Numbers in a vector, or points at a time. Where vectors hold more, fewer of them would be needed; but one that is too
+long for the processor is cut in two by the compiler, which then takes twice as long, keeps half as much in registers,
+and moves the halves through memory."""
 DIRECT = {
     ca.OP_ASSIGN: "{0}", ca.OP_ADD: "{0} + {1}", ca.OP_SUB: "{0} - {1}", ca.OP_MUL: "{0} * {1}",
     ca.OP_DIV: "{0} / {1}", ca.OP_NEG: "-{0}", ca.OP_SQ: "{0} * {0}", ca.OP_TWICE: "{0} + {0}", ca.OP_INV: "1.0 / {0}",

@@ -55,20 +55,21 @@ def test_a_result_that_nobody_wants_is_not_written(tmp_path):
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_elimination_solves_the_system_of_all_stages(tmp_path, seed):
+@pytest.mark.parametrize(("n", "n_x", "columns"), [(4, 2, 3), (4, 4, 1), (9, 3, 6)])
+def test_elimination_solves_the_system_of_all_stages(tmp_path, seed, n, n_x, columns):
     """Against LAPACK, for Jacobians whose first pivots are zero; the bound is that of Gaussian elimination (Golub & Van
     Loan 2013, section 3.4.6) with room for growth: 1000 roundings times the condition."""
     program = compiled.compiler()
     if program is None:
         pytest.skip("there is no C compiler here")
     rng = np.random.default_rng(seed)
-    n, n_x, columns = 4, 2, 3
     inverse = np.linalg.inv(radau(COUNT)[1])
     filled = rng.random((n, n)) < 0.7
-    np.fill_diagonal(filled, [True, True, False, False])
-    filled[2, 3] = filled[3, 2] = True
+    np.fill_diagonal(filled, np.arange(n) < n_x)
+    coordinates = np.arange(n_x, n)
+    filled[coordinates, np.roll(coordinates, 1)] = True
     pattern = ca.sparsify(ca.DM(filled.astype(float))).sparsity()
-    mass, h = np.array([1.0, 0.0]), 0.02
+    mass, h = np.append(np.ones(n_x - 1), 0.0), 0.02
     jacobians = [np.where(filled, rng.normal(size=(n, n)) * 10.0 ** rng.integers(-3, 4, size=(n, 1)), 0.0)
                  for _ in range(COUNT)]  # fmt: skip
     right = rng.normal(size=(n * COUNT, columns))
@@ -94,6 +95,12 @@ def test_large_systems_are_left_to_the_sparse_method():
     assert dense.solved_in_lanes(ca.Sparsity.dense(size, size), inverse, 1, 1, 1) is not None
     assert dense.solved_in_lanes(ca.Sparsity.dense(size + 1, size + 1), inverse, 1, 1, 1) is None
     assert dense.solved_in_lanes(ca.Sparsity.dense(size, size), inverse, 1, 0, 1) is None
+
+
+def test_a_stage_that_does_not_give_its_coordinates_is_left_to_the_sparse_method():
+    pattern = ca.sparsify(ca.DM([[1, 1, 1], [1, 0, 1], [1, 0, 0]])).sparsity()
+    assert dense.solved_in_lanes(pattern, np.eye(COUNT), 1, 1, 1) is None
+    assert dense.solved_in_lanes(pattern + ca.Sparsity.diag(3), np.eye(COUNT), 1, 1, 1) is not None
 
 
 def called(program, folder, body, helper=""):
