@@ -19,6 +19,9 @@ __all__ = ["solved_in_lanes"]
 
 MOST = 100
 """Unknowns of all stages up to which whole rows cost less than the lists of a sparse method."""
+GIVEN = 1e-16
+"""Square of the least share that a pivot may have in its row, for what a stage says of its coordinates: a smaller one
+would cost more than half of the digits."""
 HEAD = """\
   typedef double lanes __attribute__((vector_size({bytes}), may_alias));
   enum {{ N = {n}, NX = {n_x}, NZ = N - NX, S = {s}, P = {columns}, E = {entries}, L = {lanes}, M = NX * S }};
@@ -26,6 +29,7 @@ HEAD = """\
   static const double inverse[S][S] = {{{inverse}}};
   static const int row[E] = {{{rows}}}, column[E] = {{{places}}};
   static const lanes zero = {{0}};
+  static const double given = {given!r};
   lanes local[S][N][V], a[M][W];
   double z[N][NZ + 1], *of[M], weight[M];
   const double *mass = arg[1], h = arg[2][0];
@@ -53,6 +57,7 @@ STAGE = """\
         const double size = z[i][k] * z[i][k] / z[i][NZ];
         if (size > largest) { largest = size; best = i; }
       }
+      if (!(largest > given)) return 1;
       share = 1.0 / z[best][k];
       for (j = 0; j <= NZ; ++j) { const double other = z[best][j]; z[best][j] = own[j]; own[j] = other; }
       for (j = 0; j < V; ++j) {
@@ -130,7 +135,8 @@ def solved_in_lanes(
 ) -> str | None:
     """Body of a C function in CasADi's calling convention for `Stages.solution`.
 
-    Elimination by rows with partial pivoting, where each row counts against its own length.
+    Elimination by rows with partial pivoting, where each row counts against its own length. It returns 1 where a
+    stage does not give its coordinates: a rate, for example, that only the next state tells.
 
     Parameters
     ----------
@@ -163,6 +169,7 @@ def solved_in_lanes(
     vectors = -(-n_x * count // LANES) + -(-columns // LANES)
     head = HEAD.format(
         bytes=8 * LANES, lanes=LANES, n=n, s=count, n_x=n_x, columns=columns, kept=kept, entries=pattern.nnz(),
+        given=GIVEN,
         inverse=", ".join("{" + ", ".join(f"{float(v)!r}" for v in row) + "}" for row in inverse),
         rows=", ".join(map(str, rows)), places=", ".join(map(str, places)),
     )  # fmt: skip

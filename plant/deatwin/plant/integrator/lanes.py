@@ -51,11 +51,14 @@ class Exchange:
     ----------
     bodies : mapping of str to str
         Bodies of C functions in CasADi's calling convention, by the names of the CasADi Functions.
+    beginnings : mapping of str to str
+        What some functions do first; CasADi's own code follows.
     helpers : mapping of str to str
         C functions that they call, by name.
     """
 
     bodies: Mapping[str, str] = field(default_factory=dict)
+    beginnings: Mapping[str, str] = field(default_factory=dict)
     helpers: Mapping[str, str] = field(default_factory=dict)
 
     def into(self, source: str) -> str:
@@ -72,11 +75,19 @@ class Exchange:
             A body of which there is no function goes nowhere, nor does a helper that nothing calls.
         """
         for name, body in self.bodies.items():
-            pattern = rf"/\* {name}:\(.*?\n(?:static )?int \w+\([^)]*\) \{{\n(.*?)\n\}}\n"
-            if found := re.search(pattern, source, flags=re.DOTALL):
+            if found := _body(name, source):
                 source = source[: found.start(1)] + body + source[found.end(1) :]
+        for name, beginning in self.beginnings.items():
+            if found := _body(name, source):
+                source = f"{source[: found.start(1)]}{beginning}\n{source[found.start(1) :]}"
         called = [code for name, code in self.helpers.items() if f"{name}(" in source]
         return source.replace(INCLUDE, INCLUDE + "".join(f"\n{code}\n" for code in called), 1)
+
+
+def _body(name: str, source: str) -> re.Match[str] | None:
+    """Where the body of a function is in CasADi's code."""
+    pattern = rf"/\* {name}:\(.*?\n(?:static )?int \w+\([^)]*\) \{{\n(.*?)\n\}}\n"
+    return re.search(pattern, source, flags=re.DOTALL)
 
 
 def call_in_lanes(function: ca.Function, count: int) -> str:

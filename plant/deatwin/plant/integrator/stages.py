@@ -184,17 +184,22 @@ class Stages:
     def in_lanes(self) -> Exchange:
         """C code on vectors for what is evaluated or solved at several stages, where there is some."""
         pattern = self.jacobian.sparsity_out(1)
-        systems = ((self.all_stages, 1, self.count), (self.last_stage, self.n_p, 1))
-        written = {f.name(): solved_in_lanes(pattern, self.inverse, self.n_x, *sizes) for f, *sizes in systems}
-        bodies = {name: body for name, body in written.items() if body is not None}
-        helpers = {}
+        helpers: dict[str, str] = {}
+        beginnings: dict[str, str] = {}
+        bodies: dict[str, str] = {}
+        for system, *sizes in ((self.all_stages, 1, self.count), (self.last_stage, self.n_p, 1)):
+            solved = solved_in_lanes(pattern, self.inverse, self.n_x, *sizes)
+            if solved is not None:
+                name = in_lanes_name(system)
+                helpers[name] = f"static int {name}(const double** arg, double** res) {{\n{solved}\n}}"
+                beginnings[system.name()] = f"  if (!{name}(arg, res)) return 0;"
         parts = (self.residual, self.jacobian, self.derivatives)
         for part, whole in zip(parts, (self.values, self.jacobians, self.slopes), strict=True):
             helper = in_lanes(part, varying=(0, 3))
             if helper is not None:
                 helpers[in_lanes_name(part)] = helper
                 bodies |= {part.name(): call_in_lanes(part, 1), whole.name(): call_in_lanes(part, self.count)}
-        return Exchange(bodies=bodies, helpers=helpers)
+        return Exchange(bodies=bodies, beginnings=beginnings, helpers=helpers)
 
     def defect(self, w: ca.MX, values: ca.MX, x: ca.MX, mass: ca.MX, h: ca.MX) -> ca.MX:
         """Residual of the collocation equations.

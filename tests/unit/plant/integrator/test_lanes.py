@@ -103,6 +103,18 @@ def test_a_stage_that_does_not_give_its_coordinates_is_left_to_the_sparse_method
     assert dense.solved_in_lanes(pattern + ca.Sparsity.diag(3), np.eye(COUNT), 1, 1, 1) is not None
 
 
+@pytest.mark.parametrize(("share", "solved"), [(1.0, True), (1e-6, True), (1e-9, False), (0.0, False), (np.nan, False)])
+def test_a_stage_that_hardly_gives_its_coordinate_is_not_solved(tmp_path, share, solved):
+    program = compiled.compiler()
+    if program is None:
+        pytest.skip("there is no C compiler here")
+    pattern, inverse = ca.Sparsity.dense(2, 2), np.linalg.inv(radau(COUNT)[1])
+    entries = np.tile([-3.0, 1.0, 2.0, share], (COUNT, 1))  # column by column: x' = -3x + 2z, 0 = x + share z
+    call = called(program, tmp_path, dense.solved_in_lanes(pattern, inverse, 1, 1, COUNT))
+    result = np.zeros((1, 2 * COUNT))
+    assert (call([entries, np.ones(1), np.array([0.02]), np.ones((1, 2 * COUNT))], result) == 0) == solved
+
+
 def called(program, folder, body, helper=""):
     """A C function of this body, to be called with arrays for arguments and results."""
     folder.mkdir(exist_ok=True)
@@ -114,7 +126,7 @@ def called(program, folder, body, helper=""):
     def call(arguments, *results):
         of_arguments = (pointer * len(arguments))(*(a.ctypes.data for a in arguments))
         of_results = (pointer * len(results))(*(None if r is None else r.ctypes.data for r in results))
-        function(of_arguments, of_results, None, None, 0)
+        return function(of_arguments, of_results, None, None, 0)
 
     return call
 
@@ -134,13 +146,16 @@ def test_the_plants_code_has_the_function_that_is_exchanged(base):
     exchange = step.in_lanes
     assert set(exchange.bodies) == {
         "stage_residual", "stage_values", "stage_jacobian", "stage_jacobians", "stage_derivatives", "stage_slopes",
-        "all_stages", "last_stage",
     }  # fmt: skip
+    assert set(exchange.beginnings) == {"all_stages", "last_stage"}
     for name, body in exchange.bodies.items():
         exchanged = lanes.Exchange(bodies={name: body}).into(source)
         assert body in exchanged
         assert source.count("\nstatic int ") == exchanged.count("\nstatic int ")
+    for name, beginning in exchange.beginnings.items():
+        begun = lanes.Exchange(beginnings={name: beginning}).into(source)
+        assert begun.replace(f"{beginning}\n", "") == source and begun.count(beginning) == 1
     whole = exchange.into(source)
     for name, helper in exchange.helpers.items():
-        assert whole.index(helper) < whole.index(f"return {name}(")
+        assert whole.index(helper) < whole.rindex(f"{name}(")
     assert lanes.Exchange(bodies={"unknown": body}, helpers=exchange.helpers).into(source) == source
