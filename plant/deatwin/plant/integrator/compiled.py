@@ -31,10 +31,10 @@ FLAGS = (
     # A square root needs no errno and traps nothing; quotients by the same number share its reciprocal (one
     # rounding more). All other arithmetic is as written.
     "-fno-math-errno", "-fno-trapping-math", "-freciprocal-math",
-    # Passes that find nothing in straight-line code and take a third of the time.
-    "-fno-tree-pre", "-fno-gcse", "-fno-tree-vrp", "-fno-schedule-insns2", "-fno-code-hoisting",
 )  # fmt: skip
 GCC_ONLY = (
+    # Passes that find nothing in straight-line code and take a third of the time.
+    "-fno-tree-pre", "-fno-gcse", "-fno-tree-vrp", "-fno-schedule-insns2", "-fno-code-hoisting",
     # Registers given out once for a whole function: for straight-line code the same, in half of the time and a third
     # of the memory.
     "-fira-region=one",
@@ -42,7 +42,7 @@ GCC_ONLY = (
     # every place of a call takes a tenth of the time, and gains nothing.
     "-fno-semantic-interposition", "-fno-inline-small-functions",
 )  # fmt: skip
-"""Of these Clang has none, or does so without being told."""
+"""Clang refuses some of these, and has no use for the others."""
 LOOPS = ("-O3",)
 """What code with loops gains from, and straight-line code does not."""
 THIS_PROCESSOR = "-march=native"

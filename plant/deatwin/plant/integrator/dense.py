@@ -20,8 +20,8 @@ __all__ = ["solved_in_lanes"]
 MOST = 100
 """Unknowns of all stages up to which whole rows cost less than the lists of a sparse method."""
 GIVEN = 1e-16
-"""Square of the least share that a pivot may have in its row, for what a stage says of its coordinates: a smaller one
-would cost more than half of the digits."""
+"""Square of the least share that the pivots of a stage may have in their rows, all multiplied, for what it says of its
+coordinates: what is left grows by the inverse of each, and a smaller one would cost more than half of the digits."""
 HEAD = """\
   typedef double lanes __attribute__((vector_size({bytes}), may_alias));
   enum {{ N = {n}, NX = {n_x}, NZ = N - NX, S = {s}, P = {columns}, E = {entries}, L = {lanes}, M = NX * S }};
@@ -41,6 +41,7 @@ HEAD = """\
 STAGE = """\
   for (s = 0; s < S; ++s) {
     double (*const x)[V * L] = (double (*)[V * L]) local[s];
+    double shares = 1.0;
     for (i = 0; i < N; ++i) {
       for (j = 0; j < V; ++j) local[s][i][j] = zero;
       for (j = 0; j <= NZ; ++j) z[i][j] = 0.0;
@@ -57,7 +58,8 @@ STAGE = """\
         const double size = z[i][k] * z[i][k] / z[i][NZ];
         if (size > largest) { largest = size; best = i; }
       }
-      if (!(largest > given)) return 1;
+      shares *= largest;
+      if (!(shares > given)) return 1;
       share = 1.0 / z[best][k];
       for (j = 0; j <= NZ; ++j) { const double other = z[best][j]; z[best][j] = own[j]; own[j] = other; }
       for (j = 0; j < V; ++j) {

@@ -93,6 +93,33 @@ def test_what_follows_from_known_equations_is_not_written_again(base, tmp_path, 
     assert len(set(keys)) == 4
 
 
+def test_where_elimination_gives_up_the_sparse_method_solves(base, tmp_path, monkeypatch):
+    """Against the code that eliminates; both leave 1e-12 of a state's size in the equations."""
+    if compiled.compiler() is None:
+        pytest.skip("there is no C compiler here")
+    commands = band_limited_noise(np.random.default_rng(6), 2.0, 0.02)
+    settings = dict(start=0.0, sample_time=0.02, rest_command=0.0, values=base.free_values)
+    expected = base.simulator.run_with_sensitivities(commands, **settings)
+    monkeypatch.setenv("DEATWIN_CACHE", str(tmp_path))
+    monkeypatch.setattr("deatwin.plant.integrator.dense.GIVEN", 1e300)  # which no share exceeds
+    sparse = Simulator(base.equations).run_with_sensitivities(commands, **settings)
+    for one, other in ((sparse.outputs, expected.outputs), (sparse.sensitivities, expected.sensitivities)):
+        np.testing.assert_allclose(one, other, rtol=0, atol=1e-9 * np.abs(other).max())
+    assert not np.array_equal(sparse.sensitivities, expected.sensitivities)  # another method rounds otherwise
+
+
+@pytest.mark.parametrize(("macros", "passes"), [("__GNUC__", True), ("__GNUC__ 4\n#define __clang__", False)])
+def test_a_compiler_is_told_what_it_knows(macros, passes, tmp_path):
+    # Clang takes an unknown option of code generation for an error.
+    program = tmp_path / "cc"
+    program.write_text(f"#!/bin/sh\ncat <<'EOF'\n#define {macros} 1\nEOF\n")
+    program.chmod(0o755)
+    common = {"-O2", "-fPIC", "-shared", "-fno-math-errno", "-fno-trapping-math", "-freciprocal-math", "-march=native"}
+    others = set(compiled._target(str(program)).flags) - common
+    assert ("-fno-tree-pre" in others) == passes
+    assert bool(others) == passes
+
+
 @pytest.mark.parametrize("note", ["gone.so", "", "\0", "é" * 300])
 def test_a_note_that_leads_nowhere_is_passed_over(note, tmp_path, monkeypatch):
     monkeypatch.setenv("DEATWIN_CACHE", str(tmp_path))

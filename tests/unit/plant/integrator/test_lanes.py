@@ -103,16 +103,31 @@ def test_a_stage_that_does_not_give_its_coordinates_is_left_to_the_sparse_method
     assert dense.solved_in_lanes(pattern + ca.Sparsity.diag(3), np.eye(COUNT), 1, 1, 1) is not None
 
 
+@pytest.mark.parametrize("coordinates", [1, 3])
 @pytest.mark.parametrize(("share", "solved"), [(1.0, True), (1e-6, True), (1e-9, False), (0.0, False), (np.nan, False)])
-def test_a_stage_that_hardly_gives_its_coordinate_is_not_solved(tmp_path, share, solved):
+def test_a_stage_that_hardly_gives_its_coordinates_is_not_solved(tmp_path, coordinates, share, solved):
+    """One coordinate, and a chain of three that each tell the next one with the cube root of the share. What is left of
+    a row grows by the inverse of the share; 100 roundings of that are room for the rest."""
     program = compiled.compiler()
     if program is None:
         pytest.skip("there is no C compiler here")
-    pattern, inverse = ca.Sparsity.dense(2, 2), np.linalg.inv(radau(COUNT)[1])
-    entries = np.tile([-3.0, 1.0, 2.0, share], (COUNT, 1))  # column by column: x' = -3x + 2z, 0 = x + share z
-    call = called(program, tmp_path, dense.solved_in_lanes(pattern, inverse, 1, 1, COUNT))
-    result = np.zeros((1, 2 * COUNT))
-    assert (call([entries, np.ones(1), np.array([0.02]), np.ones((1, 2 * COUNT))], result) == 0) == solved
+    n, inverse, h = 1 + coordinates, np.linalg.inv(radau(COUNT)[1]), 0.02
+    jacobian = np.diag([-3.0, *[share ** (1 / coordinates)] * coordinates]) + np.diag(
+        [2.0, *[1.0] * (coordinates - 1)], 1
+    )
+    jacobian[-1, 0] += 1.0
+    filled = ~(jacobian == 0.0) | np.eye(n, dtype=bool)
+    body = dense.solved_in_lanes(ca.sparsify(ca.DM(filled.astype(float))).sparsity(), inverse, 1, 1, COUNT)
+    call = called(program, tmp_path, body)
+    result, right = np.zeros((1, n * COUNT)), np.linspace(1.0, 2.0, n * COUNT)
+    entries = np.tile(jacobian.T[filled.T], (COUNT, 1))
+    assert (call([entries, np.ones(1), np.array([h]), right], result) == 0) == solved
+    if solved:
+        only = np.diag([1.0, *[0.0] * coordinates])
+        rows = np.diag([h, *[1.0] * coordinates])
+        system = np.kron(inverse, only) - np.kron(np.eye(COUNT), rows @ jacobian)
+        error = np.linalg.norm(system @ result[0] - right) / (np.linalg.norm(system) * np.linalg.norm(result))
+        assert error < 100 * np.finfo(float).eps / share
 
 
 def called(program, folder, body, helper=""):
