@@ -1,5 +1,5 @@
-"""Ctrl-C that is not lost: CasADi drops one that comes while it converts, and the work would go on, or makes an error
-of it."""
+"""Ctrl-C and SIGTERM that are not lost: CasADi drops one that comes while it converts, and the work would go on, or
+makes an error of it."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from contextlib import contextmanager
 
 __all__ = ["obey", "obeying"]
 
+ENDING = (signal.SIGINT, signal.SIGTERM)
+"""Of a terminal, and of a batch system that is about to kill."""
 MISTAKEN = (SystemError, NotImplementedError)
 """What CasADi's wrappers raise where an interrupt comes while a matrix is converted."""
 
@@ -19,11 +21,12 @@ def obey() -> None:
     Raises
     ------
     KeyboardInterrupt
-        If the program's handler of SIGINT has an event `asked`, and that is set.
+        If the program's handler of one of these signals has an event `asked`, and that is set.
     """
-    asked = getattr(signal.getsignal(signal.SIGINT), "asked", None)
-    if asked is not None and asked.is_set():
-        raise KeyboardInterrupt
+    for number in ENDING:
+        asked = getattr(signal.getsignal(number), "asked", None)
+        if asked is not None and asked.is_set():
+            raise KeyboardInterrupt
 
 
 @contextmanager

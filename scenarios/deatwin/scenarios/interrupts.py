@@ -1,4 +1,4 @@
-"""Ctrl-C that is remembered, for `deatwin.plant.interrupts.obey`."""
+"""Ctrl-C, and what a batch system sends before it kills, remembered for `deatwin.plant.interrupts.obey`."""
 
 from __future__ import annotations
 
@@ -7,8 +7,12 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
+from typing import Any
 
 __all__ = ["heard"]
+
+ORDINARY: dict[signal.Signals, Any] = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
+"""Signals that end a program of Python, and what handles them there."""
 
 
 class _Remembering:
@@ -24,15 +28,16 @@ class _Remembering:
 
 @contextmanager
 def heard() -> Iterator[None]:
-    """Remember Ctrl-C while a command runs, where it is what ends a program of Python; it is raised as ever.
+    """Remember Ctrl-C and SIGTERM while a command runs, where they end a program of Python; both are raised as ever
+    Ctrl-C is.
 
     What CasADi makes of one ends the command as that does.
     """
     ours = threading.current_thread() is threading.main_thread()
-    if not ours or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
-        yield
-        return
-    signal.signal(signal.SIGINT, _Remembering())
+    taken = [number for number, ordinary in ORDINARY.items() if ours and signal.getsignal(number) is ordinary]
+    handler = _Remembering()
+    for number in taken:
+        signal.signal(number, handler)
     try:
         yield
     except Exception:
@@ -41,4 +46,5 @@ def heard() -> Iterator[None]:
         with obeying():
             raise
     finally:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+        for number in taken:
+            signal.signal(number, ORDINARY[number])

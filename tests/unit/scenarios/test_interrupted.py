@@ -1,4 +1,4 @@
-"""Ctrl-C: what is kept of a diagnosis, what is said, and what the next run makes of it."""
+"""Ctrl-C and SIGTERM: what is kept of a diagnosis, what is said, and what the next run makes of it."""
 
 import gzip
 import json
@@ -53,9 +53,20 @@ def files(folder: Path) -> set[str]:
     return {str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()}
 
 
-def interrupted_at_a_terminal(program: str, arguments: list[str], folder: Path, sign: str) -> tuple[int, str, str]:
-    """Status, stdout and stderr of a program that is sent SIGINT, with all that it started, once the terminal shows
-    a text."""
+def by_ctrl_c(program: int) -> None:
+    """What a terminal does: all that the program started hears of it."""
+    os.killpg(program, signal.SIGINT)
+
+
+def by_a_batch_system(program: int) -> None:
+    """What comes before a kill."""
+    os.kill(program, signal.SIGTERM)
+
+
+def interrupted_at_a_terminal(
+    program: str, arguments: list[str], folder: Path, sign: str, interrupt: Callable[[int], None] = by_ctrl_c
+) -> tuple[int, str, str]:
+    """Status, stdout and stderr of a program that is interrupted once the terminal shows a text."""
     ours, theirs = pty.openpty()
     process = subprocess.Popen(
         [sys.executable, "-c", program, *arguments], cwd=folder, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
@@ -71,7 +82,7 @@ def interrupted_at_a_terminal(program: str, arguments: list[str], folder: Path, 
                 except OSError:  # the other side is closed
                     break
             if not sent and sign.encode() in said:
-                os.killpg(process.pid, signal.SIGINT)
+                interrupt(process.pid)
                 sent = True
         out = process.communicate(timeout=30)[0]
     finally:
@@ -127,13 +138,15 @@ def test_ctrl_c_keeps_the_calibrated_plant(
     assert base["result"]["unseen"] == pytest.approx(1e6 * np.sqrt(np.mean(wrong[fitted:] ** 2)), rel=1e-2)
 
 
-def test_workers_are_interrupted_without_a_trace(bench: Path) -> None:
-    arguments = ["diagnose", "strip_of_mine:strip", "pulls.csv", "--jobs", "2", "--out", "workers"]
-    status, _, err = interrupted_at_a_terminal(PROGRAM, arguments, bench, "building in effects")
+@pytest.mark.parametrize("interrupt", [by_ctrl_c, by_a_batch_system])
+def test_workers_are_interrupted_without_a_trace(bench: Path, interrupt: Callable[[int], None]) -> None:
+    folder = interrupt.__name__
+    arguments = ["diagnose", "strip_of_mine:strip", "pulls.csv", "--jobs", "2", "--out", folder]
+    status, _, err = interrupted_at_a_terminal(PROGRAM, arguments, bench, "building in effects", interrupt)
     assert status == 130
     assert "Traceback" not in err
-    assert {"gate", "base", "detect"} <= {step["step"] for step in kept(bench / "workers")["steps"]}
-    assert not (bench / "workers" / "diagnosis.json").exists()
+    assert {"gate", "base", "detect"} <= {step["step"] for step in kept(bench / folder)["steps"]}
+    assert not (bench / folder / "diagnosis.json").exists()
 
 
 @pytest.fixture
