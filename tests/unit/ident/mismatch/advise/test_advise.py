@@ -1,5 +1,6 @@
 """The next experiment: that it is safe, that it decides, and what is advised where no input can."""
 
+import sys
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any, ClassVar
@@ -292,17 +293,26 @@ def test_a_length_is_foretold_from_how_the_distance_grows(reached, first, last, 
 
 
 @compiled
-def test_an_input_that_decides_on_some_of_the_explanations_is_advised():
+def test_an_input_that_decides_on_some_of_the_explanations_is_advised(monkeypatch):
     nominal = Plant(rig=Wire(noise=4e-5))
     experiment = nominal.with_effects(Delay(time=0.01)).record(blank(sine(8.0, 0.2)), np.random.default_rng(0))
     bench = bench_of(nominal, experiment)
     # to a slow sine all three are late; a fast input shows the delay, but a lag is itself whatever is said of it
     rivals = rivals_on(bench, Delay(time=0.01), ElectrodeRC(time=0.01), SensorLag(time=0.01))
+    asked, module = [], sys.modules[advise.__module__]
+
+    def to_measure(here, left, fits, tried):
+        asked.append([[rival.effects for rival in left], [fit.plant.effect_names for fit in fits]])
+        return measured(here, left, fits, tried)
+
+    measured = module._to_measure
+    monkeypatch.setattr(module, "_to_measure", to_measure)
     found = advise(bench, rivals, np.random.default_rng(0))
     assert found is not None
     assert found.recording is not None
     assert found.rivals == ("delay", "electrode_rc", "sensor_lag")
     assert found.undecided == found.rivals[1:]
+    assert asked == [[[("electrode_rc",), ("sensor_lag",)]] * 2]  # on what the input decides nothing need be measured
     assert found.measure in ("the current", "the voltage on the film")  # which a lag of the reading leaves as it was
     # two of the three are confused by more than 2.3 %, and by chance at most; the third by no more than that
     told = distance.confusion(16.0)

@@ -111,6 +111,21 @@ def test_what_differs_fast_from_the_best_is_ruled_out_by_that(monkeypatch, diffe
     assert (judged.rivals == (rival,)) is kept
 
 
+# Twice the 0.1 µm of above: d² = 100, 1 / 2(1/100 + 1/9) = 4.1 nats, of which blocks see 0.8.
+def test_how_much_likelier_what_leads_is_counts_what_differs_fast(monkeypatch, differing_fast):
+    best, rival = (differing_fast(c, 0.0) for c in (candidate("delay", 2.2, 2.4), candidate("sensor_lag", 2.2, 3.6)))
+
+    def on_everything(one, parts):
+        return differing_fast(candidate(*one.effects, 2.2, 2.2), 0.2 if one is best else 0.0)
+
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.whole._on_everything", on_everything)
+    naming = decide((candidate("base", 9.0, 9.0), best, rival), (best, rival), NOISE, lambda c: True, lambda c: True)
+    judged = judged_on_everything(naming, BENCH, lambda c: True)
+    assert judged.best is rival
+    odds = np.exp(1 / (2 * (1 / 100 + 1 / 9)))
+    assert judged.probabilities[rival.effects] == pytest.approx(odds / (1 + odds), rel=1e-2)
+
+
 def test_of_the_fitted_part_all_is_left_out_that_was_not_fitted():
     explained = replace(LONG, sizes=((4000, 2000), (3000, 1000)), measured=np.arange(10_000.0))
     part = _of_the_fitted_part(explained)
@@ -247,6 +262,27 @@ def test_what_strays_on_the_unseen_part_is_a_rival_if_it_describes_the_rest_as_w
     found = settled_beside_what_strays(together, fitted, everything)
     assert found.best is LONG
     assert [rival.effects for rival in found.rivals] == ([("creep",)] if kept else [])
+
+
+# As above, of what differs fast from the best.
+@pytest.mark.parametrize(("fitted", "everything", "kept"), [
+    (0.0, 0.08, True), (0.0, 0.1, False), (0.1, 0.0, True), (0.13, 0.0, False),
+])  # fmt: skip
+def test_what_strays_and_differs_fast_is_ruled_out_by_that(monkeypatch, differing_fast, fitted, everything, kept):
+    answer = differing_fast(candidate("delay", 2.2, 2.4), 0.0)
+    strayed = differing_fast(candidate("sensor_lag", 2.2, 12.0), fitted)
+
+    def on_everything(one, parts):
+        rms = 9.0 if one.effects == ("base",) else 2.2
+        return differing_fast(candidate(*one.effects, rms, rms), everything if one is strayed else 0.0)
+
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.whole._on_everything", on_everything)
+    tried = (candidate("base", 9.0, 9.0), answer, strayed)
+    found = settled_on_everything(
+        tried[1:], tried, BENCH, lambda c: c.fitted_test.within_floor, lambda c: c is not strayed
+    )
+    assert found.best is answer
+    assert (found.rivals == (strayed,)) is kept
 
 
 # 100 ln(2.33²/2.3²) = 2.6 nats for the answer.
