@@ -18,7 +18,7 @@ from deatwin.scenarios.commands.identify import identify
 from deatwin.scenarios.commands.scenario import scenario, scenarios
 from deatwin.scenarios.commands.simulate import simulate
 from deatwin.scenarios.commands.view import view
-from deatwin.scenarios.interrupts import heard
+from deatwin.scenarios.interrupts import ORDINARY, heard
 from deatwin.scenarios.options import fold_experiments
 from deatwin.scenarios.usage import Command, Group, unwrapped
 from deatwin.scenarios.voice import complain
@@ -46,7 +46,7 @@ class Commands(Group):
         Raises
         ------
         typer.Exit
-            With the status 130 after Ctrl-C.
+            With the status 130 after Ctrl-C or SIGTERM.
         """
         try:
             return super().invoke(ctx)
@@ -99,7 +99,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     try:
-        with heard():
+        with heard(*ORDINARY):
             app(args=fold_experiments(given), prog_name="deatwin", obj=["deatwin", *given])
     except SystemExit as stop:
         return stop.code if isinstance(stop.code, int) else DONE

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
-__all__ = ["heard"]
+__all__ = ["ORDINARY", "heard"]
 
 ORDINARY: dict[signal.Signals, Any] = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
 """Signals that end a program of Python, and what handles them there."""
@@ -27,14 +27,18 @@ class _Remembering:
 
 
 @contextmanager
-def heard() -> Iterator[None]:
-    """Remember Ctrl-C and SIGTERM while a command runs, where they end a program of Python; both are raised as ever
-    Ctrl-C is.
+def heard(*signals: signal.Signals) -> Iterator[None]:
+    """Remember Ctrl-C while a command runs, where it is what ends a program of Python; it is raised as ever.
 
     What CasADi makes of one ends the command as that does.
+
+    Parameters
+    ----------
+    *signals : signal.Signals
+        Of the ordinary ones, which are raised as Ctrl-C is; by default SIGINT alone.
     """
     ours = threading.current_thread() is threading.main_thread()
-    taken = [number for number, ordinary in ORDINARY.items() if ours and signal.getsignal(number) is ordinary]
+    taken = [s for s in signals or (signal.SIGINT,) if ours and signal.getsignal(s) is ORDINARY[s]]
     handler = _Remembering()
     for number in taken:
         signal.signal(number, handler)

@@ -9,6 +9,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -226,6 +227,41 @@ def test_control_c_leaves_usable_results_and_a_clear_line(tmp_path: Path) -> Non
     assert len(study) == int(line[1]) >= 4
     table = study.to_xarray()
     np.testing.assert_array_equal(table["square"], table["value"] ** 2)
+
+
+@posix
+def test_what_a_fit_kept_when_it_was_interrupted_is_no_result(tmp_path: Path) -> None:
+    store = CaseStore(tmp_path, SEAL)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt, match="interrupted: 0 of 1 cases"):
+            run_sweep(best_so_far, {"case-00": "case-00"}, store, jobs=1)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert store.missing(["case-00"]) == ["case-00"]
+
+
+def best_so_far(name: str) -> dict[str, Any]:
+    with suppress(KeyboardInterrupt):
+        signal.raise_signal(signal.SIGINT)
+    return numbers(name)
+
+
+@posix
+def test_a_case_of_which_the_worker_is_terminated_is_run_again(tmp_path: Path) -> None:
+    (tmp_path / "trap").touch()
+    store = CaseStore(tmp_path, SEAL)
+    run_sweep(partial(terminated_once, tmp_path), {name: name for name in NAMES[:4]}, store, jobs=2)
+    assert store.missing(NAMES[:4]) == []
+
+
+def terminated_once(folder: Path, name: str) -> dict[str, Any]:
+    try:
+        (folder / "trap").unlink()
+    except FileNotFoundError:
+        return numbers(name)
+    os.kill(os.getpid(), signal.SIGTERM)
+    raise AssertionError("a terminated process goes on")
 
 
 @posix

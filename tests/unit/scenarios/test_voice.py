@@ -10,7 +10,7 @@ from contextlib import suppress
 import pytest
 
 from deatwin.scenarios import voice
-from deatwin.scenarios.interrupts import heard
+from deatwin.scenarios.interrupts import ORDINARY, heard
 from deatwin.scenarios.voice import PlainProgress, Voice, print_lines
 
 
@@ -162,13 +162,13 @@ def test_lines_that_nobody_takes_do_not_end_the_work(monkeypatch: pytest.MonkeyP
 def test_an_interrupt_that_was_dropped_ends_the_work_at_its_next_word(quiet: bool, number: signal.Signals) -> None:
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
-        with heard(), Voice(quiet=quiet).progress("work") as tell:
+        with heard(*ORDINARY), Voice(quiet=quiet).progress("work") as tell:
             tell(0.1, "solving")
             with suppress(KeyboardInterrupt):
                 signal.raise_signal(number)
             with pytest.raises(KeyboardInterrupt):
                 tell(0.2, "solved")
-        with heard(), Voice(quiet=quiet).progress("more work") as tell:
+        with heard(*ORDINARY), Voice(quiet=quiet).progress("more work") as tell:
             tell(0.1, "solving")  # what ended one command does not end the next
         assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
         assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
@@ -196,11 +196,29 @@ def test_what_casadi_makes_of_an_interrupt_is_one_only_where_one_was_asked_for()
         signal.signal(signal.SIGINT, before)
 
 
+def test_a_batch_system_is_heard_where_ctrl_c_is_ignored() -> None:
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # as of what a shell runs in the background
+    try:
+        with heard(*ORDINARY), Voice().progress("work") as tell:
+            assert signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL
+            with suppress(KeyboardInterrupt):
+                signal.raise_signal(signal.SIGTERM)
+            with pytest.raises(KeyboardInterrupt):
+                tell(0.1, "solved")
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def test_a_worker_leaves_what_kills_it_alone() -> None:
+    with heard():
+        assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_where_interrupts_are_ignored_they_stay_so(number: signal.Signals) -> None:
     before = signal.signal(number, signal.SIG_IGN)
     try:
-        with heard(), Voice().progress("work") as tell:
+        with heard(*ORDINARY), Voice().progress("work") as tell:
             signal.raise_signal(number)
             tell(0.1, "solving")
         assert signal.getsignal(number) is signal.SIG_IGN

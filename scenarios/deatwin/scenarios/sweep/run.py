@@ -12,6 +12,7 @@ from multiprocessing import current_process
 from typing import Any, TypeVar
 
 from deatwin.plant.errors import DataError
+from deatwin.plant.interrupts import obey
 from deatwin.scenarios.interrupts import heard
 from deatwin.scenarios.sweep.store import CaseStore
 
@@ -130,13 +131,18 @@ def _turn(
 
 
 def _one(work: Callable[[Case], Mapping[str, Any]], store: CaseStore[Any], name: str, case: Case) -> str:
-    """Run a case with one BLAS thread: workers must not fight for the cores, nor round differently."""
+    """Run a case with one BLAS thread: workers must not fight for the cores, nor round differently.
+
+    What a fit makes of Ctrl-C, its best so far, is no result of a case.
+    """
     from threadpoolctl import threadpool_limits
 
     _end_with_master()
     if not store.has(name):  # dask runs again what was lost with a worker, and what had been written there as well
         with store.running(name), threadpool_limits(1), heard():
-            store.put(name, work(case))
+            result = work(case)
+            obey()
+            store.put(name, result)
     return name
 
 
