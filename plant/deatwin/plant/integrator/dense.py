@@ -28,6 +28,7 @@ HEAD = """\
   enum {{ F = S - {kept}, V = (NX + P + L - 1) / L, B = (M + L - 1) / L, W = B + (P + L - 1) / L, R = B * L }};
   static const double inverse[S][S] = {{{inverse}}};
   static const int row[E] = {{{rows}}}, column[E] = {{{places}}};
+  static const double square[N] = {{{squares}}};
   static const lanes zero = {{0}};
   static const double given = {given!r};
   lanes local[S][N][V], a[M][W];
@@ -50,12 +51,12 @@ STAGE = """\
     for (e = 0; e < E; ++e) {
       const double value = -(row[e] < NX ? h : 1.0) * arg[0][s * E + e];
       if (column[e] < NX) x[row[e]][column[e]] = value; else z[row[e]][column[e] - NX] = value;
-      z[row[e]][NZ] += value * value;
+      z[row[e]][NZ] += value * value * square[column[e]];
     }
     for (k = 0; k < NZ; ++k) {
       double *const own = z[NX + k], largest = 0.0, share;
       for (best = NX + k, i = best; i < N; ++i) {
-        const double size = z[i][k] * z[i][k] / z[i][NZ];
+        const double size = z[i][k] * z[i][k] * square[NX + k] / z[i][NZ];
         if (size > largest) { largest = size; best = i; }
       }
       shares *= largest;
@@ -89,8 +90,9 @@ STAGE = """\
     weight[i] = 1.0 / sum;
   }"""
 """What each stage says of its coordinates, in the first rows of `z` its states' equations; behind a row's entries
-stands their sum of squares, against which it counts in the search for a pivot. What is left of the states, and the
-right sides, which begin at column R, go in rows; the weights make each row one of length one."""
+stands the sum of squares of what they do to unknowns as large as their scale, against which a pivot counts, in whatever
+units. What is left of the states, and the right sides, which begin at column R, go in rows; the weights make each row
+one of length one."""
 BLOCK = """\
   for (k = {first}; k < {last}; ++k) {{
     double largest = of[k][k] * of[k][k] * weight[k];
@@ -133,7 +135,7 @@ BACK = """\
 
 
 def solved_in_lanes(
-    pattern: ca.Sparsity, inverse: np.ndarray, n_x: int, columns: int, kept: int
+    pattern: ca.Sparsity, inverse: np.ndarray, n_x: int, columns: int, kept: int, scale: np.ndarray
 ) -> str | None:
     """Body of a C function in CasADi's calling convention for `Stages.solution`.
 
@@ -152,6 +154,8 @@ def solved_in_lanes(
         Number of right sides.
     kept : int
         Number of stages, the last ones, whose unknowns are wanted.
+    scale : ndarray, shape (n,)
+        Of each unknown.
 
     Returns
     -------
@@ -171,7 +175,7 @@ def solved_in_lanes(
     vectors = -(-n_x * count // LANES) + -(-columns // LANES)
     head = HEAD.format(
         bytes=8 * LANES, lanes=LANES, n=n, s=count, n_x=n_x, columns=columns, kept=kept, entries=pattern.nnz(),
-        given=GIVEN,
+        given=GIVEN, squares=", ".join(f"{float(v)!r}" for v in scale**2),
         inverse=", ".join("{" + ", ".join(f"{float(v)!r}" for v in row) + "}" for row in inverse),
         rows=", ".join(map(str, rows)), places=", ".join(map(str, places)),
     )  # fmt: skip

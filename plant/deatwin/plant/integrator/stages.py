@@ -187,8 +187,8 @@ class Stages:
         helpers: dict[str, str] = {}
         beginnings: dict[str, str] = {}
         bodies: dict[str, str] = {}
-        for system, *sizes in ((self.all_stages, 1, self.count), (self.last_stage, self.n_p, 1)):
-            solved = solved_in_lanes(pattern, self.inverse, self.n_x, *sizes)
+        for system, columns, kept in ((self.all_stages, 1, self.count), (self.last_stage, self.n_p, 1)):
+            solved = solved_in_lanes(pattern, self.inverse, self.n_x, columns, kept, self.scale)
             if solved is not None:
                 name = in_lanes_name(system)
                 helpers[name] = f"static int {name}(const double** arg, double** res) {{\n{solved}\n}}"

@@ -80,7 +80,7 @@ def test_elimination_solves_the_system_of_all_stages(tmp_path, seed, n, n_x, col
     expected = np.linalg.solve(system, right)
     entries = np.array([jacobian.T[filled.T] for jacobian in jacobians])
     for kept in (1, COUNT):
-        body = dense.solved_in_lanes(pattern, inverse, n_x, columns, kept)
+        body = dense.solved_in_lanes(pattern, inverse, n_x, columns, kept, np.ones(n))
         result = np.zeros((columns, n * kept))
         call = called(program, tmp_path / str(kept), body)
         call([entries, mass, np.array([h]), right.T.copy()], result)
@@ -92,15 +92,16 @@ def test_elimination_solves_the_system_of_all_stages(tmp_path, seed, n, n_x, col
 def test_large_systems_are_left_to_the_sparse_method():
     inverse = np.eye(COUNT)
     size = dense.MOST // COUNT
-    assert dense.solved_in_lanes(ca.Sparsity.dense(size, size), inverse, 1, 1, 1) is not None
-    assert dense.solved_in_lanes(ca.Sparsity.dense(size + 1, size + 1), inverse, 1, 1, 1) is None
-    assert dense.solved_in_lanes(ca.Sparsity.dense(size, size), inverse, 1, 0, 1) is None
+    assert dense.solved_in_lanes(ca.Sparsity.dense(size, size), inverse, 1, 1, 1, np.ones(size)) is not None
+    larger = ca.Sparsity.dense(size + 1, size + 1)
+    assert dense.solved_in_lanes(larger, inverse, 1, 1, 1, np.ones(size + 1)) is None
+    assert dense.solved_in_lanes(ca.Sparsity.dense(size, size), inverse, 1, 0, 1, np.ones(size)) is None
 
 
 def test_a_stage_that_does_not_give_its_coordinates_is_left_to_the_sparse_method():
     pattern = ca.sparsify(ca.DM([[1, 1, 1], [1, 0, 1], [1, 0, 0]])).sparsity()
-    assert dense.solved_in_lanes(pattern, np.eye(COUNT), 1, 1, 1) is None
-    assert dense.solved_in_lanes(pattern + ca.Sparsity.diag(3), np.eye(COUNT), 1, 1, 1) is not None
+    assert dense.solved_in_lanes(pattern, np.eye(COUNT), 1, 1, 1, np.ones(3)) is None
+    assert dense.solved_in_lanes(pattern + ca.Sparsity.diag(3), np.eye(COUNT), 1, 1, 1, np.ones(3)) is not None
 
 
 @pytest.mark.parametrize("coordinates", [1, 3])
@@ -117,7 +118,7 @@ def test_a_stage_that_hardly_gives_its_coordinates_is_not_solved(tmp_path, coord
     )
     jacobian[-1, 0] += 1.0
     filled = ~(jacobian == 0.0) | np.eye(n, dtype=bool)
-    body = dense.solved_in_lanes(ca.sparsify(ca.DM(filled.astype(float))).sparsity(), inverse, 1, 1, COUNT)
+    body = dense.solved_in_lanes(ca.sparsify(ca.DM(filled.astype(float))).sparsity(), inverse, 1, 1, COUNT, np.ones(n))
     call = called(program, tmp_path, body)
     result, right = np.zeros((1, n * COUNT)), np.linspace(1.0, 2.0, n * COUNT)
     entries = np.tile(jacobian.T[filled.T], (COUNT, 1))
@@ -128,6 +129,25 @@ def test_a_stage_that_hardly_gives_its_coordinates_is_not_solved(tmp_path, coord
         system = np.kron(inverse, only) - np.kron(np.eye(COUNT), rows @ jacobian)
         error = np.linalg.norm(system @ result[0] - right) / (np.linalg.norm(system) * np.linalg.norm(result))
         assert error < 100 * np.finfo(float).eps / share
+
+
+@pytest.mark.parametrize(("scale", "solved"), [(1e-12, True), (1.0, False)])
+def test_a_coordinate_counts_against_what_a_state_makes_of_its_row(tmp_path, scale, solved):
+    """A state in picometres: its entries are large, what it does is not. Without its scale the share would be 1e-12."""
+    program = compiled.compiler()
+    if program is None:
+        pytest.skip("there is no C compiler here")
+    inverse, h = np.linalg.inv(radau(COUNT)[1]), 0.02
+    body = dense.solved_in_lanes(ca.Sparsity.dense(2, 2), inverse, 1, 1, COUNT, np.array([scale, 1.0]))
+    call = called(program, tmp_path, body)
+    result, right = np.zeros((1, 2 * COUNT)), np.linspace(1.0, 2.0, 2 * COUNT)
+    entries = np.tile([-3.0, 1e12, 2e-12, 1.0], (COUNT, 1))  # column by column: x' = -3x + 2e-12 z, 0 = 1e12 x + z
+    assert (call([entries, np.ones(1), np.array([h]), right], result) == 0) == solved
+    if solved:
+        in_units = np.kron(inverse, np.diag([1.0, 0.0])) - np.kron(np.eye(COUNT), [[-3.0 * h, 2.0 * h], [1.0, 1.0]])
+        units = np.tile([1e-12, 1.0], COUNT)
+        expected = units * np.linalg.solve(in_units, right / np.tile([1e-12, 1.0], COUNT))
+        np.testing.assert_allclose(result[0], expected, rtol=1e-12)  # two hundred roundings and a condition of ten
 
 
 def called(program, folder, body, helper=""):
