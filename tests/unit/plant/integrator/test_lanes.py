@@ -14,6 +14,15 @@ COUNT = 5
 CALL = "int f(const double** arg, double** res, long long* iw, double* w, int mem)"
 
 
+@pytest.fixture
+def program() -> str:
+    """The C compiler."""
+    found = compiled.compiler()
+    if found is None:
+        pytest.skip("there is no C compiler here")
+    return found
+
+
 def ordinary(x, y):
     """One of each operation that equations use."""
     positive = ca.sqrt(x**2 + 1)
@@ -27,10 +36,7 @@ def ordinary(x, y):
     )  # fmt: skip
 
 
-def test_every_operation_gives_what_casadi_gives(tmp_path):
-    program = compiled.compiler()
-    if program is None:
-        pytest.skip("there is no C compiler here")
+def test_every_operation_gives_what_casadi_gives(program, tmp_path):
     x, y = ca.SX.sym("x"), ca.SX.sym("y")
     function = ca.Function("f", [x, y], [ordinary(x, y)])
     helper = lanes.in_lanes(function, varying=[0])
@@ -42,10 +48,7 @@ def test_every_operation_gives_what_casadi_gives(tmp_path):
         np.testing.assert_allclose(result, expected, rtol=4e-16, atol=1e-300)
 
 
-def test_a_result_that_nobody_wants_is_not_written(tmp_path):
-    program = compiled.compiler()
-    if program is None:
-        pytest.skip("there is no C compiler here")
+def test_a_result_that_nobody_wants_is_not_written(program, tmp_path):
     x = ca.SX.sym("x")
     function = ca.Function("f", [x], [x + 1, 2 * x])
     call = called(program, tmp_path, lanes.call_in_lanes(function, 2), lanes.in_lanes(function, varying=[0]))
@@ -56,12 +59,9 @@ def test_a_result_that_nobody_wants_is_not_written(tmp_path):
 
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize(("n", "n_x", "columns"), [(4, 2, 3), (4, 4, 1), (9, 3, 6)])
-def test_elimination_solves_the_system_of_all_stages(tmp_path, seed, n, n_x, columns):
+def test_elimination_solves_the_system_of_all_stages(program, tmp_path, seed, n, n_x, columns):
     """Against LAPACK, for Jacobians whose first pivots are zero; the bound is that of Gaussian elimination (Golub & Van
     Loan 2013, section 3.4.6) with room for growth: 1000 roundings times the condition."""
-    program = compiled.compiler()
-    if program is None:
-        pytest.skip("there is no C compiler here")
     rng = np.random.default_rng(seed)
     inverse = np.linalg.inv(radau(COUNT)[1])
     filled = rng.random((n, n)) < 0.7
@@ -106,12 +106,9 @@ def test_a_stage_that_does_not_give_its_coordinates_is_left_to_the_sparse_method
 
 @pytest.mark.parametrize("coordinates", [1, 3])
 @pytest.mark.parametrize(("share", "solved"), [(1.0, True), (1e-6, True), (1e-9, False), (0.0, False), (np.nan, False)])
-def test_a_stage_that_hardly_gives_its_coordinates_is_not_solved(tmp_path, coordinates, share, solved):
+def test_a_stage_that_hardly_gives_its_coordinates_is_not_solved(program, tmp_path, coordinates, share, solved):
     """One coordinate, and a chain of three that each tell the next one with the cube root of the share. What is left of
     a row grows by the inverse of the share; 100 roundings of that are room for the rest."""
-    program = compiled.compiler()
-    if program is None:
-        pytest.skip("there is no C compiler here")
     n, inverse, h = 1 + coordinates, np.linalg.inv(radau(COUNT)[1]), 0.02
     jacobian = np.diag([-3.0, *[share ** (1 / coordinates)] * coordinates]) + np.diag(
         [2.0, *[1.0] * (coordinates - 1)], 1
@@ -132,11 +129,8 @@ def test_a_stage_that_hardly_gives_its_coordinates_is_not_solved(tmp_path, coord
 
 
 @pytest.mark.parametrize(("scale", "solved"), [(1e-12, True), (1.0, False)])
-def test_a_coordinate_counts_against_what_a_state_makes_of_its_row(tmp_path, scale, solved):
+def test_a_coordinate_counts_against_what_a_state_makes_of_its_row(program, tmp_path, scale, solved):
     """A state in picometres: its entries are large, what it does is not. Without its scale the share would be 1e-12."""
-    program = compiled.compiler()
-    if program is None:
-        pytest.skip("there is no C compiler here")
     inverse, h = np.linalg.inv(radau(COUNT)[1]), 0.02
     body = dense.solved_in_lanes(ca.Sparsity.dense(2, 2), inverse, 1, 1, COUNT, np.array([scale, 1.0]))
     call = called(program, tmp_path, body)
@@ -146,7 +140,7 @@ def test_a_coordinate_counts_against_what_a_state_makes_of_its_row(tmp_path, sca
     if solved:
         in_units = np.kron(inverse, np.diag([1.0, 0.0])) - np.kron(np.eye(COUNT), [[-3.0 * h, 2.0 * h], [1.0, 1.0]])
         units = np.tile([1e-12, 1.0], COUNT)
-        expected = units * np.linalg.solve(in_units, right / np.tile([1e-12, 1.0], COUNT))
+        expected = units * np.linalg.solve(in_units, right / units)
         np.testing.assert_allclose(result[0], expected, rtol=1e-12)  # two hundred roundings and a condition of ten
 
 

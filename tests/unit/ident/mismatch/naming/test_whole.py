@@ -40,6 +40,21 @@ def together(monkeypatch: pytest.MonkeyPatch):
     return leave
 
 
+@pytest.fixture
+def together_fast(monkeypatch: pytest.MonkeyPatch, differing_fast):
+    """Sets how much of what fits to everything leave is fast, 2.2 µm of it slower; the base plant leaves 9.0 µm."""
+
+    def leave(fast: dict[str, float]) -> None:
+        def on_everything(one, parts):
+            (name,) = one.effects
+            rms = 9.0 if name == "base" else 2.2
+            return differing_fast(candidate(name, rms, rms), fast.get(name, 0.0))
+
+        monkeypatch.setattr("deatwin.ident.mismatch.naming.whole._on_everything", on_everything)
+
+    return leave
+
+
 BENCH = SimpleNamespace(everything=(SimpleNamespace(size=10_000, measured=np.zeros(10_000)),), jobs=1)
 
 
@@ -96,14 +111,11 @@ def test_the_likelier_one_does_not_lead_where_the_unseen_part_would_refute_it(to
 @pytest.mark.parametrize(("fitted", "everything", "kept"), [
     (0.0, 0.08, True), (0.0, 0.1, False), (0.1, 0.0, True), (0.13, 0.0, False),
 ])  # fmt: skip
-def test_what_differs_fast_from_the_best_is_ruled_out_by_that(monkeypatch, differing_fast, fitted, everything, kept):
+def test_what_differs_fast_from_the_best_is_ruled_out_by_that(together_fast, differing_fast, fitted, everything, kept):
     best = differing_fast(candidate("delay", 2.2, 2.4), 0.0)
     rival = differing_fast(candidate("sensor_lag", 2.2, 3.6), fitted)
 
-    def on_everything(one, parts):
-        return differing_fast(candidate(*one.effects, 2.2, 2.2), everything if one is rival else 0.0)
-
-    monkeypatch.setattr("deatwin.ident.mismatch.naming.whole._on_everything", on_everything)
+    together_fast({"sensor_lag": everything})
     naming = decide((candidate("base", 9.0, 9.0), best, rival), (best, rival), NOISE, lambda c: True, lambda c: True)
     assert naming.rivals == ()
     judged = judged_on_everything(naming, BENCH, lambda c: True)
@@ -112,13 +124,10 @@ def test_what_differs_fast_from_the_best_is_ruled_out_by_that(monkeypatch, diffe
 
 
 # Twice the 0.1 µm of above: d² = 100, 1 / 2(1/100 + 1/9) = 4.1 nats, of which blocks see 0.8.
-def test_how_much_likelier_what_leads_is_counts_what_differs_fast(monkeypatch, differing_fast):
+def test_how_much_likelier_what_leads_is_counts_what_differs_fast(together_fast, differing_fast):
     best, rival = (differing_fast(c, 0.0) for c in (candidate("delay", 2.2, 2.4), candidate("sensor_lag", 2.2, 3.6)))
 
-    def on_everything(one, parts):
-        return differing_fast(candidate(*one.effects, 2.2, 2.2), 0.2 if one is best else 0.0)
-
-    monkeypatch.setattr("deatwin.ident.mismatch.naming.whole._on_everything", on_everything)
+    together_fast({"delay": 0.2})
     naming = decide((candidate("base", 9.0, 9.0), best, rival), (best, rival), NOISE, lambda c: True, lambda c: True)
     judged = judged_on_everything(naming, BENCH, lambda c: True)
     assert judged.best is rival
@@ -191,14 +200,10 @@ def test_what_leaves_as_little_of_everything_is_a_rival_though_it_errs_on_the_fi
 # They differ by 0.1 µm at half the sample rate, d² = 25: 1 / 2(1/25 + 1/9) = 3.3 nats, of which blocks see 0.2. By 0.08
 # they are 2.9: less than is strong.
 @pytest.mark.parametrize(("apart", "leads"), [(0.1, True), (0.08, False)])
-def test_what_leaves_less_that_is_fast_leads_on_everything(monkeypatch, differing_fast, apart, leads):
+def test_what_leaves_less_that_is_fast_leads_on_everything(together_fast, apart, leads):
     rough = candidate("creep", 2.6, 3.6)
 
-    def on_everything(one, parts):
-        rms = 9.0 if one.effects == ("base",) else 2.2
-        return differing_fast(candidate(*one.effects, rms, rms), apart if one is LONG else 0.0)
-
-    monkeypatch.setattr("deatwin.ident.mismatch.naming.whole._on_everything", on_everything)
+    together_fast({"dielectric_absorption": apart})
     tried = (candidate("base", 9.0, 9.0), LONG, rough)
     found = settled_on_everything(tried[1:], tried, BENCH, lambda c: c.fitted_test.within_floor, lambda c: True)
     assert (found.best is rough) is leads
@@ -268,15 +273,11 @@ def test_what_strays_on_the_unseen_part_is_a_rival_if_it_describes_the_rest_as_w
 @pytest.mark.parametrize(("fitted", "everything", "kept"), [
     (0.0, 0.08, True), (0.0, 0.1, False), (0.1, 0.0, True), (0.13, 0.0, False),
 ])  # fmt: skip
-def test_what_strays_and_differs_fast_is_ruled_out_by_that(monkeypatch, differing_fast, fitted, everything, kept):
+def test_what_strays_and_differs_fast_is_ruled_out_by_that(together_fast, differing_fast, fitted, everything, kept):
     answer = differing_fast(candidate("delay", 2.2, 2.4), 0.0)
     strayed = differing_fast(candidate("sensor_lag", 2.2, 12.0), fitted)
 
-    def on_everything(one, parts):
-        rms = 9.0 if one.effects == ("base",) else 2.2
-        return differing_fast(candidate(*one.effects, rms, rms), everything if one is strayed else 0.0)
-
-    monkeypatch.setattr("deatwin.ident.mismatch.naming.whole._on_everything", on_everything)
+    together_fast({"sensor_lag": everything})
     tried = (candidate("base", 9.0, 9.0), answer, strayed)
     found = settled_on_everything(
         tried[1:], tried, BENCH, lambda c: c.fitted_test.within_floor, lambda c: c is not strayed
