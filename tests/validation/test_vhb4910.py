@@ -10,10 +10,13 @@ from deatwin.scenarios.stories import Setting, story
 
 DATA = Path(os.environ.get("DEATWIN_DATA") or Path(__file__).parents[2].parent / "shared" / "data")
 
-pytestmark = pytest.mark.skipif(
-    not (DATA / "vhb4910" / "loading_unloading").is_dir(),
-    reason="the recordings vhb4910 are absent: DEATWIN_DATA names the folder that holds them",
-)
+pytestmark = [
+    pytest.mark.study,
+    pytest.mark.skipif(
+        not (DATA / "vhb4910" / "loading_unloading").is_dir(),
+        reason="the recordings vhb4910 are absent: DEATWIN_DATA names the folder that holds them",
+    ),
+]
 
 
 def test_a_hyperelastic_strip_lacks_a_relaxation(tmp_path: Path) -> None:
