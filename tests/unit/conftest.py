@@ -22,6 +22,17 @@ from deatwin.plant import (
     StartProcedure,
 )
 from deatwin.plant.builder import Builder
+from deatwin.plant.integrator.compiled import compiler
+
+
+@pytest.fixture
+def c_compiler() -> str:
+    """Path of the C compiler; where there is none, the test is skipped."""
+    found = compiler()
+    if found is None:
+        pytest.skip("there is no C compiler here")
+    return found
+
 
 # A user's own rig is what stands in this class.
 

@@ -10,7 +10,6 @@ import pytest
 from numpy.typing import ArrayLike, NDArray
 
 from deatwin.plant.export.sampled import SampledSource
-from deatwin.plant.integrator.compiled import compiler
 
 Array = NDArray[np.float64]
 RunC = Callable[..., tuple[Array, NDArray[np.int32]]]
@@ -33,16 +32,13 @@ void run(int n, const double *u, double *y, int *status)
 
 
 @pytest.fixture
-def run_c(tmp_path: Path) -> RunC:
+def run_c(c_compiler: str, tmp_path: Path) -> RunC:
     """Compiles a source and runs it from its start: outputs (n, n_outputs) and what each step returned."""
-    program = compiler()
-    if program is None:
-        pytest.skip("no C compiler")
 
     def run(source: SampledSource, inputs: ArrayLike, *flags: str) -> tuple[Array, NDArray[np.int32]]:
         harness = HARNESS.format(name=source.name, N=source.name.upper())
         (tmp_path / "tried.c").write_text(source.text + harness, encoding="utf-8")
-        command = [program, *(flags or STRICT), "-O1", "-fPIC", "-shared", "tried.c", "-o", "tried.so", "-lm"]
+        command = [c_compiler, *(flags or STRICT), "-O1", "-fPIC", "-shared", "tried.c", "-o", "tried.so", "-lm"]
         done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr
         u = np.ascontiguousarray(inputs, dtype=np.float64)

@@ -34,9 +34,8 @@ def square(name="square"):
     return ca.Function(name, [x], [x**2])
 
 
+@pytest.mark.usefixtures("c_compiler")
 def test_the_compiled_plant_and_the_virtual_machine_agree(full, compiler_named):
-    if compiled.compiler() is None:
-        pytest.skip("there is no C compiler here")
     inputs = band_limited_noise(np.random.default_rng(5), 6.0, 0.02)
     settings = dict(start=0.0, sample_time=0.02, rest_command=0.0, values=full.free_values)
     fast = full.simulator
@@ -55,9 +54,8 @@ def test_the_cache_is_the_users_own(tmp_path, monkeypatch):
     assert stat.S_IMODE((tmp_path / "cache").stat().st_mode) == 0o700
 
 
+@pytest.mark.usefixtures("c_compiler")
 def test_code_is_compiled_once(tmp_path, monkeypatch):
-    if compiled.compiler() is None:
-        pytest.skip("there is no C compiler here")
     monkeypatch.setenv("DEATWIN_CACHE", str(tmp_path))
     assert float(compiled.compile_functions({"square": square()})["square"](3.0)) == 9.0
     (library,) = tmp_path.iterdir()
@@ -66,9 +64,8 @@ def test_code_is_compiled_once(tmp_path, monkeypatch):
     assert [f.stat().st_mtime_ns for f in tmp_path.iterdir()] == [written]
 
 
+@pytest.mark.usefixtures("c_compiler")
 def test_what_follows_from_known_equations_is_not_written_again(base, tmp_path, monkeypatch):
-    if compiled.compiler() is None:
-        pytest.skip("there is no C compiler here")
     monkeypatch.setenv("DEATWIN_CACHE", str(tmp_path))
     commands = band_limited_noise(np.random.default_rng(6), 2.0, 0.02)
     settings = dict(start=0.0, sample_time=0.02, rest_command=0.0, values=base.free_values)
@@ -93,10 +90,9 @@ def test_what_follows_from_known_equations_is_not_written_again(base, tmp_path, 
     assert len(set(keys)) == 4
 
 
+@pytest.mark.usefixtures("c_compiler")
 def test_where_elimination_gives_up_the_sparse_method_solves(base, tmp_path, monkeypatch):
     """Against the code that eliminates; both leave 1e-12 of a state's size in the equations."""
-    if compiled.compiler() is None:
-        pytest.skip("there is no C compiler here")
     commands = band_limited_noise(np.random.default_rng(6), 2.0, 0.02)
     settings = dict(start=0.0, sample_time=0.02, rest_command=0.0, values=base.free_values)
     expected = base.simulator.run_with_sensitivities(commands, **settings)
@@ -157,10 +153,9 @@ def test_workers_do_not_repeat_what_was_said(compiler_named, monkeypatch):
     assert said() == ""
 
 
+@pytest.mark.usefixtures("c_compiler")
 def test_the_flags_change_no_reading(full, monkeypatch):
     # Contracted products and shared reciprocals round differently, about 1e-16 an operation.
-    if compiled.compiler() is None:
-        pytest.skip("there is no C compiler here")
     inputs = band_limited_noise(np.random.default_rng(6), 6.0, 0.02)
     settings = dict(start=0.0, sample_time=0.02, rest_command=0.0, values=full.free_values)
     ours = full.simulator.run(inputs, **settings).outputs

@@ -7,20 +7,11 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from deatwin.plant.integrator import compiled, dense, lanes
+from deatwin.plant.integrator import dense, lanes
 from deatwin.plant.integrator.collocation import radau, step_functions
 
 COUNT = 5
 CALL = "int f(const double** arg, double** res, long long* iw, double* w, int mem)"
-
-
-@pytest.fixture
-def program() -> str:
-    """The C compiler."""
-    found = compiled.compiler()
-    if found is None:
-        pytest.skip("there is no C compiler here")
-    return found
 
 
 def ordinary(x, y):
@@ -36,22 +27,22 @@ def ordinary(x, y):
     )  # fmt: skip
 
 
-def test_every_operation_gives_what_casadi_gives(program, tmp_path):
+def test_every_operation_gives_what_casadi_gives(c_compiler, tmp_path):
     x, y = ca.SX.sym("x"), ca.SX.sym("y")
     function = ca.Function("f", [x, y], [ordinary(x, y)])
     helper = lanes.in_lanes(function, varying=[0])
     points, other = np.array([-1.3, -0.4, 0.0, 0.7, 2.1]), np.array([0.7])
     for count in (1, COUNT):
         result = np.zeros((count, function.nnz_out(0)))
-        called(program, tmp_path / str(count), lanes.call_in_lanes(function, count), helper)([points, other], result)
+        called(c_compiler, tmp_path / str(count), lanes.call_in_lanes(function, count), helper)([points, other], result)
         expected = np.hstack([np.asarray(function(p, 0.7)) for p in points[:count]]).T
         np.testing.assert_allclose(result, expected, rtol=4e-16, atol=1e-300)
 
 
-def test_a_result_that_nobody_wants_is_not_written(program, tmp_path):
+def test_a_result_that_nobody_wants_is_not_written(c_compiler, tmp_path):
     x = ca.SX.sym("x")
     function = ca.Function("f", [x], [x + 1, 2 * x])
-    call = called(program, tmp_path, lanes.call_in_lanes(function, 2), lanes.in_lanes(function, varying=[0]))
+    call = called(c_compiler, tmp_path, lanes.call_in_lanes(function, 2), lanes.in_lanes(function, varying=[0]))
     result = np.zeros(2)
     call([np.array([3.0, 5.0])], None, result)
     np.testing.assert_array_equal(result, [6.0, 10.0])
@@ -59,7 +50,7 @@ def test_a_result_that_nobody_wants_is_not_written(program, tmp_path):
 
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize(("n", "n_x", "columns"), [(4, 2, 3), (4, 4, 1), (9, 3, 6)])
-def test_elimination_solves_the_system_of_all_stages(program, tmp_path, seed, n, n_x, columns):
+def test_elimination_solves_the_system_of_all_stages(c_compiler, tmp_path, seed, n, n_x, columns):
     """Against LAPACK, for Jacobians whose first pivots are zero; the bound is that of Gaussian elimination (Golub & Van
     Loan 2013, section 3.4.6) with room for growth: 1000 roundings times the condition."""
     rng = np.random.default_rng(seed)
@@ -82,7 +73,7 @@ def test_elimination_solves_the_system_of_all_stages(program, tmp_path, seed, n,
     for kept in (1, COUNT):
         body = dense.solved_in_lanes(pattern, inverse, n_x, columns, kept, np.ones(n))
         result = np.zeros((columns, n * kept))
-        call = called(program, tmp_path / str(kept), body)
+        call = called(c_compiler, tmp_path / str(kept), body)
         call([entries, mass, np.array([h]), right.T.copy()], result)
         scaled = system / np.linalg.norm(system, axis=1, keepdims=True)
         error = np.linalg.norm(result.T - expected[-n * kept :]) / np.linalg.norm(expected)
@@ -106,7 +97,7 @@ def test_a_stage_that_does_not_give_its_coordinates_is_left_to_the_sparse_method
 
 @pytest.mark.parametrize("coordinates", [1, 3])
 @pytest.mark.parametrize(("share", "solved"), [(1.0, True), (1e-6, True), (1e-9, False), (0.0, False), (np.nan, False)])
-def test_a_stage_that_hardly_gives_its_coordinates_is_not_solved(program, tmp_path, coordinates, share, solved):
+def test_a_stage_that_hardly_gives_its_coordinates_is_not_solved(c_compiler, tmp_path, coordinates, share, solved):
     """One coordinate, and a chain of three that each tell the next one with the cube root of the share. What is left of
     a row grows by the inverse of the share; 100 roundings of that are room for the rest."""
     n, inverse, h = 1 + coordinates, np.linalg.inv(radau(COUNT)[1]), 0.02
@@ -116,7 +107,7 @@ def test_a_stage_that_hardly_gives_its_coordinates_is_not_solved(program, tmp_pa
     jacobian[-1, 0] += 1.0
     filled = ~(jacobian == 0.0) | np.eye(n, dtype=bool)
     body = dense.solved_in_lanes(ca.sparsify(ca.DM(filled.astype(float))).sparsity(), inverse, 1, 1, COUNT, np.ones(n))
-    call = called(program, tmp_path, body)
+    call = called(c_compiler, tmp_path, body)
     result, right = np.zeros((1, n * COUNT)), np.linspace(1.0, 2.0, n * COUNT)
     entries = np.tile(jacobian.T[filled.T], (COUNT, 1))
     assert (call([entries, np.ones(1), np.array([h]), right], result) == 0) == solved
@@ -129,11 +120,11 @@ def test_a_stage_that_hardly_gives_its_coordinates_is_not_solved(program, tmp_pa
 
 
 @pytest.mark.parametrize(("scale", "solved"), [(1e-12, True), (1.0, False)])
-def test_a_coordinate_counts_against_what_a_state_makes_of_its_row(program, tmp_path, scale, solved):
+def test_a_coordinate_counts_against_what_a_state_makes_of_its_row(c_compiler, tmp_path, scale, solved):
     """A state in picometres: its entries are large, what it does is not. Without its scale the share would be 1e-12."""
     inverse, h = np.linalg.inv(radau(COUNT)[1]), 0.02
     body = dense.solved_in_lanes(ca.Sparsity.dense(2, 2), inverse, 1, 1, COUNT, np.array([scale, 1.0]))
-    call = called(program, tmp_path, body)
+    call = called(c_compiler, tmp_path, body)
     result, right = np.zeros((1, 2 * COUNT)), np.linspace(1.0, 2.0, 2 * COUNT)
     entries = np.tile([-3.0, 1e12, 2e-12, 1.0], (COUNT, 1))  # column by column: x' = -3x + 2e-12 z, 0 = 1e12 x + z
     assert (call([entries, np.ones(1), np.array([h]), right], result) == 0) == solved
@@ -144,12 +135,12 @@ def test_a_coordinate_counts_against_what_a_state_makes_of_its_row(program, tmp_
         np.testing.assert_allclose(result[0], expected, rtol=1e-12)  # two hundred roundings and a condition of ten
 
 
-def called(program, folder, body, helper=""):
+def called(c_compiler, folder, body, helper=""):
     """A C function of this body, to be called with arrays for arguments and results."""
     folder.mkdir(exist_ok=True)
     code, library = folder / "f.c", folder / "f.so"
     code.write_text(f"#include <math.h>\n{helper}\n{CALL} {{\n{body}\n}}\n")
-    subprocess.run([program, "-O1", "-fPIC", "-shared", str(code), "-o", str(library), "-lm"], check=True)
+    subprocess.run([c_compiler, "-O1", "-fPIC", "-shared", str(code), "-o", str(library), "-lm"], check=True)
     function, pointer = ctypes.CDLL(str(library)).f, ctypes.c_void_p
 
     def call(arguments, *results):
