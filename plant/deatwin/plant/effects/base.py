@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, fields, replace
 from enum import Enum
 from types import MappingProxyType
@@ -101,6 +101,21 @@ class Effect(ABC):
             This effect at the shapes that look promising; none by default, then a grid of shapes is tried.
         """
         return ()
+
+    def cycle(self, measured: Collection[str]) -> float:
+        """How long the cycle is that this effect follows: in a small part of it no more is seen than a drift.
+
+        Parameters
+        ----------
+        measured : collection of str
+            Further channels that the recordings bring.
+
+        Returns
+        -------
+        float
+            s; 0 where there is none, or where its course was measured.
+        """
+        return 0.0
 
     @property
     def entry(self) -> str | dict[str, Any]:

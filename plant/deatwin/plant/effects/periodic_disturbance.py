@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -66,6 +67,9 @@ class PeriodicDisturbance(Effect):
     def rewrite(self, signal: Any, build: Builder) -> Any:
         angle = 2 * np.pi * self.own("frequency", build) * build.time + self.own("phase", build)
         return signal + self.own("amplitude", build) * ca.cos(angle)
+
+    def cycle(self, measured: Collection[str]) -> float:
+        return 1 / self.frequency
 
     def starts(self, timepts: np.ndarray, residual: np.ndarray) -> tuple[Effect, ...]:
         """This effect at the lines that stand out of the residual's spectrum.

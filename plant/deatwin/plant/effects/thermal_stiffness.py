@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
@@ -83,6 +84,9 @@ class ThermalStiffness(Effect):
         swing = ca.cos(2 * np.pi * build.time / self.own("period", build) + phase) - ca.cos(phase)
         departure = ca.if_else(room > self.not_measured, room - self.reference, swing)
         return signal.with_elastic(1 + self.own("change_per_kelvin", build) * departure)
+
+    def cycle(self, measured: Collection[str]) -> float:
+        return 0.0 if "temperature" in measured else self.period
 
     def starts(self, timepts: np.ndarray, residual: np.ndarray) -> tuple[Effect, ...]:
         """This effect with the slow cycles that explain most of the residual.

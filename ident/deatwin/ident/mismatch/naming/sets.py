@@ -10,6 +10,7 @@ import numpy as np
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.floor import floor_of
 from deatwin.ident.mismatch.naming.candidate import Candidate, noise_seen
+from deatwin.ident.mismatch.naming.cycles import shows_its_cycles
 from deatwin.ident.mismatch.naming.decide import STRONG, Naming, decide, with_distances
 from deatwin.ident.mismatch.naming.limits import with_limits
 from deatwin.ident.mismatch.naming.overlap import with_overlap
@@ -127,8 +128,12 @@ class Search:
         return []  # a further effect does not help: another one beside it would not be understood
 
     def _beginnings(self, stage: Sequence[Names]) -> list[Names]:
-        """The sets of a `stage` beside which a further effect is looked for, in their order."""
+        """The sets of a `stage` beside which a further effect is looked for, in their order.
+
+        A cycle of which the recordings show little imitates any drift: it comes last.
+        """
         ranked = self.ranked([names for names in stage if not self.leaves_a_trifle(names)])
+        ranked.sort(key=lambda names: not shows_its_cycles(self.tried[names], self.bench.everything))
         if any(len(names) > 1 for names in ranked):
             return [names for names in ranked[:1] if self._takes_most(self.tried[names])]
         return [*ranked[:1], *(names for names in ranked[1:2] if self._takes_most(self.tried[names]))]

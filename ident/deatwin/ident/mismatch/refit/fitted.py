@@ -1,12 +1,15 @@
-"""The parameters of a calibrated plant as a diagnosis reports them."""
+"""What a calibration found: parameters as a diagnosis reports them, and effects with their values."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.mismatch.diagnosis import FittedParameter
+from deatwin.plant.effects.base import Effect
 from deatwin.plant.model import Plant
 
-__all__ = ["fitted_parameters"]
+__all__ = ["fitted_effect", "fitted_parameters"]
 
 
 def fitted_parameters(nominal: Plant, fit: Calibration) -> dict[str, FittedParameter]:
@@ -33,3 +36,21 @@ def fitted_parameters(nominal: Plant, fit: Calibration) -> dict[str, FittedParam
             at_bound=name in fit.at_bound,
         )  # fmt: skip
     return found
+
+
+def fitted_effect(plant: Plant, name: str) -> Effect:
+    """One of a plant's effects, with the values that it has in the plant.
+
+    Parameters
+    ----------
+    plant : Plant
+        Calibrated.
+    name : str
+        Canonical name of the effect.
+
+    Returns
+    -------
+    Effect
+    """
+    effect = next(e for e in plant.effects if e.name == name)
+    return replace(effect, **{p.name: plant.parameters[f"{name}.{p.name}"].value for p in effect.describe()})

@@ -14,6 +14,8 @@ from deatwin.ident.mismatch.naming.sets import Search
 
 NOISE, MODEL_ERROR = 2.0, 1.2
 RIG = SimpleNamespace(model_error=MODEL_ERROR)
+RECORD = SimpleNamespace(extras={})
+PARTS = (SimpleNamespace(experiment=SimpleNamespace(recordings=(RECORD,)), timepts=np.array([0.0, 420.0])),)
 
 
 @pytest.fixture
@@ -41,7 +43,7 @@ def candidate() -> Callable[..., Candidate]:
 
     def make(*effects: str, rms: float, unseen: float | None = None, alone: float = np.inf) -> Candidate:
         fitted, late = np.tile([rms, -rms], 3500), np.tile([unseen or rms, -(unseen or rms)], 1500)
-        plant, names = SimpleNamespace(rig=RIG, effects=()), ("a",) * (7 + len(effects))
+        plant, names = SimpleNamespace(rig=RIG, effects=(), effect_names=()), ("a",) * (7 + len(effects))
         calibration = SimpleNamespace(
             plant=plant, residuals=fitted, names=names, status=FitStatus.SETTLED, rms=float(np.sqrt(np.mean(fitted**2)))
         )
@@ -74,7 +76,7 @@ def search_over() -> Callable[..., Search]:
     """``search_over(*candidates)``: a search in which these were tried, the base plant first."""
 
     def make(*candidates: Candidate) -> Search:
-        search = Search(SimpleNamespace(effects=(), jobs=1), candidates[0], ())
+        search = Search(SimpleNamespace(effects=(), jobs=1, everything=PARTS), candidates[0], ())
         search.tried.update({c.effects: c for c in candidates})
         return search
 

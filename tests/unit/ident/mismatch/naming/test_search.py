@@ -8,6 +8,7 @@ import pytest
 
 from deatwin.ident.mismatch.naming.sets import Search
 from deatwin.ident.mismatch.naming.worth import suffices
+from deatwin.plant import ThermalStiffness
 
 
 def test_what_keeps_a_limit_by_luck_does_not_lead_what_is_likelier_by_far(candidate, search_over, monkeypatch):
@@ -247,6 +248,31 @@ def test_where_nothing_counts_beside_the_best_the_next_best_is_gone_on_with_if_i
     assert been == asked
     assert told == [len, None][: len(asked)]  # the share that is done does not go back
     assert found == ([idle.effects, pair.effects, ("replaced", "sensor_jump")] if len(asked) == 2 else [])
+
+
+def test_a_cycle_of_which_little_was_recorded_is_the_last_beginning(candidate, search_over):
+    """420 s are a quarter of 1680 s: of a longer swing they show a drift."""
+    base, creep, jump = candidate(rms=28.3), candidate("creep", rms=12.0), candidate("sensor_jump", rms=12.5)
+    drift = candidate("sensor_drift", rms=10.0)
+
+    def asked_for(swing, period):
+        plant = swing.calibration.plant
+        plant.effects, plant.effect_names = (ThermalStiffness(),), ("thermal_stiffness",)
+        plant.parameters = {p.name: p for p in ThermalStiffness(period=period).parameters}
+        tried = [c for c in (creep, jump, drift) if len(c.effects) == len(swing.effects)]
+        search = search_over(base, creep, jump, drift, swing)
+        search.beside = lambda names, finished: asked.append(names) or []
+        asked = []
+        search.with_one_more([swing.effects, *(c.effects for c in tried)])
+        return asked
+
+    alone = candidate("thermal_stiffness", rms=11.0)
+    assert asked_for(alone, 1600.0) == [("sensor_drift",), ("thermal_stiffness",)]
+    assert asked_for(alone, 1700.0) == [("sensor_drift",), ("creep",)]
+    best = candidate("thermal_stiffness", rms=9.0)
+    assert asked_for(best, 1600.0)[0] == ("thermal_stiffness",)
+    assert asked_for(best, 1700.0) == [("sensor_drift",), ("creep",)]
+    assert asked_for(candidate("sensor_lag", "thermal_stiffness", rms=9.0), 1700.0)  # there is no other one
 
 
 @pytest.mark.parametrize("left, goes_on", [(7.4, False), (5.0, True)])

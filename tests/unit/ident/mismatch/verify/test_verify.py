@@ -249,6 +249,7 @@ def test_each_failure_is_said_and_is_enough():
     ):
         assert not verification(**failed).holds
         assert said in verification(**failed).failures[0]
+    assert verification(gain_low=0.0, counts=True).holds
     within = replace(part, after=2.15e-6)  # worse, but within noise and model error
     uncertain = replace(part, gain_high=1e-7)
     small = replace(part, after=2.23e-6)  # 2.23² - 2.00² is less than 1.00², 2.24² - 2.00² is more
@@ -291,12 +292,15 @@ def test_what_acts_in_bursts_returns_if_both_parts_are_certain_of_it(size, fitte
     found = _ablation("amplifier_slew", without, amended, without, np.random.default_rng(0))
     assert found.gain_low == 0.0  # some draws have none of the one block
     assert found.returns is returns
+    whole = verify(without, amended, np.random.default_rng(0))  # what is said of an effect is said of the whole
+    assert whole.gain_low == 0.0
+    assert whole.holds is whole.counts is returns
 
 
 def test_the_file_has_amplitudes_in_micrometres():
     taken = Ablation(effect="creep", fitted=9e-6, unseen=10e-6, gain_low=7e-6, share=0.97)
     data = verification(ablations=(taken,)).to_dict()
-    assert data["gain_low"] == pytest.approx(7.0)
+    assert data["gain_low"] == pytest.approx(7.0) and data["counts"] is False
     assert data["ablation"] == [
         {"effect": "creep", "fitted": pytest.approx(9.0), "unseen": pytest.approx(10.0), "gain_low": pytest.approx(7.0),
          "share": 0.97, "counts": False}

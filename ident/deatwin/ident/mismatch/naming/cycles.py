@@ -1,0 +1,38 @@
+"""Whether recordings show the cycle that an explanation speaks of."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from deatwin.ident.greybox.fit import Part
+from deatwin.ident.mismatch.naming.candidate import Candidate
+from deatwin.ident.mismatch.refit.fitted import fitted_effect
+
+__all__ = ["shows_its_cycles"]
+
+QUARTER = 0.25
+"""Of a cycle: from where it is steepest to its end a sine leaves the chord by a fifth of its rise, as any drift may."""
+
+
+def shows_its_cycles(candidate: Candidate, parts: Sequence[Part]) -> bool:
+    """Whether some experiment lasts for a quarter of each cycle that the effects of a candidate follow.
+
+    A smaller part of a cycle, with a period and a phase that are free, is any slow curve.
+
+    Parameters
+    ----------
+    candidate : Candidate
+        Fitted.
+    parts : sequence of Part
+        Recordings; a cycle whose course they all measured is seen.
+
+    Returns
+    -------
+    bool
+    """
+    records = [record for part in parts for record in part.experiment.recordings]
+    measured = set[str].intersection(*(set(record.extras) for record in records))
+    lasts = max(float(part.timepts[-1] - part.timepts[0]) for part in parts)
+    plant = candidate.calibration.plant
+    effects = [fitted_effect(plant, name) for name in plant.effect_names if name in candidate.effects]
+    return all(lasts >= QUARTER * effect.cycle(measured) for effect in effects)
