@@ -24,15 +24,19 @@ def shows_its_cycles(candidate: Candidate, parts: Sequence[Part]) -> bool:
     candidate : Candidate
         Fitted.
     parts : sequence of Part
-        Recordings; a cycle whose course they all measured is seen.
+        Recordings; a cycle whose course was measured in each of them is seen.
 
     Returns
     -------
     bool
     """
-    records = [record for part in parts for record in part.experiment.recordings]
-    measured = set[str].intersection(*(set(record.extras) for record in records))
+    measured = set[str].intersection(*(_measured(part) for part in parts))
     lasts = max(float(part.timepts[-1] - part.timepts[0]) for part in parts)
     plant = candidate.calibration.plant
     effects = [fitted_effect(plant, name) for name in plant.effect_names if name in candidate.effects]
     return all(lasts >= QUARTER * effect.cycle(measured) for effect in effects)
+
+
+def _measured(part: Part) -> set[str]:
+    """Further channels of an experiment: the plant holds their last values where a record has none."""
+    return {name for record in part.experiment.recordings for name in record.extras}

@@ -33,14 +33,15 @@ def name_causes(
 ) -> Naming:
     """Look for the smallest set of effects that explains the recordings.
 
-    Each promising effect is built into the base plant alone, then into its rival forms, since another reading of
-    what the rig file leaves open costs less than a further effect; where one suffices, or none takes most of the
-    mismatch, only into those that fit clearly better without any, lest it explain a wrong form away. Where none
-    suffices, each further one beside the best, or where none counts there beside the next best, and so on to three;
-    where one does, a second one that has a part of its own. The effects that were there before a step are replaced
-    in turn: the best single effect may only imitate two others, and it has rivals beside the new one, too. Where
-    all this was done in a rival form and in vain, it is done in the rig file's own. Of several, one is left out
-    where another form does its work; where nothing explains, the best pair is tried in the other forms, too.
+    Each promising effect is built into the base plant alone, then into its rival forms, since another reading of what
+    the rig file leaves open costs less than a further effect; where one suffices, or none takes most of the mismatch,
+    only into those that fit clearly better without any, lest it explain a wrong form away. Where none suffices, each
+    further one beside the best, or where none counts there beside the next best, with the pairs that promise most
+    together, and so on to three; where one does, a second one that has a part of its own. The effects that were there
+    before a step are replaced in turn: the best single effect may only imitate two others, and it has rivals beside the
+    new one, too. Where all this was done in a rival form and in vain, it is done in the rig file's own. Of several, one
+    is left out where another form does its work; where nothing explains, the best pair is tried in the other forms,
+    too.
 
     Parameters
     ----------

@@ -12,6 +12,7 @@ from deatwin.ident.mismatch.floor import floor_of
 from deatwin.ident.mismatch.naming.candidate import Candidate, noise_seen
 from deatwin.ident.mismatch.naming.cycles import shows_its_cycles
 from deatwin.ident.mismatch.naming.decide import STRONG, Naming, decide, with_distances
+from deatwin.ident.mismatch.naming.joint import joint_trials
 from deatwin.ident.mismatch.naming.limits import with_limits
 from deatwin.ident.mismatch.naming.overlap import with_overlap
 from deatwin.ident.mismatch.naming.pairs import Names, barely, each_without_one
@@ -112,25 +113,45 @@ class Search:
     def with_one_more(self, stage: Sequence[Names], finished: Finished | None = None) -> list[Names]:
         """Sets of one more effect beside the best of a `stage`, and in its place; none where none helps.
 
+        Of two also those that promise most together. `finished` is called with the share that is done.
+        """
+        beside = self._beside_one(stage, finished)
+        return beside if any(len(names) > 1 for names in stage) else beside + self._together()
+
+    def _beside_one(self, stage: Sequence[Names], finished: Finished | None) -> list[Names]:
+        """The same from one set of a `stage` after another, until a further effect helps.
+
         Beside what leaves a trifle none could count. But it may only imitate two others: then the best of those that
         leave more is gone on with, and beside a single one where nothing helps, the next best. Two that do not take
-        most of the mismatch are no beginning of three. `finished` is called with the share that is done.
+        most of the mismatch are no beginning of three.
         """
         found: list[Names] = []
         for before in self._beginnings(stage):
             beside = self.beside(before, finished)
             found += beside
             finished = None  # nobody knew of a second beginning
-            # In their order, not all at once: to know whether a set counts may take a fit.
-            best = next((names for names in self.ranked(beside) if self.each_counts(names)), None)
+            best = self._best_that_counts(beside)
             if best is not None:
                 return found + self.replacing(before, best)
         return []  # a further effect does not help: another one beside it would not be understood
 
+    def _together(self) -> list[Names]:
+        """The pairs that promise most together, if one of them counts; and what else may be in the best one's place."""
+        together = self._new(joint_trials(self))
+        best = self._best_that_counts(together)
+        if best is None:
+            return []
+        leads = best == self.best_of([names for names in self.tried if len(names) == len(best)])
+        return together + (self.replacing(best, best) if leads else [])
+
+    def _best_that_counts(self, stage: Sequence[Names]) -> Names | None:
+        # In their order, not all at once: to know whether a set counts may take a fit.
+        return next((names for names in self.ranked(stage) if self.each_counts(names)), None)
+
     def _beginnings(self, stage: Sequence[Names]) -> list[Names]:
         """The sets of a `stage` beside which a further effect is looked for, in their order.
 
-        A cycle of which the recordings show little imitates any drift: it comes last.
+        A cycle of which the recordings show little imitates any drift: it comes after all others.
         """
         ranked = self.ranked([names for names in stage if not self.leaves_a_trifle(names)])
         ranked.sort(key=lambda names: not shows_its_cycles(self.tried[names], self.bench.everything))

@@ -78,6 +78,7 @@ def search_over() -> Callable[..., Search]:
     def make(*candidates: Candidate) -> Search:
         search = Search(SimpleNamespace(effects=(), jobs=1, everything=PARTS), candidates[0], ())
         search.tried.update({c.effects: c for c in candidates})
+        search._together = list  # no pairs: nothing was screened
         return search
 
     return make

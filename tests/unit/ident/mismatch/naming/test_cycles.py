@@ -43,4 +43,7 @@ def test_a_measured_temperature_shows_the_swing_itself():
     swing, warm = explained_by(ThermalStiffness(period=1e4)), {"temperature": np.full(5, 293.0)}
     assert shows_its_cycles(swing, [part(10.0, **warm)])
     assert not shows_its_cycles(swing, [part(10.0, **warm), part(10.0)])  # of one experiment nobody knows it
+    later = part(10.0, **warm)
+    later.experiment.recordings += part(10.0).experiment.recordings  # on the same clock: the last value is held
+    assert shows_its_cycles(swing, [later])
     assert not shows_its_cycles(explained_by(PeriodicDisturbance(frequency=1e-4)), [part(10.0, **warm)])

@@ -250,6 +250,28 @@ def test_where_nothing_counts_beside_the_best_the_next_best_is_gone_on_with_if_i
     assert found == ([idle.effects, pair.effects, ("replaced", "sensor_jump")] if len(asked) == 2 else [])
 
 
+@pytest.mark.parametrize(
+    ("sizes", "found"),
+    [
+        ((2.2, 9.0), [("creep", "sensor_drift"), ("in its place",)]),  # it becomes the best: are there others like it?
+        ((8.0, 5.0), [("creep", "sensor_drift")]),  # another pair, which was tried, leaves less
+        ((26.5, 26.9), []),  # 27² - 26.5² is less than a twentieth of the mismatch
+    ],
+)
+def test_pairs_that_promise_most_together_are_tried_if_one_counts(candidate, search_over, monkeypatch, sizes, found):
+    base, swing = candidate(rms=28.3), candidate("thermal_stiffness", rms=20.0)
+    alone = candidate("creep", rms=27.0), candidate("sensor_drift", rms=27.0)
+    search = search_over(base, swing, *alone, candidate("creep", "delay", rms=sizes[1]), candidate("delay", rms=28.0))
+    pair = candidate("creep", "sensor_drift", rms=sizes[0])
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.joint_trials", lambda of: ["the most promising"])
+    search._new = lambda trials: search.tried.update({pair.effects: pair}) or [pair.effects] * len(trials)
+    search.replacing = lambda before, best: [("in its place",)] if before == best == pair.effects else []
+    search.beside = lambda names, finished: []
+    del search._together  # the real one
+    assert search.with_one_more([swing.effects, *(c.effects for c in alone)]) == found
+    assert search.with_one_more([pair.effects]) == []  # beside two there are no pairs
+
+
 def test_a_cycle_of_which_little_was_recorded_is_the_last_beginning(candidate, search_over):
     """420 s are a quarter of 1680 s: of a longer swing they show a drift."""
     base, creep, jump = candidate(rms=28.3), candidate("creep", rms=12.0), candidate("sensor_jump", rms=12.5)

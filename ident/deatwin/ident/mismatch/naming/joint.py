@@ -1,0 +1,63 @@
+"""Which pairs of effects promise most together, though neither may do so alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from deatwin.ident.greybox.tangent import linearised_rms
+from deatwin.ident.mismatch.naming.screen import leads
+from deatwin.ident.mismatch.naming.trial import Trial, trials_of, with_fitted
+
+if TYPE_CHECKING:
+    from deatwin.ident.mismatch.naming.sets import Search
+
+__all__ = ["joint_trials"]
+
+FIRST = 3
+"""So many of the pairs that promise most are tried, where they were not yet."""
+
+
+def joint_trials(search: Search) -> list[Trial]:
+    """Trials of the pairs that promise most of all in which one effect was tried alone.
+
+    A step from the best single effect to a second one beside it misses two that work against each other: either alone
+    explains little, and what explains more may imitate both. What a second effect could explain of what each single one
+    leaves, to first order, costs no simulation.
+
+    Parameters
+    ----------
+    search : Search
+        In which single effects were tried.
+
+    Returns
+    -------
+    list of Trial
+        The most promising first, without pairs that were tried: none where a step from the best has found them.
+    """
+    given = frozenset(search.bench.nominal.effect_names)
+    tried = {frozenset(names) | given for names in search.tried}
+    promising: dict[frozenset[str], Trial] = {}
+    for trial in sorted(_of_all(search), key=_least):
+        promising.setdefault(frozenset(trial.start.effect_names), trial)
+    return [promising[names] for names in list(promising)[:FIRST] if names not in tried]
+
+
+def _least(trial: Trial) -> float:
+    """Mean square that a trial leaves to first order, wherever its parameters had to go for that.
+
+    Many single fits were given up before their minimum, and what their own parameters would still take is not to be
+    had by a second effect.
+    """
+    before = trial.without
+    return linearised_rms(before.residuals, before.jacobian) ** 2 - trial.share * before.rms**2
+
+
+def _of_all(search: Search) -> Iterator[Trial]:
+    for names, candidate in search.tried.items():
+        if len(names) != 1:
+            continue
+        fit = candidate.calibration
+        free = [f for f in search.known() if f.effect.name not in fit.plant.effect_names]
+        unbent = with_fitted(search.bench.nominal.with_rig(fit.plant.rig), fit.plant)
+        yield from trials_of(unbent, fit, leads(free, fit))

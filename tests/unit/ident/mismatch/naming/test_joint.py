@@ -1,0 +1,96 @@
+"""Which pairs are tried because they promise most together, on a linear problem whose answer is known."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from deatwin.ident.mismatch.naming.joint import joint_trials
+from deatwin.ident.mismatch.naming.screen import Footprint
+from deatwin.plant import Creep, Delay, Diaphragm, ElectrodeRC, Hysteresis, Plant, SensorDrift
+
+PLANT = Plant(rig=Diaphragm())
+ALIKE = np.linalg.qr(np.random.default_rng(3).normal(size=(400, 5)))[0].T
+"""Five orthonormal signals."""
+EFFECTS = {
+    Creep(): ALIKE[0],
+    SensorDrift(): 0.9 * ALIKE[0] + np.sqrt(1 - 0.9**2) * ALIKE[1],
+    Hysteresis(): ALIKE[1] + 0.6 * ALIKE[2],
+    Delay(): ALIKE[2],
+    ElectrodeRC(): ALIKE[3],
+}
+"""What they do to the readings. Creep and the drift are nearly the same."""
+RESIDUAL = 10e-6 * (EFFECTS[SensorDrift()] - EFFECTS[Creep()]) + 1e-6 * ALIKE[4]
+"""Of a film that creeps one way while the sensor drifts the other; what creeps and what drifts alone explain little."""
+
+
+def left_by(*effects) -> tuple[np.ndarray, np.ndarray]:
+    columns = np.stack([EFFECTS[e] for e in effects], axis=1)
+    return RESIDUAL - columns @ np.linalg.lstsq(columns, RESIDUAL, rcond=None)[0], columns
+
+
+def fit_of(*effects) -> SimpleNamespace:
+    left, columns = left_by(*effects)
+    rms = float(np.sqrt(np.mean(left**2)))
+    fit = SimpleNamespace(plant=PLANT.with_effects(*effects), residuals=left, jacobian=columns, rms=rms)
+    return SimpleNamespace(calibration=fit)
+
+
+def search_with(*sets) -> SimpleNamespace:
+    known = [Footprint(effect=e, change=change) for e, change in EFFECTS.items()]
+    tried = {tuple(e.name for e in effects): fit_of(*effects) for effects in sets}
+    return SimpleNamespace(tried=tried, known=lambda: known, bench=SimpleNamespace(nominal=PLANT))
+
+
+def names_of(trial) -> set[str]:
+    return set(trial.start.effect_names)
+
+
+def test_two_that_work_against_each_other_promise_most():
+    alone = {e.name: np.linalg.norm(left_by(e)[0]) for e in EFFECTS}
+    assert min(alone, key=alone.get) == "hysteresis"  # which is neither
+    found = joint_trials(search_with((Hysteresis(),), (Creep(),)))
+    assert names_of(found[0]) == {"creep", "sensor_drift"}
+    # in a linear problem, to first order is all of it
+    promised = [trial.promised for trial in found]
+    exact = [fit_of(*(e for e in EFFECTS if e.name in names_of(trial))).calibration.rms for trial in found]
+    assert promised == pytest.approx(exact, rel=1e-6)
+    assert promised == sorted(promised)
+    assert promised[0] == pytest.approx(1e-6 / np.sqrt(RESIDUAL.size), rel=1e-6)
+
+
+def test_a_pair_is_promised_once_from_the_single_effect_that_promises_more():
+    found = joint_trials(search_with((Hysteresis(),), (Creep(),), (SensorDrift(),)))
+    # of seven pairs in which one of those is
+    assert len(found) == len({frozenset(names_of(trial)) for trial in found}) == 3
+
+
+def test_what_the_own_parameters_of_a_fit_that_was_given_up_would_take_is_no_promise():
+    """Short of its minimum a fit leaves what no second effect can have, and promises as much as from there."""
+    search = search_with((Hysteresis(),), (Creep(),), (SensorDrift(),))
+    exact = [names_of(trial) for trial in joint_trials(search)]
+    for candidate in search.tried.values():
+        fit = candidate.calibration
+        fit.residuals = fit.residuals - 3e-6 * fit.jacobian[:, 0]
+        fit.rms = float(np.sqrt(np.mean(fit.residuals**2)))
+    assert [names_of(trial) for trial in joint_trials(search)] == exact
+    assert exact[0] == {"creep", "sensor_drift"}
+
+
+def test_pairs_that_were_tried_are_not_tried_again():
+    pair = (SensorDrift(), Creep())
+    anew = [names_of(trial) for trial in joint_trials(search_with((Hysteresis(),), (Creep(),)))]
+    again = [names_of(trial) for trial in joint_trials(search_with((Hysteresis(),), (Creep(),), pair))]
+    assert again == anew[1:]
+    assert joint_trials(search_with(pair)) == []  # nothing was tried alone
+
+
+def test_effects_of_the_plant_itself_belong_to_no_pair():
+    search = search_with((Hysteresis(),), (Creep(),))
+    search.bench.nominal = PLANT.with_effects(Delay())
+    for candidate in search.tried.values():
+        candidate.calibration.plant = candidate.calibration.plant.with_effects(Delay())
+    found = joint_trials(search)
+    assert all("delay" in names_of(trial) and len(names_of(trial)) == 3 for trial in found)
+    search.tried["creep", "sensor_drift"] = search.tried["creep",]
+    assert {"creep", "sensor_drift", "delay"} not in map(names_of, joint_trials(search))
