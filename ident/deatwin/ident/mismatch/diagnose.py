@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Calibration, calibrate, free_run_residuals
+from deatwin.ident.greybox.fit import free_run_residuals
 from deatwin.ident.mismatch.advise.advise import advise
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.conclude import Findings, conclude
@@ -24,7 +24,7 @@ from deatwin.ident.mismatch.naming.name import name_causes
 from deatwin.ident.mismatch.naming.screen import footprints
 from deatwin.ident.mismatch.naming.worth import takes_most
 from deatwin.ident.mismatch.refit.base import Base, calibrate_base
-from deatwin.ident.mismatch.refit.search import at_its_time
+from deatwin.ident.mismatch.refit.search import refit
 from deatwin.ident.mismatch.steps import Step, base_step, fit_step, found_step, gate_step
 from deatwin.ident.mismatch.verify.verify import Verification, verify
 from deatwin.ident.parallel import spawn_generators
@@ -35,9 +35,6 @@ from deatwin.plant.recording import Experiment
 __all__ = ["diagnose"]
 
 Progress = Callable[[float, str], None]
-SETTLED = 1e-6
-"""Relative change of the squared residual at which the last fit ends: what is left is a tenth of a standard deviation
-along the flattest direction."""
 
 
 def diagnose(
@@ -139,7 +136,7 @@ def diagnose(
         Findings(
             bench=bench, checked=checked, base=base, detection=detection, location=location, naming=naming,
             verification=verification, advice=advice, discovery=discovery, verdict=verdict, answer=answer,
-            final=_refit(bench, found),
+            final=refit(found, bench.everything),
         )
     )  # fmt: skip
     tell(1.0, "done")
@@ -222,10 +219,3 @@ def _without_doubted(naming: Naming, verification: Verification) -> list[Candida
 def _nominal_is_off(bench: Bench, base: Base) -> bool:
     residuals = free_run_residuals(bench.nominal, bench.everything)
     return residuals is None or excess_over_floor(residuals, base.noise, bench.nominal.rig.model_error).mismatch
-
-
-def _refit(bench: Bench, found: Calibration) -> Calibration:
-    """After the judgement the answer is fitted to all sound samples, its events at their times."""
-    placed = at_its_time(found, bench.everything)
-    final = calibrate(placed.plant, bench.everything, evaluations=60, tolerance=SETTLED)
-    return final if final.status.ok else found

@@ -20,6 +20,7 @@ __all__ = [
     "in_its_gap",
     "is_promising",
     "opening",
+    "refit",
     "roughly",
     "search",
     "settle",
@@ -34,6 +35,8 @@ ROUGH_EVALUATIONS = 10
 """nor with more simulations than these."""
 DECIDING = 1e-3
 """Relative change of the squared residual that no decision sees: a tenth of a nat in a hundred blocks."""
+SETTLED, EVALUATIONS = 1e-6, 60
+"""The same at which a last fit ends: what is left is a tenth of a standard deviation along the flattest direction."""
 ROUNDS = 4
 """Fits from where the last one ended."""
 EVENT_STEP = 0.02
@@ -230,6 +233,26 @@ def in_its_gap(fit: Calibration, fitted: Sequence[Part], everything: Sequence[Pa
     found = finish(replace(fit, plant=plant), fitted)
     # What the readings hardly depend on a step of the fit may move anywhere.
     return _with_values(found, {name: plant.parameters[name].value for name in moved}, fitted)
+
+
+def refit(found: Calibration, everything: Sequence[Part]) -> Calibration:
+    """After the judgement a plant is fitted to all sound samples, its events at their times.
+
+    Parameters
+    ----------
+    found : Calibration
+        Of the fitted part.
+    everything : sequence of Part
+        All that may be fitted.
+
+    Returns
+    -------
+    Calibration
+        On `everything`; `found` where there is no such fit.
+    """
+    placed = at_its_time(found, everything)
+    final = calibrate(placed.plant, everything, evaluations=EVALUATIONS, tolerance=SETTLED)
+    return final if final.status.ok else found
 
 
 def _with_values(fit: Calibration, values: Mapping[str, float], parts: Sequence[Part]) -> Calibration:

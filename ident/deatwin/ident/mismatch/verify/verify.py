@@ -15,10 +15,12 @@ import numpy as np
 
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.datasets import table
+from deatwin.ident.mismatch.excess import practical_size
 from deatwin.ident.mismatch.losses import block_losses, bootstrap_gain
 from deatwin.ident.mismatch.naming.candidate import Candidate, judge
+from deatwin.ident.mismatch.naming.worth import MOST
 from deatwin.ident.mismatch.refit.fitted import fitted_effect
-from deatwin.ident.mismatch.refit.search import settle
+from deatwin.ident.mismatch.refit.search import refit, settle
 from deatwin.ident.mismatch.verify.constancy import Constancy, constancies
 from deatwin.ident.mismatch.verify.shams import Sham, sham_effects
 from deatwin.ident.mismatch.verify.transfer import Transfer, transfers
@@ -80,7 +82,8 @@ class Verification:
     gain_low : float
         Lower 95 % bound of the fall on the unseen part.
     counts : bool
-        Whether the error falls for certain over both parts, and on the unseen one by more than the plant's own error.
+        Whether the error falls for certain over both parts, and on the unseen one by more than the plant's own error
+        and by most of what is more than noise.
     ablations : tuple of Ablation
         One for each effect.
     shams : tuple of Sham
@@ -126,7 +129,8 @@ class Verification:
         found += [f"{s.effect} {s.kind.value} does as well" for s in self.shams if not s.rejected]
         found += [f"the error grows on unseen data: {t.part}" for t in self.transfers if t.worse]
         found += [
-            f"the strength of {c.effect} would change by {100 * c.change:.0f} % of itself over the fitted part"
+            f"the strength of {c.effect} would change by {100 * c.change:.0f} % of itself over "
+            + ("the recordings, which would take most of what is left" if c.mends else "the fitted part")
             for c in self.constancies
             if c.change is not None and not c.holds
         ]
@@ -202,7 +206,7 @@ class Verification:
                     "model_error": (unit, "rms of the plant's own error"),
                 }),
                 **table("constancy", [{**asdict(c), "holds": c.holds} for c in self.constancies], {
-                    "change": ("", "relative change of the strength over the fitted part"),
+                    "change": ("", "relative change of the strength over the recordings"),
                     "deviation": ("", "its standard deviation"),
                     "own": ("", "share of its power that nothing else can make"),
                 }),
@@ -278,11 +282,11 @@ def verify(
         fitted_before=base.calibration.rms, fitted_after=amended.calibration.rms,
         unseen_before=_rms(base.unseen), unseen_after=_rms(amended.unseen),
         gain_low=bootstrap_gain(block_losses(base.unseen), block_losses(amended.unseen), rng),
-        counts=_counts(base, amended, rng),
         ablations=tuple(_ablation(name, base, amended, without, rng) for name, without in reduced.items()),
         shams=() if bench is None else _shams(amended, reduced, bench, rng),
         transfers=() if bench is None else transfers(base, amended, bench, rng),
-        constancies=() if bench is None else constancies(amended.calibration, bench.fitted, amended.effects),
+        constancies=() if bench is None else _constancies(amended, bench),
+        counts=_takes_most_unseen(base, amended) and _counts(base, amended, rng),
         noise=amended.noise, output_unit=amended.calibration.plant.rig.output_unit,
     )  # fmt: skip
 
@@ -357,10 +361,34 @@ def _ablation(
 
 
 def _counts(without: Candidate, amended: Candidate, rng: np.random.Generator) -> bool:
-    """Whether the error is less for certain over both parts, and on the unseen one by more than the plant's own."""
+    """Whether the error is less for certain over both parts, and on the unseen one by more than the plant's own.
+
+    The power of the unseen part may differ so much by chance: it is no certainty of that part.
+    """
     more = float(np.mean(without.unseen**2) - np.mean(amended.unseen**2))
     over_both = bootstrap_gain(without.losses, amended.losses, rng)
     return over_both > 0.0 and more > amended.calibration.plant.rig.model_error**2
+
+
+def _takes_most_unseen(base: Candidate, amended: Candidate) -> bool:
+    """Whether most of what is more than noise on the unseen part is gone: chance does not take so much."""
+    fell = float(np.mean(base.unseen**2) - np.mean(amended.unseen**2))
+    return fell > MOST * float(np.mean(base.unseen**2) - amended.noise**2)
+
+
+def _constancies(amended: Candidate, bench: Bench) -> tuple[Constancy, ...]:
+    """Over what was fitted; where the explanation leaves too much, over all recordings if that refutes an effect."""
+    fitted = constancies(amended.calibration, bench.fitted, amended.effects)
+    if amended.adequate or not fitted:
+        return fitted
+    whole = refit(amended.calibration, bench.everything)
+    if whole is amended.calibration:  # there is no such fit
+        return fitted
+    # The extrapolation may leave too much where this fit does not; but what is no part of the noise's power is nothing.
+    beyond = float(np.mean(whole.residuals**2)) - amended.noise**2
+    left = max(float(np.sqrt(max(beyond, 0.0))), practical_size(amended.noise, 0.0))
+    everywhere = constancies(whole, bench.everything, amended.effects, too_much=left)
+    return tuple(e if e.mends and not e.holds else f for f, e in zip(fitted, everywhere, strict=True))
 
 
 def _shams(

@@ -87,6 +87,24 @@ def test_events_other_effects_and_strengths_that_were_not_fitted_are_passed_over
     assert constancies(fixed, PARTS, ("delay",)) == ()
 
 
+@pytest.mark.parametrize(("too_much", "share", "mends"), [(3.0, 0.8, True), (3.0, 0.7, False), (None, 0.8, False)])
+def test_a_change_mends_what_leaves_too_much_if_it_takes_most_of_that(too_much, share, mends):
+    """Beside a noise of 2 a fit leaves 3, of whose square the change takes a given share."""
+    change, beside = EVENLY * BY_STRENGTH, np.random.default_rng(8).normal(size=SAMPLES)
+    beside -= change * (change @ beside) / (change @ change)
+    sizes = [np.sqrt(np.mean(signal**2)) for signal in (change, beside)]
+    residuals = 3.0 * np.sqrt(share) * change / sizes[0] + np.sqrt(9.0 * (1 - share) + 4.0) * beside / sizes[1]
+    (found,) = constancies(fit_of(residuals), PARTS, ("delay",), too_much)
+    assert found.mends is mends
+
+
+@pytest.mark.parametrize(("change", "deviation", "holds"), [(0.4, 0.05, False), (-0.4, 0.05, False), (0.4, 0.06, True)])
+def test_what_would_be_mended_by_a_change_is_refuted_where_the_change_is_beyond_doubt(change, deviation, holds):
+    # Student's law with 19 degrees of freedom: once in a million beyond 7.0 deviations
+    assert Constancy(effect="delay", change=change, deviation=deviation, own=0.5, mends=True).holds is holds
+    assert Constancy(effect="delay", change=change, deviation=deviation, own=0.5).holds
+
+
 @pytest.mark.parametrize(
     ("change", "deviation", "holds"),
     # 95 % of Student's law with 19 degrees of freedom: 2.09 deviations

@@ -2,10 +2,12 @@
 
 from dataclasses import replace
 from functools import cache
+from importlib import import_module
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 from deatwin.ident.greybox.fit import calibrate
 from deatwin.ident.mismatch.bench import Bench
@@ -14,8 +16,16 @@ from deatwin.ident.mismatch.naming.candidate import Candidate, judge
 from deatwin.ident.mismatch.verify.constancy import Constancy
 from deatwin.ident.mismatch.verify.shams import ShamKind, _Court, backwards, phase_randomised, sham_effects
 from deatwin.ident.mismatch.verify.transfer import Transfer
-from deatwin.ident.mismatch.verify.verify import Ablation, Verification, _ablation, shares_explained, verify
-from deatwin.plant import Creep, Diaphragm, Experiment, PermittivityDrift, Plant, Recording
+from deatwin.ident.mismatch.verify.verify import (
+    Ablation,
+    Verification,
+    _ablation,
+    _constancies,
+    shares_explained,
+    verify,
+)
+from deatwin.plant import Creep, Delay, Diaphragm, Experiment, PermittivityDrift, Plant, Recording
+from deatwin.plant.effects.base import Effect
 from deatwin.plant.effects.catalogue import catalogue, effect_named
 from deatwin.plant.excitation import band_limited_noise, random_holds
 from deatwin.plant.integrator.compiled import compiler
@@ -23,6 +33,7 @@ from deatwin.plant.integrator.compiled import compiler
 needs_compiler = pytest.mark.skipif(
     compiler() is None, reason="many runs: without a C compiler they take ten times as long"
 )
+MODULE = import_module("deatwin.ident.mismatch.verify.verify")  # by its path a function of that name is found
 NOMINAL = Plant(rig=Diaphragm())
 VALUES = {"shear_modulus": 29e3, "stretch_limit": 140.0, "permittivity": 4.3, "damping": 0.06}
 NOISE = 2e-6
@@ -37,10 +48,26 @@ def bench_of(*effects, seed: int = 0) -> Bench:
     first = Recording.from_arrays(noise, np.zeros_like(noise), 0.02)
     second = Recording.from_arrays(holds, np.zeros_like(holds), 0.02, start=40.0)
     truth = NOMINAL.with_values(VALUES).with_effects(*effects)
-    experiment = truth.record(Experiment(recordings=(first, second)), rng)
+    return on_bench(truth.record(Experiment(recordings=(first, second)), rng), effects)
+
+
+def on_bench(experiment: Experiment, effects: tuple[Effect, ...]) -> Bench:
     fitted, unseen, everything = split(gate(NOMINAL, (experiment,)))
     return Bench(nominal=NOMINAL, effects=effects, fitted=fitted, unseen=unseen, everything=everything, jobs=1,
                  stated_error=1e-6, expected_error=1e-6)  # fmt: skip
+
+
+def late_readings(mean: float, growth: float, seed: int) -> Bench:
+    """60 s of noise whose readings come late by a mean time that grows."""
+    rng = np.random.default_rng(seed)
+    command = band_limited_noise(rng, 60.0, 0.02)
+    blank = Recording.from_arrays(command, np.zeros_like(command), 0.02)
+    exact = NOMINAL.with_values(VALUES).simulate(Experiment(recordings=(blank,))).outputs[0][0]
+    late = mean + growth * (blank.timepts / blank.timepts[-1] - 0.5)
+    seen = np.maximum(blank.timepts - late, 0.0)  # before, the film was at rest
+    readings = CubicSpline(blank.timepts, exact)(seen) + NOISE * rng.normal(size=exact.size)
+    record = Recording.from_arrays(command, readings, 0.02)
+    return on_bench(Experiment(recordings=(record,)), (Delay(),))
 
 
 @cache
@@ -217,6 +244,24 @@ def test_two_causes_are_each_needed():
 
 
 @needs_compiler
+@pytest.mark.parametrize(("growth", "refuted"), [(0.0, False), (0.02, True)])
+def test_a_delay_that_grows_is_none_though_it_grows_by_less_than_itself(growth, refuted):
+    """By 20 ms beside a mean of 40 ms: most of what a constant one leaves."""
+    bench = late_readings(0.04, growth, seed=5)
+    base, answer = fitted_with(bench), fitted_with(bench, Delay(time=0.04))
+    found = verify(base, answer, np.random.default_rng(0), bench)
+    assert answer.adequate is not refuted
+    (constancy,) = found.constancies
+    assert constancy.mends is refuted
+    assert any("delay" in failure and "most of what is left" in failure for failure in found.failures) is refuted
+    if refuted:
+        # relative to the fitted delay, to which the film's own parameters add or take some
+        fitted = answer.calibration.plant.parameters["delay.time"].value
+        assert constancy.change * fitted == pytest.approx(growth, rel=0.25)
+        assert abs(constancy.change) < 1.0
+
+
+@needs_compiler
 def test_an_effect_that_is_not_there_does_not_hold():
     bench = bench_of(seed=3)
     base, answer = fitted_with(bench), fitted_with(bench, Creep(modulus=5e3, time=20.0))
@@ -295,6 +340,49 @@ def test_what_acts_in_bursts_returns_if_both_parts_are_certain_of_it(size, fitte
     whole = verify(without, amended, np.random.default_rng(0))  # what is said of an effect is said of the whole
     assert whole.gain_low == 0.0
     assert whole.holds is whole.counts is returns
+    # of a large mismatch that it shares with what it is compared with it takes little: 2.7 of 25 in mean square
+    alike = [replace(c, unseen=c.unseen + 5e-6 * np.tile([1.0, 1.0, -1.0, -1.0], 450)) for c in (without, amended)]
+    assert not verify(*alike, np.random.default_rng(0)).counts
+
+
+@pytest.mark.parametrize(
+    ("adequate", "everywhere", "fits", "refuted"),
+    [
+        (False, {"mends": True, "change": 0.3}, True, True),
+        (False, {"mends": True, "change": 0.3}, False, False),  # there is no fit to everything
+        (False, {"mends": False, "change": 3.0}, True, False),  # what was fitted says enough of that
+        (False, {"mends": True, "change": 0.05}, True, False),
+        (True, {"mends": True, "change": 0.3}, True, False),
+    ],
+)
+def test_what_would_have_to_change_is_asked_of_all_recordings_where_too_much_is_left(
+    monkeypatch, adequate, everywhere, fits, refuted
+):
+    fit, whole = SimpleNamespace(), SimpleNamespace(residuals=np.full(100, 3.0))
+    steady = Constancy(effect="delay", own=0.5, change=0.1, deviation=0.01)
+    moving = Constancy(effect="delay", own=0.5, deviation=0.01, **everywhere)
+    asked = []
+
+    def found(of, parts, effects, too_much=None):
+        asked.append(too_much)
+        return (steady,) if of is fit else (moving,)
+
+    monkeypatch.setattr(MODULE, "constancies", found)
+    monkeypatch.setattr(MODULE, "refit", lambda *_: whole if fits else fit)
+    amended = SimpleNamespace(calibration=fit, effects=("delay",), adequate=adequate, noise=1.0)
+    (constancy,) = _constancies(amended, SimpleNamespace(fitted=(), everything=()))
+    assert constancy is (moving if refuted else steady)
+    assert constancy.holds is not refuted
+    assert asked[1:] == ([pytest.approx(np.sqrt(8.0))] if fits and not adequate else [])  # 3² less the noise's 1²
+
+
+def test_less_than_noise_is_nothing_that_a_change_could_mend(monkeypatch):
+    steady, asked = (Constancy(effect="delay", own=0.01),), []
+    monkeypatch.setattr(MODULE, "constancies", lambda *_, too_much=None: asked.append(too_much) or steady)
+    monkeypatch.setattr(MODULE, "refit", lambda *_: SimpleNamespace(residuals=np.ones(9)))
+    amended = SimpleNamespace(calibration=None, effects=("delay",), adequate=False, noise=1.1)
+    assert _constancies(amended, SimpleNamespace(fitted=(), everything=())) == steady
+    assert asked == [None, pytest.approx(np.sqrt(0.1) * 1.1)]  # a tenth of the noise's power is known of no sensor
 
 
 def test_the_file_has_amplitudes_in_micrometres():
