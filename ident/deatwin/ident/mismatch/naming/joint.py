@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from deatwin.ident.greybox.tangent import linearised_rms
 from deatwin.ident.mismatch.naming.screen import leads
-from deatwin.ident.mismatch.naming.trial import Trial, trials_of, with_fitted
+from deatwin.ident.mismatch.naming.trial import Trial, trials_of, unbent_like
 
 if TYPE_CHECKING:
     from deatwin.ident.mismatch.naming.sets import Search
@@ -38,26 +38,22 @@ def joint_trials(search: Search) -> list[Trial]:
     given = frozenset(search.bench.nominal.effect_names)
     tried = {frozenset(names) | given for names in search.tried}
     promising: dict[frozenset[str], Trial] = {}
-    for trial in sorted(_of_all(search), key=_least):
+    for _, trial in sorted(_of_all(search), key=lambda found: found[0]):
         promising.setdefault(frozenset(trial.start.effect_names), trial)
     return [promising[names] for names in list(promising)[:FIRST] if names not in tried]
 
 
-def _least(trial: Trial) -> float:
-    """Mean square that a trial leaves to first order, wherever its parameters had to go for that.
+def _of_all(search: Search) -> Iterator[tuple[float, Trial]]:
+    """Each trial with the mean square that it leaves to first order, wherever its parameters had to go for that.
 
     Many single fits were given up before their minimum, and what their own parameters would still take is not to be
     had by a second effect.
     """
-    before = trial.without
-    return linearised_rms(before.residuals, before.jacobian) ** 2 - trial.share * before.rms**2
-
-
-def _of_all(search: Search) -> Iterator[Trial]:
     for names, candidate in search.tried.items():
         if len(names) != 1:
             continue
         fit = candidate.calibration
         free = [f for f in search.known() if f.effect.name not in fit.plant.effect_names]
-        unbent = with_fitted(search.bench.nominal.with_rig(fit.plant.rig), fit.plant)
-        yield from trials_of(unbent, fit, leads(free, fit))
+        alone = linearised_rms(fit.residuals, fit.jacobian) ** 2
+        for trial in trials_of(unbent_like(search.bench, fit.plant), fit, leads(free, fit)):
+            yield alone - trial.share * fit.rms**2, trial

@@ -19,7 +19,7 @@ from deatwin.ident.mismatch.naming.pairs import Names, barely, each_without_one
 from deatwin.ident.mismatch.naming.screen import Footprint, Lead, footprints, leads
 from deatwin.ident.mismatch.naming.shortlist import shortlist
 from deatwin.ident.mismatch.naming.siblings import siblings
-from deatwin.ident.mismatch.naming.trial import Fitted, Trial, run_trials, trials_of, with_fitted
+from deatwin.ident.mismatch.naming.trial import Fitted, Trial, run_trials, trials_of, unbent_like
 from deatwin.ident.mismatch.naming.versus import advantage, likeliest
 from deatwin.ident.mismatch.naming.whole import judged_on_everything, settled_on_everything
 from deatwin.ident.mismatch.naming.worth import (
@@ -141,8 +141,11 @@ class Search:
         best = self._best_that_counts(together)
         if best is None:
             return []
-        leads = best == self.best_of([names for names in self.tried if len(names) == len(best)])
-        return together + (self.replacing(best, best) if leads else [])
+        return together + (self.replacing(best, best) if self._is_best_of_its_size(best) else [])
+
+    def _is_best_of_its_size(self, names: Names) -> bool:
+        """Whether none of as many effects that was tried has more evidence."""
+        return names == self.best_of([other for other in self.tried if len(other) == len(names)])
 
     def _best_that_counts(self, stage: Sequence[Names]) -> Names | None:
         # In their order, not all at once: to know whether a set counts may take a fit.
@@ -162,7 +165,7 @@ class Search:
     def beside(self, names: Names, finished: Finished | None = None) -> list[Names]:
         """Try each promising effect beside those of `names`; `finished` is called with the share that is done."""
         fit = self.tried[names].calibration
-        unbent = with_fitted(self.bench.nominal.with_rig(fit.plant.rig), fit.plant)
+        unbent = unbent_like(self.bench, fit.plant)
         found = self._leads(names)
         # What did well alone did it with another residual: of this one it promises nothing.
         alone = [replace(lead, share=0.0) for lead in self._good_alone(names)]
@@ -175,9 +178,7 @@ class Search:
     def _siblings(self, names: Names, stage: Sequence[Names]) -> list[Names]:
         """Try what acts as the best of a stage does, and was not tried; unless that is not the best of its size."""
         best = self.best_of(stage)
-        if best is None or not self._takes_most(self.tried[best]):
-            return []
-        if best != self.best_of([other for other in self.tried if len(other) == len(best)]):
+        if best is None or not self._takes_most(self.tried[best]) or not self._is_best_of_its_size(best):
             return []
         found, fit = self.tried[best].calibration, self.tried[names].calibration
         tried = {name for other in stage for name in other}
@@ -383,8 +384,7 @@ class Search:
     def _fit_some(self, full: Names, rest: Names) -> None:
         """Fit some of the effects of a candidate."""
         plant = self.plant_of(full, rest)
-        unbent = with_fitted(self.bench.nominal.with_rig(plant.rig), plant)
-        self.attempt([Trial(start=unbent, bent=plant, without=self.tried[()].calibration)])
+        self.attempt([Trial(start=unbent_like(self.bench, plant), bent=plant, without=self.tried[()].calibration)])
 
     def fit_fewer(self, full: Names) -> list[Names]:
         """Fit `full` without each of its effects in turn, from its values; the sets that could be fitted.

@@ -16,7 +16,7 @@ from deatwin.ident.mismatch.refit.search import ROUGH, at_its_time, finish, in_i
 from deatwin.ident.parallel import run_jobs, stream_jobs
 from deatwin.plant.model import Plant
 
-__all__ = ["Fitted", "Trial", "run_trials", "trials_of", "with_fitted"]
+__all__ = ["Fitted", "Trial", "run_trials", "trials_of", "unbent_like", "with_fitted"]
 
 FAILED_SEARCH = 1.02
 """A fit that leaves more than was promised, by more than this ratio of the rms, has lost its way."""
@@ -162,6 +162,23 @@ def with_fitted(nominal: Plant, fitted: Plant) -> Plant:
     added = [effect for effect in fitted.effects if effect.name not in nominal.effect_names]
     own = {p.name: fitted.parameters[p.name].value for effect in added for p in effect.parameters}
     return nominal.with_effects(*added).with_values(own)
+
+
+def unbent_like(bench: Bench, fitted: Plant) -> Plant:
+    """The nominal plant in the form of a fitted one, with its effects and their values: the rest was not bent.
+
+    Parameters
+    ----------
+    bench : Bench
+        With the nominal plant.
+    fitted : Plant
+        Perhaps in another form.
+
+    Returns
+    -------
+    Plant
+    """
+    return with_fitted(bench.nominal.with_rig(fitted.rig), fitted)
 
 
 def _tried(bench: Bench, trial: Trial, hopeless: float) -> Calibration:

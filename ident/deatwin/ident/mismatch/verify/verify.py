@@ -8,7 +8,7 @@ fitted, which must not change.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,7 +27,6 @@ from deatwin.ident.mismatch.verify.transfer import Transfer, transfers
 from deatwin.plant.amplitudes import amplitude_unit, written_amplitude
 from deatwin.plant.datasets import dataset
 from deatwin.plant.drawing import axes_or_new
-from deatwin.plant.model import Plant
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -338,15 +337,8 @@ def _reduced(
 
 
 def _refitted(bench: Bench, amended: Candidate, name: str) -> Candidate | None:
-    fit = settle(_without(amended.calibration.plant, name), bench.fitted, amended.noise)
+    fit = settle(amended.calibration.plant.without_effects(name), bench.fitted, amended.noise)
     return judge(bench, fit, amended.noise) if fit.status.ok else None
-
-
-def _without(plant: Plant, name: str) -> Plant:
-    """The plant without one of its effects."""
-    gone = {p.name for p in fitted_effect(plant, name).parameters}
-    kept = {n: v for n, v in plant.values.items() if n not in gone}
-    return replace(plant, effects=tuple(e for e in plant.effects if e.name != name), values=kept)
 
 
 def _ablation(
@@ -365,15 +357,18 @@ def _counts(without: Candidate, amended: Candidate, rng: np.random.Generator) ->
 
     The power of the unseen part may differ so much by chance: it is no certainty of that part.
     """
-    more = float(np.mean(without.unseen**2) - np.mean(amended.unseen**2))
     over_both = bootstrap_gain(without.losses, amended.losses, rng)
-    return over_both > 0.0 and more > amended.calibration.plant.rig.model_error**2
+    return over_both > 0.0 and _gained_unseen(without, amended) > amended.calibration.plant.rig.model_error**2
 
 
 def _takes_most_unseen(base: Candidate, amended: Candidate) -> bool:
     """Whether most of what is more than noise on the unseen part is gone: chance does not take so much."""
-    fell = float(np.mean(base.unseen**2) - np.mean(amended.unseen**2))
-    return fell > MOST * float(np.mean(base.unseen**2) - amended.noise**2)
+    return _gained_unseen(base, amended) > MOST * float(np.mean(base.unseen**2) - amended.noise**2)
+
+
+def _gained_unseen(without: Candidate, amended: Candidate) -> float:
+    """Mean square by which the unseen part is better explained, square of the residual's unit."""
+    return float(np.mean(without.unseen**2) - np.mean(amended.unseen**2))
 
 
 def _constancies(amended: Candidate, bench: Bench) -> tuple[Constancy, ...]:
@@ -385,9 +380,8 @@ def _constancies(amended: Candidate, bench: Bench) -> tuple[Constancy, ...]:
     if whole is amended.calibration:  # there is no such fit
         return fitted
     # The extrapolation may leave too much where this fit does not; but what is no part of the noise's power is nothing.
-    beyond = float(np.mean(whole.residuals**2)) - amended.noise**2
-    left = max(float(np.sqrt(max(beyond, 0.0))), practical_size(amended.noise, 0.0))
-    everywhere = constancies(whole, bench.everything, amended.effects, too_much=left)
+    left = max(whole.rms**2 - amended.noise**2, practical_size(amended.noise, 0.0) ** 2)
+    everywhere = constancies(whole, bench.everything, amended.effects, too_much=float(np.sqrt(left)))
     return tuple(e if e.mends and not e.holds else f for f, e in zip(fitted, everywhere, strict=True))
 
 
@@ -397,7 +391,7 @@ def _shams(
     found: list[Sham] = []
     for name, without in reduced.items():
         effect = fitted_effect(amended.calibration.plant, name)
-        gain = float(np.mean(without.unseen**2) - np.mean(amended.unseen**2))
+        gain = _gained_unseen(without, amended)
         found += sham_effects(without.calibration, effect, gain, bench.fitted, bench.everything, rng)
     return tuple(found)
 

@@ -100,7 +100,7 @@ def test_a_change_mends_what_leaves_too_much_if_it_takes_most_of_that(too_much, 
 
 @pytest.mark.parametrize(("change", "deviation", "holds"), [(0.4, 0.05, False), (-0.4, 0.05, False), (0.4, 0.06, True)])
 def test_what_would_be_mended_by_a_change_is_refuted_where_the_change_is_beyond_doubt(change, deviation, holds):
-    # Student's law with 19 degrees of freedom: once in a million beyond 7.0 deviations
+    # seven deviations: residuals that remember long make up more than Student's law says
     assert Constancy(effect="delay", change=change, deviation=deviation, own=0.5, mends=True).holds is holds
     assert Constancy(effect="delay", change=change, deviation=deviation, own=0.5).holds
 

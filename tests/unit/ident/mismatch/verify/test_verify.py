@@ -358,7 +358,7 @@ def test_what_acts_in_bursts_returns_if_both_parts_are_certain_of_it(size, fitte
 def test_what_would_have_to_change_is_asked_of_all_recordings_where_too_much_is_left(
     monkeypatch, adequate, everywhere, fits, refuted
 ):
-    fit, whole = SimpleNamespace(), SimpleNamespace(residuals=np.full(100, 3.0))
+    fit, whole = SimpleNamespace(), SimpleNamespace(rms=3.0)
     steady = Constancy(effect="delay", own=0.5, change=0.1, deviation=0.01)
     moving = Constancy(effect="delay", own=0.5, deviation=0.01, **everywhere)
     asked = []
@@ -379,7 +379,7 @@ def test_what_would_have_to_change_is_asked_of_all_recordings_where_too_much_is_
 def test_less_than_noise_is_nothing_that_a_change_could_mend(monkeypatch):
     steady, asked = (Constancy(effect="delay", own=0.01),), []
     monkeypatch.setattr(MODULE, "constancies", lambda *_, too_much=None: asked.append(too_much) or steady)
-    monkeypatch.setattr(MODULE, "refit", lambda *_: SimpleNamespace(residuals=np.ones(9)))
+    monkeypatch.setattr(MODULE, "refit", lambda *_: SimpleNamespace(rms=1.0))
     amended = SimpleNamespace(calibration=None, effects=("delay",), adequate=False, noise=1.1)
     assert _constancies(amended, SimpleNamespace(fitted=(), everything=())) == steady
     assert asked == [None, pytest.approx(np.sqrt(0.1) * 1.1)]  # a tenth of the noise's power is known of no sensor
