@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -20,7 +20,7 @@ from deatwin.ident.mismatch.gate.gate import Gate, Soundness, confirm, gate, spl
 from deatwin.ident.mismatch.locate import locate, locate_time, readings, tracks
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming, nothing_tried
-from deatwin.ident.mismatch.naming.name import name_causes
+from deatwin.ident.mismatch.naming.name import explanations
 from deatwin.ident.mismatch.naming.screen import footprints
 from deatwin.ident.mismatch.naming.worth import takes_most
 from deatwin.ident.mismatch.refit.base import Base, calibrate_base
@@ -105,22 +105,20 @@ def diagnose(
     location = locate(base.chosen, bench, checked, for_location) if detection.mismatch else None
     keep(found_step("locate", location))
 
-    naming = nothing_tried(base.chosen)
+    found: Iterable[Naming] = [nothing_tried(base.chosen)]
     if detection.mismatch and checked.soundness is Soundness.SOUND:
         tell(0.3, "building in effects")
-        naming = name_causes(
+        found = explanations(
             bench, base.chosen, known, base.rivals,
             finished=lambda share: tell(0.3 + 0.5 * share, "building in effects"),
             fitted=None if through is None else lambda fit, unseen: through(fit_step(bench, fit, unseen)),
         )  # fmt: skip
-        base = base.in_form_of(naming.base)
-
-    tell(0.8, "verifying on unseen data")
-    verification = verify(base.chosen, naming.best or base.chosen, for_verification, bench, naming.candidates)
+    naming, verification, stands = _first_that_stands(
+        found, bench, for_verification, started=lambda: tell(0.8, "verifying on unseen data")
+    )
     keep(found_step("verify", verification if verification.ablations else None))
-    spared = _without_doubted(naming, verification)
-    naming = naming.as_likely(spared)
-    verdict = _verdict(bench, checked, base, detection, naming, verification.holds or bool(spared))
+    base = base.in_form_of(naming.base)
+    verdict = _verdict(bench, checked, base, detection, naming, stands)
     named = naming.best is not None and verdict in (Verdict.NAMED, Verdict.AMBIGUOUS)
     answer = naming.best if named and naming.best is not None else base.chosen
 
@@ -131,12 +129,12 @@ def diagnose(
     keep(found_step("discover", discovery))
 
     tell(0.95, "fitting all recordings")
-    found = discovery.calibration if discovery is not None else answer.calibration
+    last = discovery.calibration if discovery is not None else answer.calibration
     diagnosis = conclude(
         Findings(
             bench=bench, checked=checked, base=base, detection=detection, location=location, naming=naming,
             verification=verification, advice=advice, discovery=discovery, verdict=verdict, answer=answer,
-            final=refit(found, bench.everything),
+            final=refit(last, bench.everything),
         )
     )  # fmt: skip
     tell(1.0, "done")
@@ -201,6 +199,22 @@ def _verdict(
     if naming.best is None or not stands:
         return Verdict.DISTURBANCE if detection.disturbance else Verdict.UNKNOWN
     return Verdict.AMBIGUOUS if naming.rivals else Verdict.NAMED
+
+
+def _first_that_stands(
+    found: Iterable[Naming], bench: Bench, rng: np.random.Generator, started: Callable[[], None]
+) -> tuple[Naming, Verification, bool]:
+    """The first explanation that is not refuted, its verification, and whether it stands; else the first of all."""
+    verified = []
+    for naming in found:
+        started()
+        verification = verify(naming.base, naming.best or naming.base, rng, bench, naming.candidates)
+        spared = _without_doubted(naming, verification)
+        stands = verification.holds or bool(spared)
+        verified.append((naming.as_likely(spared), verification, stands))
+        if stands:
+            break
+    return verified[-1] if verified[-1][2] else verified[0]
 
 
 def _without_doubted(naming: Naming, verification: Verification) -> list[Candidate]:

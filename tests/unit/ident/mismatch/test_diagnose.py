@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from deatwin.ident.mismatch import Diagnosis, Verdict, diagnose
-from deatwin.ident.mismatch.diagnose import _motion, _without_doubted
+from deatwin.ident.mismatch.diagnose import _first_that_stands, _motion, _without_doubted
 from deatwin.ident.mismatch.gate.gate import gate
 from deatwin.ident.mismatch.naming.decide import Naming
 from deatwin.ident.mismatch.verify.verify import verify
@@ -166,6 +166,28 @@ def test_a_rival_that_the_naming_has_already_stands_whatever_it_takes():
     naming = Naming(candidates=(BASE, alone, PAIR), best=PAIR, rivals=(alone,), probabilities={}, noise=2.0)
     assert _without_doubted(naming, SimpleNamespace(doubted=["delay"])) == [alone]
     assert _without_doubted(replace(naming, best=None), SimpleNamespace(doubted=[])) == []
+
+
+@pytest.mark.parametrize(
+    ("stand", "answer", "asked"), [((True, True), 0, 1), ((False, True), 1, 2), ((False, False), 0, 2)]
+)
+def test_where_an_explanation_is_refuted_the_next_one_is_verified(monkeypatch, stand, answer, asked):
+    """And where that is refuted, too, the first one is what was found."""
+    several = [
+        Naming(candidates=(BASE, one), best=one, rivals=(), probabilities={one.effects: 1.0}, noise=2.0)
+        for one in (known("creep", rms=2.1), PAIR)
+    ]
+    verified = []
+
+    def verify(base, best, rng, bench, tried):
+        verified.append(best)
+        return SimpleNamespace(holds=stand[len(verified) - 1], doubted=())
+
+    monkeypatch.setattr(importlib.import_module("deatwin.ident.mismatch.diagnose"), "verify", verify)
+    naming, verification, stands = _first_that_stands(iter(several), None, np.random.default_rng(0), lambda: None)
+    assert naming is several[answer]
+    assert verification.holds is stands is stand[answer]
+    assert len(verified) == asked
 
 
 @pytest.fixture(scope="module")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -17,7 +17,7 @@ from deatwin.ident.mismatch.naming.screen import Footprint
 from deatwin.ident.mismatch.naming.sets import CLEARLY_BETTER, Finished, Names, Search
 from deatwin.ident.mismatch.naming.trial import Fitted
 
-__all__ = ["name_causes"]
+__all__ = ["explanations", "name_causes"]
 
 MOST_CAUSES = 3
 """More effects at once are not told apart."""
@@ -64,6 +64,31 @@ def name_causes(
     Naming
         Its first candidate is the base plant in the form that was taken.
     """
+    return next(explanations(bench, base, known, rivals, finished, fitted))
+
+
+def explanations(
+    bench: Bench,
+    base: Candidate,
+    known: Sequence[Footprint],
+    rivals: Sequence[Candidate] = (),
+    finished: Finished | None = None,
+    fitted: Fitted | None = None,
+) -> Iterator[Naming]:
+    """What `name_causes` finds, then what else explains the recordings, for those who have refuted it.
+
+    A single effect that suffices ends the search. Where it is refuted, it may have imitated two.
+
+    Parameters
+    ----------
+    bench, base, known, rivals, finished, fitted
+        As for `name_causes`.
+
+    Yields
+    ------
+    Naming
+        After a single effect one over pairs, if any explains the recordings.
+    """
 
     def tell(number: int, share: float) -> None:
         if finished is not None:
@@ -81,6 +106,14 @@ def name_causes(
     fit = search.tried[()].calibration
     others = [form for form in (base, *rivals) if form.calibration is not fit]
     search, naming = with_fewer(search, with_a_second(search, naming), others)
+    yield _final(search, naming)
+    if naming.best is not None and len(naming.best.effects) == 1:
+        of_two = search.of_two()
+        if of_two.best is not None:
+            yield _final(search, of_two)
+
+
+def _final(search: Search, naming: Naming) -> Naming:
     return replace(search.on_everything(naming), failed=tuple(search.failed))
 
 

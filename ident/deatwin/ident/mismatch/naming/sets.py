@@ -28,6 +28,7 @@ from deatwin.ident.mismatch.naming.worth import (
     acts,
     explained,
     gained,
+    is_held_back,
     is_near_floor,
     suffices,
     takes_most,
@@ -303,6 +304,11 @@ class Search:
         again = over(self.fit_fewer(naming.best.effects))
         return decision() if again.best is None else again
 
+    def of_two(self) -> Naming:
+        """The decision over pairs, whether or not a single effect suffices."""
+        self.with_one_more([names for names in self.tried if len(names) == 1])
+        return self.decided([names for names in self.tried if len(names) == 2])
+
     def nearly(self) -> Naming:
         """The decision over the smallest sets that suffice as far as anybody knows the plant's own error, or barely."""
         for size in range(1, MOST_NEARLY + 1):
@@ -347,8 +353,8 @@ class Search:
         return with_overlap(with_limits(judged, self._takes_most), self._takes_most)
 
     def counts(self, candidate: Candidate) -> bool:
-        """Whether a candidate takes away most of the mismatch, and its effects act."""
-        return self._takes_most(candidate) and acts(candidate, self.tried[()])
+        """Whether a candidate takes away most of the mismatch, and its effects do, in a plant within its ranges."""
+        return self._takes_most(candidate) and acts(candidate, self.tried[()]) and not is_held_back(candidate)
 
     def _takes_most(self, candidate: Candidate) -> bool:
         return takes_most(candidate, self.tried[()])

@@ -1,15 +1,16 @@
-"""Whether an explanation takes away most of a mismatch, and whether its effects do it."""
+"""Whether an explanation takes away most of a mismatch, and whether its effects do it, in a plant that may be."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from deatwin.ident.greybox.tangent import linearised_rms
 from deatwin.ident.mismatch.excess import Excess
 from deatwin.ident.mismatch.naming.candidate import Candidate
 
 __all__ = [
-    "MOST", "SUFFICIENT", "TRIFLE", "acts", "explained", "gained", "is_near_floor", "share_explained", "suffices",
-    "takes_most",
+    "MOST", "SUFFICIENT", "TRIFLE", "acts", "explained", "gained", "is_held_back", "is_near_floor", "share_explained",
+    "suffices", "takes_most",
 ]  # fmt: skip
 
 MOST = 0.5
@@ -76,6 +77,31 @@ def acts(candidate: Candidate, base: Candidate) -> bool:
     """
     fell = base.fitted_test.rms - candidate.fitted_test.rms
     return float(np.sqrt(np.mean(candidate.contribution**2))) > ACTING * fell
+
+
+def is_held_back(candidate: Candidate) -> bool:
+    """Whether the ranges of the plant's own parameters cost an explanation more than the plant's own error.
+
+    What else is missing bends the plant until its parameters end where no film is. A bound that nothing presses on, as
+    of a parameter that the readings hardly depend on, is none.
+
+    Parameters
+    ----------
+    candidate : Candidate
+        Of any effects.
+
+    Returns
+    -------
+    bool
+        By what the fit would leave, to first order, if it might leave those ranges.
+    """
+    fit, added = candidate.calibration, tuple(f"{name}." for name in candidate.effects)
+    ended = {name for name in fit.at_bound if not name.startswith(added)}
+    if not ended:
+        return False
+    within = [k for k, name in enumerate(fit.names) if name not in ended]
+    kept, anywhere = (linearised_rms(fit.residuals, columns) for columns in (fit.jacobian[:, within], fit.jacobian))
+    return kept**2 - anywhere**2 > candidate.fitted_test.practical**2
 
 
 def share_explained(after: Excess, before: Excess) -> float:

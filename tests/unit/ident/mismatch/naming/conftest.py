@@ -45,8 +45,9 @@ def candidate() -> Callable[..., Candidate]:
         fitted, late = np.tile([rms, -rms], 3500), np.tile([unseen or rms, -(unseen or rms)], 1500)
         plant, names = SimpleNamespace(rig=RIG, effects=(), effect_names=()), ("a",) * (7 + len(effects))
         calibration = SimpleNamespace(
-            plant=plant, residuals=fitted, names=names, status=FitStatus.SETTLED, rms=float(np.sqrt(np.mean(fitted**2)))
-        )
+            plant=plant, residuals=fitted, names=names, status=FitStatus.SETTLED, at_bound=(),
+            rms=float(np.sqrt(np.mean(fitted**2))),
+        )  # fmt: skip
         does = np.full(fitted.size, alone)
         return Candidate(effects=effects, calibration=calibration, unseen=late, noise=NOISE, contribution=does)
 

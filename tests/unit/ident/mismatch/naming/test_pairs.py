@@ -191,7 +191,9 @@ def test_the_pair_must_be_likelier_by_far(leaving, monkeypatch):
         assert decided(search).best is search.tried[found]
 
 
-def test_a_search_for_causes_ends_with_the_look_for_a_second_one(leaving, monkeypatch):
+@pytest.fixture
+def explained_alone(leaving, monkeypatch):
+    """A search in which a clip explains the recordings, and its decision."""
     search = Known(*leaving(5.0, 3.0, 4.6, 2.2))
     alone = first_alone(search)
     monkeypatch.setattr(name, "Search", lambda *_: search)
@@ -200,5 +202,26 @@ def test_a_search_for_causes_ends_with_the_look_for_a_second_one(leaving, monkey
     monkeypatch.setattr(search, "on_everything", lambda naming: naming)
     monkeypatch.setattr(name, "_with_more", lambda *_: (search, alone))
     monkeypatch.setattr(name, "with_fewer", lambda search, naming, forms: (search, naming))
+    return search, alone
+
+
+def test_a_search_for_causes_ends_with_the_look_for_a_second_one(explained_alone):
+    search, _ = explained_alone
     found = name.name_causes(search.bench, search.tried[()], ())
     assert found.best.effects == PAIR
+
+
+def test_what_comes_after_a_single_effect_is_a_pair_if_any_explains(explained_alone, monkeypatch):
+    search, alone = explained_alone
+    monkeypatch.setattr(name, "with_a_second", lambda search, naming: naming)
+    pair, none = replace(alone, best=search.tried[PAIR]), replace(alone, best=None)
+    for further, expected in ((pair, [CLIP, PAIR]), (none, [CLIP])):
+        monkeypatch.setattr(search, "of_two", lambda further=further: further)
+        found = list(name.explanations(search.bench, search.tried[()], ()))
+        assert [naming.best.effects for naming in found] == expected
+
+
+def test_nothing_comes_after_a_pair(explained_alone, monkeypatch):
+    search, _ = explained_alone
+    monkeypatch.setattr(search, "of_two", None)
+    assert [naming.best.effects for naming in name.explanations(search.bench, search.tried[()], ())] == [PAIR]
