@@ -334,8 +334,8 @@ class Search:
     def _settled(self, stage: Sequence[Names]) -> Naming:
         sets = [names for names in stage if len(names) <= MOST_NEARLY and not self._is_padded(names)]
         competing, tried = [self.tried[names] for names in sets], tuple(self.tried.values())
-        naming = settled_on_everything(competing, tried, self.bench, self._may_settle, self._takes_most)
-        return with_distances(naming, competing, self.bench, self._takes_most)
+        naming = settled_on_everything(competing, tried, self.bench, self._may_settle, self._is_possible)
+        return with_distances(naming, competing, self.bench, self._is_possible)
 
     def _may_settle(self, candidate: Candidate) -> bool:
         most = explained(candidate, self.tried[()]) > MOST
@@ -349,12 +349,16 @@ class Search:
 
         And those that the best one has become, and those that may do what two effects have in common.
         """
-        judged = judged_on_everything(naming, self.bench, self._takes_most)
-        return with_overlap(with_limits(judged, self._takes_most), self._takes_most)
+        judged = judged_on_everything(naming, self.bench, self._is_possible)
+        return with_overlap(with_limits(judged, self._is_possible), self._is_possible)
 
     def counts(self, candidate: Candidate) -> bool:
         """Whether a candidate takes away most of the mismatch, and its effects do, in a plant within its ranges."""
-        return self._takes_most(candidate) and acts(candidate, self.tried[()]) and not is_held_back(candidate)
+        return self._is_possible(candidate) and acts(candidate, self.tried[()])
+
+    def _is_possible(self, candidate: Candidate) -> bool:
+        """Whether a candidate takes away most of the mismatch, in a plant within its ranges."""
+        return self._takes_most(candidate) and not is_held_back(candidate)
 
     def _takes_most(self, candidate: Candidate) -> bool:
         return takes_most(candidate, self.tried[()])
@@ -369,8 +373,8 @@ class Search:
 
     def decision(self, competing: Sequence[Candidate], good: Callable[[Candidate], bool]) -> Naming:
         """The decision among the `competing` candidates, of which those that are `good` may lead."""
-        naming = decide(tuple(self.tried.values()), competing, self.noise, good, self._takes_most)
-        return with_distances(naming, competing, self.bench, self._takes_most)
+        naming = decide(tuple(self.tried.values()), competing, self.noise, good, self._is_possible)
+        return with_distances(naming, competing, self.bench, self._is_possible)
 
     def attempt(
         self, trials: Sequence[Trial], finished: Finished | None = None, rival: float = np.inf
