@@ -70,6 +70,7 @@ class Search:
         self.tried: dict[Names, Candidate] = {(): base}
         self.leads: dict[str, Lead] = {}
         self.lost: list[str] = []
+        self._gone_on: set[Names] = set()
         self._unscreened: list[str] = [] if known is None else self._not_in(known)
 
     def in_form_of(self, base: Candidate) -> Search:
@@ -165,6 +166,7 @@ class Search:
 
     def beside(self, names: Names, finished: Finished | None = None) -> list[Names]:
         """Try each promising effect beside those of `names`; `finished` is called with the share that is done."""
+        self._gone_on.add(names)
         fit = self.tried[names].calibration
         unbent = unbent_like(self.bench, fit.plant)
         found = self._leads(names)
@@ -244,12 +246,26 @@ class Search:
         return self._beyond_noise(self.least(stage))
 
     def replacing(self, before: Names, best: Names) -> list[Names]:
-        """Try the `best` set of a stage with each effect that was there `before` the stage replaced by others."""
+        """Try the `best` set of a stage with each effect that was there `before` the stage replaced by others.
+
+        What comes in the place of one may do better beside others than the rest of the best set: if a better one is
+        found so, its effects are replaced in turn.
+        """
+        found = self._in_place_of(before, best)
+        better = self._best_that_counts(found)
+        if better is not None and self.tried[better].evidence > self.tried[best].evidence:
+            found += self._in_place_of(better, better)
+        return found
+
+    def _in_place_of(self, several: Names, full: Names) -> list[Names]:
+        """Try what may be in the place of each of `several` effects of the set `full`, unless that was done."""
         found: list[Names] = []
-        for old in before:
-            rest = tuple(name for name in best if name != old)
+        for old in several:
+            rest = tuple(name for name in full if name != old)
             if rest not in self.tried or self.tried[rest].calibration.given_up:
-                self._fit_some(best, rest)
+                self._fit_some(full, rest)
+            elif rest in self._gone_on:
+                continue
             if rest in self.tried:
                 found += self.beside(rest)
         return found

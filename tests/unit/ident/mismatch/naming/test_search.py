@@ -306,3 +306,39 @@ def test_two_that_do_not_take_most_are_no_beginning_of_three(candidate, search_o
     search.beside = lambda names, finished=None: asked.append(names) or []
     assert search.with_one_more([pair.effects]) == []
     assert asked == [pair.effects] * goes_on
+
+
+@pytest.fixture
+def replaced(candidate, search_over):
+    """``replaced(rms)``: in the place of the delay beside a creep an electrode that loses area leaves so much."""
+    singles = [candidate(name, rms=8.0) for name in ("creep", "delay", "electrode_loss")]
+    for one in singles:
+        one.calibration.given_up = False
+    before = candidate("creep", "delay", rms=4.0)
+
+    def make(rms):
+        after = candidate("creep", "electrode_loss", rms=rms)
+        last = candidate("electrode_loss", "sensor_drift", rms=2.1)
+        search = search_over(candidate(rms=9.0), *singles, before)
+        beside = {("creep",): [after], ("electrode_loss",): [last], ("delay",): []}
+        asked = []
+
+        def try_beside(names, finished=None):
+            asked.append(names)
+            search._gone_on.add(names)
+            search.tried.update({c.effects: c for c in beside[names]})
+            return [c.effects for c in beside[names]]
+
+        search.beside = try_beside
+        return search, asked
+
+    return make
+
+
+@pytest.mark.parametrize(("rms", "further"), [(3.0, [("electrode_loss",)]), (5.0, [])])
+def test_what_is_better_in_the_place_of_one_effect_has_its_own_replaced(replaced, rms, further):
+    search, asked = replaced(rms)
+    search._gone_on.add(("delay",))  # that was done
+    found = search.replacing(("delay", "creep"), ("creep", "delay"))
+    assert asked == [("creep",), *further]  # nothing is looked for beside the same set twice
+    assert (("electrode_loss", "sensor_drift") in found) is bool(further)
