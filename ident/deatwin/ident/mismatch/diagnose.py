@@ -130,11 +130,12 @@ def diagnose(
 
     tell(0.95, "fitting all recordings")
     last = discovery.calibration if discovery is not None else answer.calibration
+    whole = verification.whole if answer is naming.best else None
     diagnosis = conclude(
         Findings(
             bench=bench, checked=checked, base=base, detection=detection, location=location, naming=naming,
             verification=verification, advice=advice, discovery=discovery, verdict=verdict, answer=answer,
-            final=refit(last, bench.everything),
+            final=refit(last, bench.everything) if whole is None else whole,
         )
     )  # fmt: skip
     tell(1.0, "done")

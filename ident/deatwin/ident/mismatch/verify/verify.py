@@ -31,6 +31,8 @@ from deatwin.plant.drawing import axes_or_new
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from deatwin.ident.greybox.fit import Calibration
+
 __all__ = ["Ablation", "Verification", "shares_explained", "verify"]
 
 
@@ -95,6 +97,8 @@ class Verification:
         Rms.
     output_unit : str
         SI unit of the reading.
+    whole : Calibration or None
+        The amended plant fitted to all recordings, where that was needed: whoever needs it next has it here.
     """
 
     fitted_before: float
@@ -109,6 +113,7 @@ class Verification:
     constancies: tuple[Constancy, ...] = ()
     noise: float = 0.0
     output_unit: str = ""
+    whole: Calibration | None = None
 
     @property
     def holds(self) -> bool:
@@ -277,6 +282,7 @@ def verify(
     Verification
     """
     reduced = _reduced(base, amended, bench, tried)
+    whole = None if bench is None else _whole(amended, bench)
     return Verification(
         fitted_before=base.calibration.rms, fitted_after=amended.calibration.rms,
         unseen_before=_rms(base.unseen), unseen_after=_rms(amended.unseen),
@@ -284,9 +290,9 @@ def verify(
         ablations=tuple(_ablation(name, base, amended, without, rng) for name, without in reduced.items()),
         shams=() if bench is None else _shams(amended, reduced, bench, rng),
         transfers=() if bench is None else transfers(base, amended, bench, rng),
-        constancies=() if bench is None else _constancies(amended, bench),
+        constancies=() if bench is None else _constancies(amended, bench, whole),
         counts=_takes_most_unseen(base, amended) and _counts(base, amended, rng),
-        noise=amended.noise, output_unit=amended.calibration.plant.rig.output_unit,
+        noise=amended.noise, output_unit=amended.calibration.plant.rig.output_unit, whole=whole,
     )  # fmt: skip
 
 
@@ -371,13 +377,18 @@ def _gained_unseen(without: Candidate, amended: Candidate) -> float:
     return float(np.mean(without.unseen**2) - np.mean(amended.unseen**2))
 
 
-def _constancies(amended: Candidate, bench: Bench) -> tuple[Constancy, ...]:
+def _whole(amended: Candidate, bench: Bench) -> Calibration | None:
+    """The fit to all recordings of an explanation that leaves too much; None of others, or where there is none."""
+    if amended.adequate or not amended.effects:
+        return None
+    fit = refit(amended.calibration, bench.everything)
+    return None if fit is amended.calibration else fit
+
+
+def _constancies(amended: Candidate, bench: Bench, whole: Calibration | None) -> tuple[Constancy, ...]:
     """Over what was fitted; where the explanation leaves too much, over all recordings if that refutes an effect."""
     fitted = constancies(amended.calibration, bench.fitted, amended.effects)
-    if amended.adequate or not fitted:
-        return fitted
-    whole = refit(amended.calibration, bench.everything)
-    if whole is amended.calibration:  # there is no such fit
+    if whole is None:
         return fitted
     # The extrapolation may leave too much where this fit does not; but what is no part of the noise's power is nothing.
     left = max(whole.rms**2 - amended.noise**2, practical_size(amended.noise, 0.0) ** 2)

@@ -21,6 +21,7 @@ from deatwin.ident.mismatch.verify.verify import (
     Verification,
     _ablation,
     _constancies,
+    _whole,
     shares_explained,
     verify,
 )
@@ -254,7 +255,9 @@ def test_a_delay_that_grows_is_none_though_it_grows_by_less_than_itself(growth, 
     (constancy,) = found.constancies
     assert constancy.mends is refuted
     assert any("delay" in failure and "most of what is left" in failure for failure in found.failures) is refuted
+    assert (found.whole is not None) is refuted  # the fit that constancy was told from is at hand
     if refuted:
+        assert found.whole.residuals.size == sum(part.size for part in bench.everything)
         # relative to the fitted delay, to which the film's own parameters add or take some
         fitted = answer.calibration.plant.parameters["delay.time"].value
         assert constancy.change * fitted == pytest.approx(growth, rel=0.25)
@@ -370,7 +373,8 @@ def test_what_would_have_to_change_is_asked_of_all_recordings_where_too_much_is_
     monkeypatch.setattr(MODULE, "constancies", found)
     monkeypatch.setattr(MODULE, "refit", lambda *_: whole if fits else fit)
     amended = SimpleNamespace(calibration=fit, effects=("delay",), adequate=adequate, noise=1.0)
-    (constancy,) = _constancies(amended, SimpleNamespace(fitted=(), everything=()))
+    bench = SimpleNamespace(fitted=(), everything=())
+    (constancy,) = _constancies(amended, bench, _whole(amended, bench))
     assert constancy is (moving if refuted else steady)
     assert constancy.holds is not refuted
     assert asked[1:] == ([pytest.approx(np.sqrt(8.0))] if fits and not adequate else [])  # 3² less the noise's 1²
@@ -381,7 +385,8 @@ def test_less_than_noise_is_nothing_that_a_change_could_mend(monkeypatch):
     monkeypatch.setattr(MODULE, "constancies", lambda *_, too_much=None: asked.append(too_much) or steady)
     monkeypatch.setattr(MODULE, "refit", lambda *_: SimpleNamespace(rms=1.0))
     amended = SimpleNamespace(calibration=None, effects=("delay",), adequate=False, noise=1.1)
-    assert _constancies(amended, SimpleNamespace(fitted=(), everything=())) == steady
+    bench = SimpleNamespace(fitted=(), everything=())
+    assert _constancies(amended, bench, _whole(amended, bench)) == steady
     assert asked == [None, pytest.approx(np.sqrt(0.1) * 1.1)]  # a tenth of the noise's power is known of no sensor
 
 
