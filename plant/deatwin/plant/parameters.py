@@ -115,6 +115,12 @@ class Parameter:
         if self.scale is not Scale.LINEAR and self.lower <= 0:
             raise RigError(f"parameter {self.name} moves as {self.scale.value}: its lower bound must be above 0")
 
+    @property
+    def is_low(self) -> bool:
+        """Whether the value is nearer to the lower end of its range than to the upper one, as a fit moves it."""
+        value, lower, upper = map(self.scale.to_coordinate, (self.value, self.lower, self.upper))
+        return abs(value - lower) < abs(upper - value)
+
 
 class ParameterSet(Mapping[str, Parameter]):
     """Immutable, ordered mapping of names to parameters.

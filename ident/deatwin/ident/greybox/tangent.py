@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-__all__ = ["linearised_rms", "taken_off", "tangent_basis"]
+__all__ = ["linearised_rms", "linearised_step", "taken_off", "tangent_basis"]
 
 
 def tangent_basis(jacobian: np.ndarray) -> np.ndarray:
@@ -58,3 +58,23 @@ def linearised_rms(residuals: np.ndarray, jacobian: np.ndarray) -> float:
         In the unit of the residuals; never more than their own rms.
     """
     return float(np.sqrt(np.mean(taken_off(residuals, tangent_basis(jacobian)) ** 2)))
+
+
+def linearised_step(residuals: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
+    """Where the parameters would have to go for what `linearised_rms` leaves.
+
+    Parameters
+    ----------
+    residuals : ndarray, shape (m,)
+        Measured minus simulated.
+    jacobian : ndarray, shape (m, n)
+        Derivative of what is simulated by the parameters, of whatever scales.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        In those scales, the shortest such step; 0 of a parameter that does nothing.
+    """
+    sizes = np.linalg.norm(jacobian, axis=0)
+    scales = np.where(sizes > 0.0, sizes, 1.0)
+    return np.linalg.lstsq(jacobian / scales, residuals, rcond=None)[0] / scales

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -21,6 +21,7 @@ from deatwin.ident.mismatch.gate.gate import Gate
 from deatwin.ident.mismatch.locate import Location, readings
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming
+from deatwin.ident.mismatch.naming.worth import held_back_by, suffices
 from deatwin.ident.mismatch.refit.base import Base, differences
 from deatwin.ident.mismatch.refit.fitted import fitted_parameters
 from deatwin.ident.mismatch.say import say
@@ -141,6 +142,7 @@ def conclude(findings: Findings) -> Diagnosis:
             *_form(findings),
             *(f"{name} could not be tried: no fit with it could be simulated" for name in findings.naming.failed),
             *(f"{name} ended on a bound of its range" for name in findings.final.at_bound),
+            *_held_back(findings),
         ),
         verification=findings.verification.to_dict() if findings.verification.ablations else None,
         faults=faults_of(findings.checked),
@@ -149,6 +151,19 @@ def conclude(findings: Findings) -> Diagnosis:
         evidence=_evidence(findings, model),
     )
     return replace(diagnosis, sentence=say(diagnosis))
+
+
+def _held_back(findings: Findings) -> Iterator[str]:
+    """Of what is unknown, the likeliest explanation that only the ranges of the plant's own parameters refuse."""
+    if findings.verdict is not Verdict.UNKNOWN:
+        return
+    base = findings.naming.base
+    several = [c for c in findings.naming.candidates if c.effects and suffices(c, base) and held_back_by(c)]
+    for candidate in sorted(several, key=lambda c: -c.evidence)[:1]:
+        yield (
+            f"{' and '.join(candidate.effects)} would explain the recordings if {', '.join(held_back_by(candidate))} "
+            "might leave the range that is given"
+        )
 
 
 def _left(findings: Findings) -> float:

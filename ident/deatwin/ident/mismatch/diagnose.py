@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -22,7 +22,7 @@ from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming, nothing_tried
 from deatwin.ident.mismatch.naming.name import explanations
 from deatwin.ident.mismatch.naming.screen import footprints
-from deatwin.ident.mismatch.naming.worth import takes_most
+from deatwin.ident.mismatch.naming.worth import held_back_by, takes_most
 from deatwin.ident.mismatch.refit.base import Base, calibrate_base
 from deatwin.ident.mismatch.refit.search import refit
 from deatwin.ident.mismatch.steps import Step, base_step, fit_step, found_step, gate_step
@@ -114,7 +114,7 @@ def diagnose(
             fitted=None if through is None else lambda fit, unseen: through(fit_step(bench, fit, unseen)),
         )  # fmt: skip
     naming, verification, stands = _first_that_stands(
-        found, bench, for_verification, started=lambda: tell(0.8, "verifying on unseen data")
+        found, bench, for_verification, started=lambda text: tell(0.8, text)
     )
     keep(found_step("verify", verification if verification.ablations else None))
     base = base.in_form_of(naming.base)
@@ -203,31 +203,49 @@ def _verdict(
 
 
 def _first_that_stands(
-    found: Iterable[Naming], bench: Bench, rng: np.random.Generator, started: Callable[[], None]
+    found: Iterable[Naming], bench: Bench, rng: np.random.Generator, started: Callable[[str], None]
 ) -> tuple[Naming, Verification, bool]:
-    """The first explanation that is not refuted, its verification, and whether it stands; else the first of all."""
-    verified = []
+    """The first explanation that is not refuted, its verification, and whether it stands; else the first of all.
+
+    What has been refuted is no rival of the next one, nor what is left of it where one effect is doubted.
+    """
+    verified: list[tuple[Naming, Verification, bool]] = []
+    refuted: list[tuple[str, ...]] = []
     for naming in found:
-        started()
-        verification = verify(naming.base, naming.best or naming.base, rng, bench, naming.candidates)
-        spared = _without_doubted(naming, verification)
+        if verified:
+            verified[0] = (verified[0][0].knowing(naming), *verified[0][1:])
+            if naming.best is None:
+                break
+        started("verifying on unseen data")
+        answer = naming.without(refuted)
+        verification = verify(answer.base, answer.best or answer.base, rng, bench, answer.candidates)
+        spared = _without_doubted(answer, verification, refuted)
         stands = verification.holds or bool(spared)
-        verified.append((naming.as_likely(spared), verification, stands))
-        if stands:
-            break
-    return verified[-1] if verified[-1][2] else verified[0]
+        verified.append((answer.as_likely(spared), verification, stands))
+        if stands or answer.best is None:
+            return verified[-1]
+        refuted.append(answer.best.effects)
+        started("looking for another explanation")
+    return verified[0]
 
 
-def _without_doubted(naming: Naming, verification: Verification) -> list[Candidate]:
+def _without_doubted(
+    naming: Naming, verification: Verification, refuted: Collection[tuple[str, ...]] = ()
+) -> list[Candidate]:
     """The explanation without each effect that unseen data do not show for certain.
 
-    None where one of them is not known, or does not explain most: then there is nothing that stands without it.
+    None where one of them is not known, was refuted, or does not explain most by itself: then there is nothing that
+    stands without it.
     """
     if naming.best is None:
         return []
     known = {frozenset(c.effects): c for c in naming.candidates if not c.calibration.given_up}
     rest = [known.get(frozenset(naming.best.effects) - {name}) for name in verification.doubted]
-    standing = [c for c in rest if c is not None and (c in naming.rivals or takes_most(c, naming.base))]
+    standing = [
+        c for c in rest
+        if c is not None and c.effects not in refuted
+        and (c in naming.rivals or (takes_most(c, naming.base) and not held_back_by(c)))
+    ]  # fmt: skip
     return standing if len(standing) == len(rest) else []
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from deatwin.ident.greybox.tangent import linearised_rms, taken_off, tangent_basis
+from deatwin.ident.greybox.tangent import linearised_rms, linearised_step, taken_off, tangent_basis
 
 
 def test_a_linear_fit_ends_where_its_linearisation_says():
@@ -25,3 +25,12 @@ def test_what_is_taken_off_is_what_least_squares_leave():
     columns = jacobian[:, :3] / [1e-9, 1.0, 1e6]
     left = signal - columns @ np.linalg.lstsq(columns, signal)[0]
     np.testing.assert_allclose(taken_off(signal, basis), left, atol=1e-13)
+
+
+def test_the_step_leaves_what_the_linear_model_does_and_moves_nothing_idle():
+    rng = np.random.default_rng(3)
+    jacobian, residuals = rng.standard_normal((60, 4)) * [1.0, 1e6, 0.0, 1e-9], rng.standard_normal(60)
+    step = linearised_step(residuals, jacobian)
+    assert step[2] == 0.0
+    left = np.sqrt(np.mean((residuals - jacobian @ step) ** 2))
+    assert left == pytest.approx(linearised_rms(residuals, jacobian), rel=1e-12)

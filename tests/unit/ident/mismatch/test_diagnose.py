@@ -133,9 +133,8 @@ def test_physics_outside_the_catalogue_is_unknown():
 
 
 def known(*effects: str, rms: float, given_up: bool = False) -> SimpleNamespace:
-    return SimpleNamespace(
-        effects=effects, calibration=SimpleNamespace(given_up=given_up), losses=np.full(200, rms**2), noise=2.0
-    )
+    fit = SimpleNamespace(given_up=given_up, at_bound=())
+    return SimpleNamespace(effects=effects, calibration=fit, losses=np.full(200, rms**2), noise=2.0)
 
 
 BASE, PAIR = known(rms=10.0), known("creep", "delay", rms=2.1)
@@ -168,26 +167,55 @@ def test_a_rival_that_the_naming_has_already_stands_whatever_it_takes():
     assert _without_doubted(replace(naming, best=None), SimpleNamespace(doubted=[])) == []
 
 
+ALONE = known("creep", rms=2.2)
+
+
+def first_that_stands(monkeypatch, several: list[Naming], **said: list) -> tuple[Naming, SimpleNamespace, bool]:
+    """What verification says of one explanation after another is given."""
+    each = zip(*said.values(), strict=True)
+    verified = iter([SimpleNamespace(**dict(zip(said, one, strict=True))) for one in each])
+    module = importlib.import_module("deatwin.ident.mismatch.diagnose")
+    monkeypatch.setattr(module, "verify", lambda *_: next(verified))
+    return _first_that_stands(iter(several), None, np.random.default_rng(0), lambda text: None)
+
+
+def named_by(best: SimpleNamespace | None, *rivals: SimpleNamespace) -> Naming:
+    chances = {c.effects: 0.5 for c in (best, *rivals) if c is not None}
+    return Naming(candidates=(BASE, ALONE, PAIR), best=best, rivals=rivals, probabilities=chances, noise=2.0)
+
+
 @pytest.mark.parametrize(
-    ("stand", "answer", "asked"), [((True, True), 0, 1), ((False, True), 1, 2), ((False, False), 0, 2)]
+    ("stand", "answer"), [([True], ALONE), ([False, True], PAIR), ([False, False], ALONE)]
 )
-def test_where_an_explanation_is_refuted_the_next_one_is_verified(monkeypatch, stand, answer, asked):
+def test_where_an_explanation_is_refuted_the_next_one_is_verified(monkeypatch, stand, answer):
     """And where that is refuted, too, the first one is what was found."""
-    several = [
-        Naming(candidates=(BASE, one), best=one, rivals=(), probabilities={one.effects: 1.0}, noise=2.0)
-        for one in (known("creep", rms=2.1), PAIR)
-    ]
-    verified = []
+    several = [named_by(ALONE), named_by(PAIR)]
+    naming, verification, stands = first_that_stands(monkeypatch, several, holds=stand, doubted=[()] * len(stand))
+    assert naming.best is answer
+    assert verification.holds is stands is stand[stand.index(True) if True in stand else 0]
 
-    def verify(base, best, rng, bench, tried):
-        verified.append(best)
-        return SimpleNamespace(holds=stand[len(verified) - 1], doubted=())
 
-    monkeypatch.setattr(importlib.import_module("deatwin.ident.mismatch.diagnose"), "verify", verify)
-    naming, verification, stands = _first_that_stands(iter(several), None, np.random.default_rng(0), lambda: None)
-    assert naming is several[answer]
-    assert verification.holds is stands is stand[answer]
-    assert len(verified) == asked
+def test_what_was_refuted_is_no_rival_of_the_next_and_nothing_that_it_could_be_spared_for(monkeypatch):
+    several = [named_by(ALONE), named_by(PAIR, ALONE, OTHER)]
+    naming, _, stands = first_that_stands(monkeypatch, several, holds=[False, True], doubted=[(), ()])
+    assert stands and naming.rivals == (OTHER,)
+    assert naming.probabilities == {PAIR.effects: 0.5, OTHER.effects: 0.5}
+    # without the delay, of which unseen data are not certain, the refuted creep is left
+    assert _without_doubted(several[1], SimpleNamespace(doubted=["delay"])) == [ALONE]
+    _, _, stands = first_that_stands(monkeypatch, several, holds=[False, False], doubted=[(), ("delay",)])
+    assert not stands
+
+
+def test_what_was_tried_since_a_refuted_explanation_is_known(monkeypatch):
+    """Also where it was in vain, but of the same form of the plant only."""
+    first = replace(named_by(ALONE), candidates=(BASE, ALONE), failed=("mullins",))
+    later = replace(named_by(None), failed=("mullins", "creep+mullins"))
+    naming, _, stands = first_that_stands(monkeypatch, [first, later], holds=[False], doubted=[()])
+    assert not stands and naming.best is ALONE
+    assert naming.candidates == (BASE, ALONE, PAIR)
+    assert naming.failed == ("mullins", "creep+mullins")
+    elsewhere = replace(later, candidates=(known(rms=9.0), PAIR))
+    assert first_that_stands(monkeypatch, [first, elsewhere], holds=[False], doubted=[()])[0] is first
 
 
 @pytest.fixture(scope="module")
@@ -216,6 +244,32 @@ def test_a_doubt_of_one_of_two_effects_ends_as_ambiguous(doubted):
     assert certain["creep"] == pytest.approx(0.95 / 2)
     assert doubted.rivals == (("electrode_rc",),)
     assert ", perhaps without creep; with the first two" in doubted.sentence
+
+
+def test_the_plant_of_a_refuted_explanation_is_not_the_answer(monkeypatch):
+    """Nor is its fit to all recordings, which verification had to make."""
+
+    def refuting(base, amended, *others):
+        found = verify(base, amended, *others)
+        return replace(found, gain_low=-1e-9, counts=False, ablations=(), whole=amended.calibration)
+
+    monkeypatch.setattr(importlib.import_module("deatwin.ident.mismatch.diagnose"), "verify", refuting)
+    found = diagnose(NOMINAL, recorded(Creep(modulus=50e3, time=20.0)), effects=[Creep()])
+    assert found.verdict is Verdict.UNKNOWN
+    assert "the error on unseen data does not fall for certain" in found.warnings
+    assert "creep" not in found.model.plant.effect_names
+
+
+@pytest.mark.parametrize(("verdict", "said"), [(Verdict.UNKNOWN, True), (Verdict.NAMED, False)])
+def test_what_only_the_ranges_of_the_plant_refuse_is_said(monkeypatch, verdict, said):
+    module = importlib.import_module("deatwin.ident.mismatch.conclude")
+    monkeypatch.setattr(module, "suffices", lambda c, base: c is not OTHER)
+    monkeypatch.setattr(module, "held_back_by", lambda c: () if c is PAIR else ("damping", "branch_time"))
+    several = [SimpleNamespace(effects=c.effects, evidence=e) for c, e in ((BASE, 9.0), (ALONE, 2.0), (ALONE, 1.0))]
+    naming = SimpleNamespace(base=BASE, candidates=(*several, PAIR, OTHER))
+    found = list(module._held_back(SimpleNamespace(verdict=verdict, naming=naming)))
+    expected = "creep would explain the recordings if damping, branch_time might leave the range that is given"
+    assert found == [expected] * said
 
 
 def test_a_fault_of_the_recording_is_said_before_physics(creeping):

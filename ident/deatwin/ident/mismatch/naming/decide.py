@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -143,6 +143,45 @@ class Naming:
             return self
         weights = {**self.probabilities, **{c.effects: self.probabilities[self.best.effects] for c in further}}
         return replace(self, rivals=(*self.rivals, *further), probabilities=normalised(weights))
+
+    def without(self, refuted: Collection[tuple[str, ...]]) -> Naming:
+        """The same answer, of which some rivals have been refuted.
+
+        Parameters
+        ----------
+        refuted : collection of tuple of str
+            Sets of effects.
+
+        Returns
+        -------
+        Naming
+        """
+        if not any(rival.effects in refuted for rival in self.rivals):
+            return self
+        weights = {effects: p for effects, p in self.probabilities.items() if effects not in refuted}
+        return replace(
+            self, rivals=tuple(rival for rival in self.rivals if rival.effects not in refuted),
+            probabilities=normalised(weights) if any(weights.values()) else weights,
+        )  # fmt: skip
+
+    def knowing(self, later: Naming) -> Naming:
+        """The same answer, with what was tried in the same form of the plant since.
+
+        Parameters
+        ----------
+        later : Naming
+            Of the same recordings.
+
+        Returns
+        -------
+        Naming
+        """
+        if later.base.calibration is not self.base.calibration:
+            return self
+        known = {id(c.calibration) for c in self.candidates}
+        since = tuple(c for c in later.candidates if id(c.calibration) not in known)
+        failed = tuple(dict.fromkeys((*self.failed, *later.failed)))
+        return replace(self, candidates=(*self.candidates, *since), failed=failed)
 
     @property
     def base(self) -> Candidate:

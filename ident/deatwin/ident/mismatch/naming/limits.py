@@ -7,7 +7,6 @@ from dataclasses import replace
 
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming
-from deatwin.plant.parameters import Parameter
 
 __all__ = ["with_limits"]
 
@@ -43,11 +42,5 @@ def _become(candidate: Candidate) -> Iterator[frozenset[str]]:
     for effect in fit.plant.effects:
         for parameter, other in effect.becomes.items():
             name = f"{effect.name}.{parameter}"
-            if effect.name in candidate.effects and name in fit.at_bound and _is_low(fit.plant.parameters[name]):
+            if effect.name in candidate.effects and name in fit.at_bound and fit.plant.parameters[name].is_low:
                 yield frozenset(candidate.effects) - {effect.name} | {other}
-
-
-def _is_low(parameter: Parameter) -> bool:
-    """Whether a value that lies on a bound lies on the lower one."""
-    value, lower, upper = map(parameter.scale.to_coordinate, (parameter.value, parameter.lower, parameter.upper))
-    return abs(value - lower) < abs(upper - value)

@@ -77,7 +77,8 @@ def explanations(
 ) -> Iterator[Naming]:
     """What `name_causes` finds, then what else explains the recordings, for those who have refuted it.
 
-    A single effect that suffices ends the search. Where it is refuted, it may have imitated two.
+    A single effect that suffices ends the search. Where it is refuted, it may have imitated two. Where the answer is
+    one in another form of the plant, there may be one in the form before.
 
     Parameters
     ----------
@@ -87,7 +88,7 @@ def explanations(
     Yields
     ------
     Naming
-        After a single effect one over pairs, if any explains the recordings.
+        At most two; the second one without a best where nothing else explains the recordings.
     """
 
     def tell(number: int, share: float) -> None:
@@ -105,12 +106,13 @@ def explanations(
     search, naming = _with_more(taken, own, tell)
     fit = search.tried[()].calibration
     others = [form for form in (base, *rivals) if form.calibration is not fit]
-    search, naming = with_fewer(search, with_a_second(search, naming), others)
-    yield _final(search, naming)
-    if naming.best is not None and len(naming.best.effects) == 1:
-        of_two = search.of_two()
-        if of_two.best is not None:
-            yield _final(search, of_two)
+    naming = with_a_second(search, naming)
+    simplest, first = with_fewer(search, naming, others)
+    yield _final(simplest, first)
+    if simplest is not search:
+        yield _final(search, naming)
+    elif naming.best is not None and len(naming.best.effects) == 1:
+        yield _final(search, search.of_two())
 
 
 def _final(search: Search, naming: Naming) -> Naming:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming
-from deatwin.ident.mismatch.naming.worth import gained, is_held_back
+from deatwin.ident.mismatch.naming.worth import gained
 
 __all__ = ["have_most_in_common", "with_overlap"]
 
@@ -59,14 +59,9 @@ def with_overlap(naming: Naming, possible: Callable[[Candidate], bool]) -> Namin
     best = naming.best
     if best is None or len(best.effects) != 2:
         return naming
-    singles = {c.effects: c for c in naming.candidates if len(c.effects) == 1 and _stands_alone(c)}
+    singles = {c.effects: c for c in naming.candidates if len(c.effects) == 1 and not c.calibration.given_up}
     alone = [singles[name,] for name in best.effects if (name,) in singles]
     if len(alone) < len(best.effects) or not have_most_in_common(best, alone, naming.base):
         return naming
     common = _in_common(best, alone, naming.base)
     return naming.as_likely([c for c in singles.values() if gained(c, naming.base) >= common and possible(c)])
-
-
-def _stands_alone(candidate: Candidate) -> bool:
-    """Whether a fit tells how much an effect does alone: it was not given up, nor was the plant bent to do the rest."""
-    return not candidate.calibration.given_up and not is_held_back(candidate)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from deatwin.ident.mismatch.naming.decide import STRONG, Naming
 from deatwin.ident.mismatch.naming.overlap import have_most_in_common
-from deatwin.ident.mismatch.naming.worth import TRIFLE, gained, suffices
+from deatwin.ident.mismatch.naming.worth import TRIFLE, gained, held_back_by, suffices
 
 if TYPE_CHECKING:
     from deatwin.ident.mismatch.naming.candidate import Candidate
@@ -145,4 +145,5 @@ def _doubted(search: Search, pairs: Sequence[Names]) -> Naming:
     if best is None:
         return naming
     floor = search.floor_power(best.effects)
-    return naming.as_likely([less for less in search.without_one(best.effects) if gained(best, less) < floor])
+    alone = [less for less in search.without_one(best.effects) if gained(best, less) < floor]
+    return naming.as_likely([less for less in alone if not held_back_by(less)])

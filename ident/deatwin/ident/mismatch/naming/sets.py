@@ -28,7 +28,7 @@ from deatwin.ident.mismatch.naming.worth import (
     acts,
     explained,
     gained,
-    is_held_back,
+    held_back_by,
     is_near_floor,
     suffices,
     takes_most,
@@ -252,10 +252,9 @@ class Search:
         found so, its effects are replaced in turn.
         """
         found = self._in_place_of(before, best)
-        better = self._best_that_counts(found)
-        if better is not None and self.tried[better].evidence > self.tried[best].evidence:
-            found += self._in_place_of(better, better)
-        return found
+        evidence = self.tried[best].evidence
+        better = self._best_that_counts([names for names in found if self.tried[names].evidence > evidence])
+        return found if better is None else found + self._in_place_of(better, better)
 
     def _in_place_of(self, several: Names, full: Names) -> list[Names]:
         """Try what may be in the place of each of `several` effects of the set `full`, unless that was done."""
@@ -321,9 +320,18 @@ class Search:
         return decision() if again.best is None else again
 
     def of_two(self) -> Naming:
-        """The decision over pairs, whether or not a single effect suffices."""
+        """The decision over pairs, whether or not a single effect suffices.
+
+        Some may have been tried before, beside that one; what may be in the place of their effects is tried, too.
+        """
         self.with_one_more([names for names in self.tried if len(names) == 1])
-        return self.decided([names for names in self.tried if len(names) == 2])
+        best = self._best_that_counts(self._pairs())
+        if best is not None:
+            self.replacing(best, best)
+        return self.decided(self._pairs())
+
+    def _pairs(self) -> list[Names]:
+        return [names for names in self.tried if len(names) == 2]
 
     def nearly(self) -> Naming:
         """The decision over the smallest sets that suffice as far as anybody knows the plant's own error, or barely."""
@@ -374,7 +382,7 @@ class Search:
 
     def _is_possible(self, candidate: Candidate) -> bool:
         """Whether a candidate takes away most of the mismatch, in a plant within its ranges."""
-        return self._takes_most(candidate) and not is_held_back(candidate)
+        return self._takes_most(candidate) and not held_back_by(candidate)
 
     def _takes_most(self, candidate: Candidate) -> bool:
         return takes_most(candidate, self.tried[()])

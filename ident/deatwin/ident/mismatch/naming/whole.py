@@ -12,7 +12,7 @@ from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import STRONG, Naming, cannot_rule_out, decide, is_as_likely, normalised
 from deatwin.ident.mismatch.naming.versus import advantage, likeliest
-from deatwin.ident.mismatch.naming.worth import MOST, SUFFICIENT, is_near_floor, share_explained
+from deatwin.ident.mismatch.naming.worth import MOST, SUFFICIENT, held_back_by, is_near_floor, share_explained
 from deatwin.ident.mismatch.refit.search import DECIDING
 from deatwin.ident.parallel import run_jobs
 
@@ -61,7 +61,7 @@ def settled_on_everything(
     if not chosen:
         return decide(tried, (), noise, hopeful, possible)
     # Beside a single effect that strays, any second one would mend its tail, or do nothing.
-    others = [c for c in stage if c.effects not in known and len(c.effects) == 1]
+    others = [c for c in stage if c.effects not in known and len(c.effects) == 1 and not held_back_by(c)]
     strayed = {c.effects: c for c in others if is_near_floor(c.fitted_test)}
     competing = [(c, bench.everything) for c in (tried[0], *known.values(), *strayed.values())]
     base, *found = run_jobs(_on_everything, competing, workers=bench.jobs)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from deatwin.ident.greybox.tangent import linearised_rms
+from deatwin.ident.greybox.tangent import linearised_rms, linearised_step
 from deatwin.ident.mismatch.excess import Excess
 from deatwin.ident.mismatch.naming.candidate import Candidate
+from deatwin.plant.parameters import Parameter
 
 __all__ = [
-    "MOST", "SUFFICIENT", "TRIFLE", "acts", "explained", "gained", "is_held_back", "is_near_floor", "share_explained",
+    "MOST", "SUFFICIENT", "TRIFLE", "acts", "explained", "gained", "held_back_by", "is_near_floor", "share_explained",
     "suffices", "takes_most",
 ]  # fmt: skip
 
@@ -79,8 +80,8 @@ def acts(candidate: Candidate, base: Candidate) -> bool:
     return float(np.sqrt(np.mean(candidate.contribution**2))) > ACTING * fell
 
 
-def is_held_back(candidate: Candidate) -> bool:
-    """Whether the ranges of the plant's own parameters cost an explanation more than the plant's own error.
+def held_back_by(candidate: Candidate) -> tuple[str, ...]:
+    """Parameters of the plant whose ranges cost an explanation more than the plant's own error.
 
     What else is missing bends the plant until its parameters end where no film is. A bound that nothing presses on, as
     of a parameter that the readings hardly depend on, is none.
@@ -92,16 +93,26 @@ def is_held_back(candidate: Candidate) -> bool:
 
     Returns
     -------
-    bool
-        By what the fit would leave, to first order, if it might leave those ranges.
+    tuple of str
+        Those that the fit would take out of their ranges, if it left so much less then, to first order; else none.
     """
     fit, added = candidate.calibration, tuple(f"{name}." for name in candidate.effects)
-    ended = {name for name in fit.at_bound if not name.startswith(added)}
-    if not ended:
-        return False
-    within = [k for k, name in enumerate(fit.names) if name not in ended]
+    if all(name.startswith(added) for name in fit.at_bound):
+        return ()
+    step = linearised_step(fit.residuals, fit.jacobian)
+    pressing = tuple(
+        name for name, change in zip(fit.names, step, strict=True)
+        if name in fit.at_bound and not name.startswith(added) and _leaves(fit.plant.parameters[name], change)
+    )  # fmt: skip
+    within = [k for k, name in enumerate(fit.names) if name not in pressing]
     kept, anywhere = (linearised_rms(fit.residuals, columns) for columns in (fit.jacobian[:, within], fit.jacobian))
-    return kept**2 - anywhere**2 > candidate.fitted_test.practical**2
+    return pressing if kept**2 - anywhere**2 > candidate.fitted_test.practical**2 else ()
+
+
+def _leaves(parameter: Parameter, change: float) -> bool:
+    """Whether a change of its coordinate takes a parameter, which lies at a bound, out of its range."""
+    rises = change * parameter.scale.slope(parameter.value) > 0.0
+    return change != 0.0 and bool(rises) != parameter.is_low
 
 
 def share_explained(after: Excess, before: Excess) -> float:

@@ -13,8 +13,7 @@ from deatwin.ident.mismatch.naming.overlap import with_overlap
 def candidate(*effects: str, left: float, rough: bool = False) -> Candidate:
     """An explanation that leaves this mean square everywhere."""
     residuals = np.full(1000, np.sqrt(left))
-    names = ("a",) * (3 + len(effects))
-    calibration = SimpleNamespace(residuals=residuals, names=names, given_up=rough, at_bound=())
+    calibration = SimpleNamespace(residuals=residuals, names=("a",) * (3 + len(effects)), given_up=rough)
     return Candidate(effects=effects, calibration=calibration, unseen=residuals, noise=1.0)
 
 
@@ -46,12 +45,6 @@ def test_what_does_all_that_two_have_in_common_is_possible():
 def test_a_rough_fit_is_no_rival():
     creep, drift = candidate("creep", left=2.0), candidate("permittivity_drift", left=3.0)
     assert rivals(decided(creep, drift, candidate("delay", left=2.5, rough=True))) == [creep.effects, drift.effects]
-
-
-def test_what_a_bent_plant_does_beside_an_effect_is_not_in_common(monkeypatch):
-    creep, drift = candidate("creep", left=2.0), candidate("permittivity_drift", left=3.0)
-    monkeypatch.setattr("deatwin.ident.mismatch.naming.overlap.is_held_back", lambda c: c is drift)
-    assert rivals(decided(creep, drift)) == []
 
 
 def test_two_that_do_different_things_stand():

@@ -8,7 +8,7 @@ import pytest
 from deatwin.ident.mismatch.naming import name
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming
-from deatwin.ident.mismatch.naming.pairs import with_a_second
+from deatwin.ident.mismatch.naming.pairs import _doubted, with_a_second
 from deatwin.ident.mismatch.naming.sets import Search
 
 CLIP, CREEP, PAIR = ("amplifier_saturation",), ("creep",), ("amplifier_saturation", "creep")
@@ -211,17 +211,49 @@ def test_a_search_for_causes_ends_with_the_look_for_a_second_one(explained_alone
     assert found.best.effects == PAIR
 
 
-def test_what_comes_after_a_single_effect_is_a_pair_if_any_explains(explained_alone, monkeypatch):
-    search, alone = explained_alone
+def answers(search) -> list[tuple[str, ...] | None]:
+    found = name.explanations(search.bench, search.tried[()], ())
+    return [None if naming.best is None else naming.best.effects for naming in found]
+
+
+def test_after_a_single_effect_comes_what_pairs_explain(explained_alone, monkeypatch):
+    """Those that were tried before, too: here one beside the first, in whose place nothing else is better."""
+    search, _ = explained_alone
     monkeypatch.setattr(name, "with_a_second", lambda search, naming: naming)
-    pair, none = replace(alone, best=search.tried[PAIR]), replace(alone, best=None)
-    for further, expected in ((pair, [CLIP, PAIR]), (none, [CLIP])):
-        monkeypatch.setattr(search, "of_two", lambda further=further: further)
-        found = list(name.explanations(search.bench, search.tried[()], ()))
-        assert [naming.best.effects for naming in found] == expected
+    monkeypatch.setattr(search, "decided", lambda stage: asked.append(stage) or nothing)
+    monkeypatch.setattr(search, "with_one_more", lambda stage: asked.append(stage) or [])
+    monkeypatch.setattr(search, "replacing", lambda before, best: asked.append(best) or [])
+    asked, nothing = [], Naming(
+        candidates=(search.tried[()],), best=None, rivals=(), probabilities={}, noise=search.noise
+    )  # fmt: skip
+    pairs = [names for names in search.tried if len(names) == 2]
+    assert PAIR in pairs
+    alone = [names for names in search.tried if len(names) == 1]
+    monkeypatch.setattr(name, "_with_more", lambda *_: (search, replace(nothing, best=search.tried[CLIP])))
+    assert answers(search) == [CLIP, None]
+    assert asked[1:] == [alone, PAIR, pairs]  # the first one was over single effects
 
 
 def test_nothing_comes_after_a_pair(explained_alone, monkeypatch):
     search, _ = explained_alone
     monkeypatch.setattr(search, "of_two", None)
-    assert [naming.best.effects for naming in name.explanations(search.bench, search.tried[()], ())] == [PAIR]
+    assert answers(search) == [PAIR]
+
+
+def test_after_an_answer_of_another_form_comes_that_of_the_form_before(explained_alone, leaving, monkeypatch):
+    search, alone = explained_alone
+    other = Known(*leaving(5.0, 3.0, 4.6, 2.2))
+    monkeypatch.setattr(other, "on_everything", lambda naming: naming)
+    monkeypatch.setattr(name, "with_fewer", lambda search, naming, forms: (other, alone))
+    assert answers(search) == [CLIP, PAIR]
+
+
+def test_what_would_do_alone_but_for_the_ranges_of_the_plant_is_no_rival_of_a_pair(leaving, monkeypatch):
+    """Without its second effect the pair leaves little more; in the one case only a film that is none does so."""
+    search = Known(*leaving(5.0, 2.3, 4.6, 2.1))
+    for held, rivals in ((), [CLIP]), (("damping",), []):
+        monkeypatch.setattr("deatwin.ident.mismatch.naming.pairs.held_back_by", lambda c, held=held: held)
+        monkeypatch.setattr(search, "decision", lambda competing, good: Naming(
+            candidates=(), best=search.tried[PAIR], rivals=(), probabilities={PAIR: 1.0}, noise=2.0
+        ))  # fmt: skip
+        assert [rival.effects for rival in _doubted(search, [PAIR]).rivals] == rivals

@@ -342,3 +342,19 @@ def test_what_is_better_in_the_place_of_one_effect_has_its_own_replaced(replaced
     found = search.replacing(("delay", "creep"), ("creep", "delay"))
     assert asked == [("creep",), *further]  # nothing is looked for beside the same set twice
     assert (("electrode_loss", "sensor_drift") in found) is bool(further)
+
+
+def test_beside_what_was_gone_on_with_nothing_is_looked_for_again(candidate, search_over, monkeypatch):
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.unbent_like", lambda bench, plant: plant)
+    alone = candidate("creep", rms=8.0)
+    alone.calibration.given_up = False
+    search = search_over(candidate(rms=9.0), alone, candidate("creep", "delay", rms=4.0))
+    looked = []
+    search._leads = lambda names: looked.append(names) or ()
+    for _ in range(2):
+        search.replacing(("delay",), ("creep", "delay"))
+    assert looked == [("creep",)]
+    alone.calibration.given_up = True  # it is fitted first: then more may be beside it
+    search._fit_some = lambda full, rest: setattr(alone.calibration, "given_up", False)
+    search.replacing(("delay",), ("creep", "delay"))
+    assert looked == [("creep",), ("creep",)]

@@ -21,7 +21,7 @@ def wave(rms: float, samples: int) -> np.ndarray:
 
 def candidate(name: str, fitted: float, unseen: float) -> Candidate:
     plant = SimpleNamespace(rig=SimpleNamespace(model_error=1.0), name=name)
-    calibration = SimpleNamespace(plant=plant, residuals=wave(fitted, 7000), names=("a",) * 8)
+    calibration = SimpleNamespace(plant=plant, residuals=wave(fitted, 7000), names=("a",) * 8, at_bound=())
     return Candidate(effects=(name,), calibration=calibration, unseen=wave(unseen, 3000), noise=NOISE)
 
 
@@ -307,3 +307,9 @@ def test_without_a_fit_of_the_best_to_everything_those_that_have_one_are_as_like
     assert naming.best is SHORT
     assert naming.rivals == (LONG,)
     assert naming.probabilities == {SHORT.effects: pytest.approx(0.5), LONG.effects: pytest.approx(0.5)}
+
+
+def test_what_the_ranges_of_the_plant_hold_back_does_not_come_back_as_one_that_strayed(together, monkeypatch):
+    held = "deatwin.ident.mismatch.naming.whole.held_back_by"
+    monkeypatch.setattr(held, lambda c: ("damping",) if c.effects == ("creep",) else ())
+    assert settled_beside_what_strays(together, 2.1, 2.2).rivals == ()

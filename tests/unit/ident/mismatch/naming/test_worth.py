@@ -7,23 +7,32 @@ import numpy as np
 import pytest
 
 from deatwin.ident.mismatch.naming.candidate import Candidate
-from deatwin.ident.mismatch.naming.worth import is_held_back, suffices
+from deatwin.ident.mismatch.naming.worth import held_back_by, suffices
+from deatwin.plant.parameters import Parameter, Scale
 
 
 @pytest.fixture
 def ended(candidate):
-    """``ended(cost, *at_bound)``: a creep whose residuals the damping could lessen by ``cost``, in mean square."""
+    """``ended(cost, *at_bound)``: a creep whose residuals more damping could lessen by ``cost``, in mean square.
 
-    def make(cost: float, *at_bound: str) -> Candidate:
+    The damping has a value of its range from 1 to 2, and moves on some scale.
+    """
+
+    def make(cost: float, *at_bound: str, value: float = 2.0, scale: Scale = Scale.LINEAR) -> Candidate:
         whole = candidate("creep", rms=3.0)
         residuals = whole.calibration.residuals
         other = np.tile([1.0, 1.0, -1.0, -1.0], residuals.size // 4)  # at right angles to the residuals
         # of 9 µm² a direction takes the square of the cosine
         share = cost / float(np.mean(residuals**2))
         damping = np.sqrt(share) * residuals / 3.0 + np.sqrt(1.0 - share) * other
-        jacobian = np.column_stack([np.ones_like(residuals), damping])
+        jacobian = np.column_stack([np.ones_like(residuals), damping * scale.slope(value)])
+        parameters = {
+            name: Parameter(name=name, value=value, unit="1", lower=1.0, upper=2.0, scale=scale)
+            for name in ("shear_modulus", "damping")
+        }
         known = vars(whole.calibration) | {
-            "names": ("shear_modulus", "damping"), "jacobian": jacobian, "at_bound": at_bound
+            "names": tuple(parameters), "jacobian": jacobian, "at_bound": at_bound,
+            "plant": SimpleNamespace(**vars(whole.calibration.plant), parameters=parameters),
         }  # fmt: skip
         return replace(whole, calibration=SimpleNamespace(**known))
 
@@ -32,22 +41,37 @@ def ended(candidate):
 
 @pytest.mark.parametrize(("cost", "held"), [(1.5, True), (1.4, False), (0.0, False)])  # the floor is 1.2² = 1.44
 def test_a_bound_that_costs_more_than_the_floor_holds_an_explanation_back(ended, cost, held):
-    assert is_held_back(ended(cost, "damping")) is held
+    assert held_back_by(ended(cost, "damping")) == ("damping",) * held
+
+
+@pytest.mark.parametrize("scale", Scale)
+def test_a_bound_from_which_the_fit_would_come_back_is_none(ended, scale):
+    """It is on its way: more damping leaves less."""
+    assert held_back_by(ended(5.0, "damping", value=2.0, scale=scale)) == ("damping",)
+    assert held_back_by(ended(5.0, "damping", value=1.0, scale=scale)) == ()
 
 
 def test_what_the_plant_may_still_do_is_no_bound(ended):
-    assert not is_held_back(ended(5.0))
-    assert not is_held_back(ended(5.0, "shear_modulus"))
+    assert held_back_by(ended(5.0)) == ()
+    assert held_back_by(ended(5.0, "shear_modulus")) == ()
+    assert held_back_by(ended(5.0, "shear_modulus", "damping")) == ("damping",)
 
 
 def test_an_effect_at_the_end_of_its_own_range_has_become_another_one_and_bends_nothing(ended):
     one = ended(5.0, "creep.time")
     names = vars(one.calibration) | {"names": ("shear_modulus", "creep.time")}
-    assert not is_held_back(replace(one, calibration=SimpleNamespace(**names)))
+    assert held_back_by(replace(one, calibration=SimpleNamespace(**names))) == ()
 
 
-def test_what_is_held_back_does_not_count_though_it_would_suffice(ended, candidate, search_over):
-    base, held, free = candidate(rms=9.0), ended(1.5, "damping"), ended(1.5)
-    for one, counts in ((held, False), (free, True)):
-        search = search_over(base, one)
-        assert suffices(one, base) and search.counts(one) is counts
+@pytest.mark.parametrize(("cost", "possible"), [(1.5, False), (1.4, True)])
+def test_what_is_held_back_is_neither_an_answer_nor_a_rival_though_it_would_suffice(
+    ended, candidate, search_over, monkeypatch, cost, possible
+):
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.with_distances", lambda naming, *_: naming)
+    base, alike, one = candidate(rms=9.0), candidate("delay", rms=2.999), ended(cost, "damping")
+    search = search_over(base, alike, one)
+    assert suffices(one, base)
+    assert search.counts(one) is possible
+    naming = search.decision([alike, one], lambda c: c is alike)
+    assert naming.best is alike
+    assert naming.rivals == (one,) * possible
