@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.optimize import lsq_linear
 
-__all__ = ["linearised_rms", "linearised_step", "taken_off", "tangent_basis"]
+__all__ = ["bounded_fit", "linearised_rms", "taken_off", "tangent_basis"]
 
 
 def tangent_basis(jacobian: np.ndarray) -> np.ndarray:
@@ -60,21 +61,31 @@ def linearised_rms(residuals: np.ndarray, jacobian: np.ndarray) -> float:
     return float(np.sqrt(np.mean(taken_off(residuals, tangent_basis(jacobian)) ** 2)))
 
 
-def linearised_step(residuals: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
-    """Where the parameters would have to go for what `linearised_rms` leaves.
+def bounded_fit(
+    residuals: np.ndarray, jacobian: np.ndarray, lower: np.ndarray, upper: np.ndarray
+) -> tuple[float, np.ndarray]:
+    """What a linear model of a fit would leave, if its parameters may go so far only.
 
     Parameters
     ----------
     residuals : ndarray, shape (m,)
         Measured minus simulated.
     jacobian : ndarray, shape (m, n)
-        Derivative of what is simulated by the parameters, of whatever scales.
+        Derivative of what is simulated by the parameters.
+    lower, upper : ndarray, shape (n,)
+        Least and largest change of each parameter, in its scale; the one below the other.
 
     Returns
     -------
-    ndarray, shape (n,)
-        In those scales, the shortest such step; 0 of a parameter that does nothing.
+    cost : float
+        Mean square by which that is more than `linearised_rms` leaves, square of the residuals' unit.
+    held : ndarray of bool, shape (n,)
+        Parameters that are held at one of the two.
     """
     sizes = np.linalg.norm(jacobian, axis=0)
     scales = np.where(sizes > 0.0, sizes, 1.0)
-    return np.linalg.lstsq(jacobian / scales, residuals, rcond=None)[0] / scales
+    basis, small = np.linalg.qr(jacobian / scales)  # the rest of the residuals nothing can take
+    found = lsq_linear(small, basis.T @ residuals, (lower * scales, upper * scales), method="bvls")
+    anywhere = float(np.mean(residuals**2)) - linearised_rms(residuals, jacobian) ** 2
+    taken = float(np.sum((basis.T @ residuals) ** 2) - 2.0 * found.cost) / residuals.size
+    return max(anywhere - taken, 0.0), found.active_mask != 0

@@ -21,7 +21,7 @@ from deatwin.ident.mismatch.gate.gate import Gate
 from deatwin.ident.mismatch.locate import Location, readings
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming
-from deatwin.ident.mismatch.naming.worth import held_back_by, suffices
+from deatwin.ident.mismatch.naming.worth import held_back_by, suffices, takes_most
 from deatwin.ident.mismatch.refit.base import Base, differences
 from deatwin.ident.mismatch.refit.fitted import fitted_parameters
 from deatwin.ident.mismatch.say import say
@@ -154,14 +154,15 @@ def conclude(findings: Findings) -> Diagnosis:
 
 
 def _held_back(findings: Findings) -> Iterator[str]:
-    """Of what is unknown, the likeliest explanation that only the ranges of the plant's own parameters refuse."""
-    if findings.verdict is not Verdict.UNKNOWN:
+    """Where nothing explains the recordings, the likeliest single effect that only the plant's own ranges refuse."""
+    naming = findings.naming
+    if findings.verdict is not Verdict.UNKNOWN or naming.best is not None:
         return
-    base = findings.naming.base
-    several = [c for c in findings.naming.candidates if c.effects and suffices(c, base) and held_back_by(c)]
-    for candidate in sorted(several, key=lambda c: -c.evidence)[:1]:
+    alone = [c for c in naming.candidates if len(c.effects) == 1]
+    held = [c for c in alone if takes_most(c, naming.base) and suffices(c, naming.base) and held_back_by(c)]
+    for candidate in sorted(held, key=lambda c: -c.evidence)[:1]:
         yield (
-            f"{' and '.join(candidate.effects)} would explain the recordings if {', '.join(held_back_by(candidate))} "
+            f"{candidate.effects[0]} would explain the recordings if {', '.join(held_back_by(candidate))} "
             "might leave the range that is given"
         )
 

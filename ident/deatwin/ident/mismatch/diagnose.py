@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import free_run_residuals
+from deatwin.ident.greybox.fit import Calibration, free_run_residuals
 from deatwin.ident.mismatch.advise.advise import advise
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.conclude import Findings, conclude
@@ -207,30 +207,32 @@ def _first_that_stands(
 ) -> tuple[Naming, Verification, bool]:
     """The first explanation that is not refuted, its verification, and whether it stands; else the first of all.
 
-    What has been refuted is no rival of the next one, nor what is left of it where one effect is doubted.
+    What has been refuted in a form of the plant is no rival of the next one there, nor what is left of it where one
+    effect is doubted.
     """
     verified: list[tuple[Naming, Verification, bool]] = []
-    refuted: list[tuple[str, ...]] = []
+    refuted: list[tuple[Calibration, frozenset[str]]] = []
     for naming in found:
         if verified:
             verified[0] = (verified[0][0].knowing(naming), *verified[0][1:])
             if naming.best is None:
                 break
         started("verifying on unseen data")
-        answer = naming.without(refuted)
+        known = [effects for form, effects in refuted if form is naming.base.calibration]
+        answer = naming.without(known)
         verification = verify(answer.base, answer.best or answer.base, rng, bench, answer.candidates)
-        spared = _without_doubted(answer, verification, refuted)
+        spared = _without_doubted(answer, verification, known)
         stands = verification.holds or bool(spared)
         verified.append((answer.as_likely(spared), verification, stands))
         if stands or answer.best is None:
             return verified[-1]
-        refuted.append(answer.best.effects)
+        refuted.append((answer.base.calibration, frozenset(answer.best.effects)))
         started("looking for another explanation")
     return verified[0]
 
 
 def _without_doubted(
-    naming: Naming, verification: Verification, refuted: Collection[tuple[str, ...]] = ()
+    naming: Naming, verification: Verification, refuted: Collection[frozenset[str]] = ()
 ) -> list[Candidate]:
     """The explanation without each effect that unseen data do not show for certain.
 
@@ -243,7 +245,7 @@ def _without_doubted(
     rest = [known.get(frozenset(naming.best.effects) - {name}) for name in verification.doubted]
     standing = [
         c for c in rest
-        if c is not None and c.effects not in refuted
+        if c is not None and frozenset(c.effects) not in refuted
         and (c in naming.rivals or (takes_most(c, naming.base) and not held_back_by(c)))
     ]  # fmt: skip
     return standing if len(standing) == len(rest) else []

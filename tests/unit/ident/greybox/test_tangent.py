@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from deatwin.ident.greybox.tangent import linearised_rms, linearised_step, taken_off, tangent_basis
+from deatwin.ident.greybox.tangent import bounded_fit, linearised_rms, taken_off, tangent_basis
 
 
 def test_a_linear_fit_ends_where_its_linearisation_says():
@@ -27,10 +27,27 @@ def test_what_is_taken_off_is_what_least_squares_leave():
     np.testing.assert_allclose(taken_off(signal, basis), left, atol=1e-13)
 
 
-def test_the_step_leaves_what_the_linear_model_does_and_moves_nothing_idle():
+def test_a_fit_that_may_go_anywhere_costs_nothing_and_one_that_may_not_what_is_missing():
     rng = np.random.default_rng(3)
     jacobian, residuals = rng.standard_normal((60, 4)) * [1.0, 1e6, 0.0, 1e-9], rng.standard_normal(60)
-    step = linearised_step(residuals, jacobian)
-    assert step[2] == 0.0
-    left = np.sqrt(np.mean((residuals - jacobian @ step) ** 2))
-    assert left == pytest.approx(linearised_rms(residuals, jacobian), rel=1e-12)
+    anywhere = np.full(4, np.inf)
+    cost, held = bounded_fit(residuals, jacobian, -anywhere, anywhere)
+    assert cost == pytest.approx(0.0, abs=1e-12) and not held.any()
+    best = np.linalg.lstsq(jacobian[:, [0, 1, 3]] / [1.0, 1e6, 1e-9], residuals, rcond=None)[0] / [1.0, 1e6, 1e-9]
+    for k, step in zip((0, 1, 3), best, strict=True):  # each may move the other way only: it stays
+        lower, upper = -anywhere, anywhere.copy()
+        (lower if step < 0.0 else upper)[k] = 0.0
+        cost, held = bounded_fit(residuals, jacobian, lower, upper)
+        without = linearised_rms(residuals, np.delete(jacobian, k, axis=1))
+        assert cost == pytest.approx(without**2 - linearised_rms(residuals, jacobian) ** 2, rel=1e-9)
+        assert list(np.flatnonzero(held)) == [k]
+
+
+def test_what_one_parameter_may_not_do_another_one_does_not_do_for_it_beyond_its_own_bound():
+    """Of two that do nearly the same the first would go out alone; with the second free to leave nothing were lost."""
+    one, other, rest = np.linalg.qr(np.random.default_rng(4).standard_normal((80, 3)))[0].T
+    jacobian = np.column_stack([one, 0.95 * one + np.sqrt(1.0 - 0.95**2) * other])
+    residuals = 3.0 * one + rest
+    cost, held = bounded_fit(residuals, jacobian, np.full(2, -np.inf), np.zeros(2))
+    assert held.all()
+    assert cost == pytest.approx(9.0 / 80)

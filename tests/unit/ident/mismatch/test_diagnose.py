@@ -204,16 +204,19 @@ def test_what_was_refuted_is_no_rival_of_the_next_and_nothing_that_it_could_be_s
     assert _without_doubted(several[1], SimpleNamespace(doubted=["delay"])) == [ALONE]
     _, _, stands = first_that_stands(monkeypatch, several, holds=[False, False], doubted=[(), ("delay",)])
     assert not stands
+    # what was refuted in one form of the plant was not in another one
+    elsewhere = [replace(several[0], candidates=(known(rms=9.0), ALONE)), several[1]]
+    assert first_that_stands(monkeypatch, elsewhere, holds=[False, True], doubted=[(), ()])[0] is several[1]
 
 
 def test_what_was_tried_since_a_refuted_explanation_is_known(monkeypatch):
     """Also where it was in vain, but of the same form of the plant only."""
-    first = replace(named_by(ALONE), candidates=(BASE, ALONE), failed=("mullins",))
-    later = replace(named_by(None), failed=("mullins", "creep+mullins"))
+    first = replace(named_by(ALONE), candidates=(BASE, known("creep", rms=2.3), OTHER), failed=("mullins", "leakage"))
+    later = replace(named_by(None), failed=("mullins",))  # another look at the leakage was not in vain
     naming, _, stands = first_that_stands(monkeypatch, [first, later], holds=[False], doubted=[()])
     assert not stands and naming.best is ALONE
-    assert naming.candidates == (BASE, ALONE, PAIR)
-    assert naming.failed == ("mullins", "creep+mullins")
+    assert naming.candidates == (BASE, ALONE, PAIR, OTHER)  # the creep as it was fitted last
+    assert naming.failed == ("mullins",)
     elsewhere = replace(later, candidates=(known(rms=9.0), PAIR))
     assert first_that_stands(monkeypatch, [first, elsewhere], holds=[False], doubted=[()])[0] is first
 
@@ -260,13 +263,20 @@ def test_the_plant_of_a_refuted_explanation_is_not_the_answer(monkeypatch):
     assert "creep" not in found.model.plant.effect_names
 
 
-@pytest.mark.parametrize(("verdict", "said"), [(Verdict.UNKNOWN, True), (Verdict.NAMED, False)])
-def test_what_only_the_ranges_of_the_plant_refuse_is_said(monkeypatch, verdict, said):
+@pytest.mark.parametrize(
+    ("verdict", "best", "said"),
+    [(Verdict.UNKNOWN, None, True), (Verdict.NAMED, None, False), (Verdict.UNKNOWN, PAIR, False)],
+)
+def test_what_only_the_ranges_of_the_plant_refuse_is_said(monkeypatch, verdict, best, said):
     module = importlib.import_module("deatwin.ident.mismatch.conclude")
-    monkeypatch.setattr(module, "suffices", lambda c, base: c is not OTHER)
-    monkeypatch.setattr(module, "held_back_by", lambda c: () if c is PAIR else ("damping", "branch_time"))
-    several = [SimpleNamespace(effects=c.effects, evidence=e) for c, e in ((BASE, 9.0), (ALONE, 2.0), (ALONE, 1.0))]
-    naming = SimpleNamespace(base=BASE, candidates=(*several, PAIR, OTHER))
+    idle, held, weaker = known("delay", rms=9.9), known("creep", rms=2.2), known("hysteresis", rms=2.3)
+    several = [
+        SimpleNamespace(**vars(c), evidence=evidence)
+        for c, evidence in ((BASE, 9.0), (PAIR, 8.0), (idle, 7.0), (held, 2.0), (weaker, 1.0))
+    ]
+    monkeypatch.setattr(module, "suffices", lambda c, base: True)
+    monkeypatch.setattr(module, "held_back_by", lambda c: ("damping", "branch_time"))
+    naming = SimpleNamespace(base=BASE, best=best, candidates=several)
     found = list(module._held_back(SimpleNamespace(verdict=verdict, naming=naming)))
     expected = "creep would explain the recordings if damping, branch_time might leave the range that is given"
     assert found == [expected] * said

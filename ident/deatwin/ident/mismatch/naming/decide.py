@@ -144,24 +144,24 @@ class Naming:
         weights = {**self.probabilities, **{c.effects: self.probabilities[self.best.effects] for c in further}}
         return replace(self, rivals=(*self.rivals, *further), probabilities=normalised(weights))
 
-    def without(self, refuted: Collection[tuple[str, ...]]) -> Naming:
+    def without(self, refuted: Collection[frozenset[str]]) -> Naming:
         """The same answer, of which some rivals have been refuted.
 
         Parameters
         ----------
-        refuted : collection of tuple of str
+        refuted : collection of frozenset of str
             Sets of effects.
 
         Returns
         -------
         Naming
         """
-        if not any(rival.effects in refuted for rival in self.rivals):
+        rivals = tuple(rival for rival in self.rivals if frozenset(rival.effects) not in refuted)
+        if len(rivals) == len(self.rivals):
             return self
-        weights = {effects: p for effects, p in self.probabilities.items() if effects not in refuted}
+        weights = {effects: p for effects, p in self.probabilities.items() if frozenset(effects) not in refuted}
         return replace(
-            self, rivals=tuple(rival for rival in self.rivals if rival.effects not in refuted),
-            probabilities=normalised(weights) if any(weights.values()) else weights,
+            self, rivals=rivals, probabilities=normalised(weights) if any(weights.values()) else weights
         )  # fmt: skip
 
     def knowing(self, later: Naming) -> Naming:
@@ -170,7 +170,7 @@ class Naming:
         Parameters
         ----------
         later : Naming
-            Of the same recordings.
+            Of the same search; of another one there is nothing to know.
 
         Returns
         -------
@@ -178,10 +178,9 @@ class Naming:
         """
         if later.base.calibration is not self.base.calibration:
             return self
-        known = {id(c.calibration) for c in self.candidates}
-        since = tuple(c for c in later.candidates if id(c.calibration) not in known)
-        failed = tuple(dict.fromkeys((*self.failed, *later.failed)))
-        return replace(self, candidates=(*self.candidates, *since), failed=failed)
+        since = {c.effects for c in later.candidates}
+        elsewhere = tuple(c for c in self.candidates if c.effects not in since)
+        return replace(self, candidates=(*later.candidates, *elsewhere), failed=later.failed)
 
     @property
     def base(self) -> Candidate:

@@ -77,8 +77,8 @@ def explanations(
 ) -> Iterator[Naming]:
     """What `name_causes` finds, then what else explains the recordings, for those who have refuted it.
 
-    A single effect that suffices ends the search. Where it is refuted, it may have imitated two. Where the answer is
-    one in another form of the plant, there may be one in the form before.
+    A single effect that suffices ends the search. Where it is refuted, it may have imitated two. Where fewer effects
+    were enough in another form of the plant, there is the answer with more in the form before.
 
     Parameters
     ----------
@@ -109,10 +109,10 @@ def explanations(
     naming = with_a_second(search, naming)
     simplest, first = with_fewer(search, naming, others)
     yield _final(simplest, first)
-    if simplest is not search:
+    if simplest is not search and naming.best is not None:
         yield _final(search, naming)
-    elif naming.best is not None and len(naming.best.effects) == 1:
-        yield _final(search, search.of_two())
+    elif first.best is not None and len(first.best.effects) == 1:
+        yield _final(simplest, simplest.of_two())
 
 
 def _final(search: Search, naming: Naming) -> Naming:

@@ -325,13 +325,21 @@ class Search:
         Some may have been tried before, beside that one; what may be in the place of their effects is tried, too.
         """
         self.with_one_more([names for names in self.tried if len(names) == 1])
-        best = self._best_that_counts(self._pairs())
+        best = self._best_that_counts(self._possible_pairs())
         if best is not None:
             self.replacing(best, best)
-        return self.decided(self._pairs())
+        naming = self._over_pairs()
+        if naming.best is None:
+            return naming
+        self.fit_fewer(naming.best.effects)  # a rough fit of one alone says little of what the other one does
+        return self._over_pairs()
 
-    def _pairs(self) -> list[Names]:
-        return [names for names in self.tried if len(names) == 2]
+    def _over_pairs(self) -> Naming:
+        naming = self.decided(self._possible_pairs())
+        return self._sufficing(self._possible_pairs()) if naming.best is None else naming
+
+    def _possible_pairs(self) -> list[Names]:
+        return [names for names, candidate in self.tried.items() if len(names) == 2 and self._is_possible(candidate)]
 
     def nearly(self) -> Naming:
         """The decision over the smallest sets that suffice as far as anybody knows the plant's own error, or barely."""

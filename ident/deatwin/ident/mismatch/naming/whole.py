@@ -174,9 +174,12 @@ def _on_everything(candidate: Candidate, parts: Sequence[Part]) -> Candidate | N
 
 
 def _settles(whole: Candidate, base: Candidate) -> bool:
-    """Whether a fit to everything takes away most of what the base plant leaves, fitted so, and is near the floor."""
+    """Whether a fit to everything takes away most of what the base plant leaves, fitted so, and is near the floor.
+
+    In a plant within its ranges.
+    """
     most = share_explained(whole.fitted_test, base.fitted_test) > SUFFICIENT[0][0]
-    return most and is_near_floor(whole.fitted_test)
+    return most and is_near_floor(whole.fitted_test) and not held_back_by(whole)
 
 
 def _holds(candidate: Candidate, base: Candidate) -> bool:

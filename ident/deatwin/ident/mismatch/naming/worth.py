@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from deatwin.ident.greybox.tangent import linearised_rms, linearised_step
+from deatwin.ident.greybox.tangent import bounded_fit
 from deatwin.ident.mismatch.excess import Excess
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.plant.parameters import Parameter
@@ -81,7 +81,7 @@ def acts(candidate: Candidate, base: Candidate) -> bool:
 
 
 def held_back_by(candidate: Candidate) -> tuple[str, ...]:
-    """Parameters of the plant whose ranges cost an explanation more than the plant's own error.
+    """Parameters of the plant whose ranges cost an explanation more than the practical size.
 
     What else is missing bends the plant until its parameters end where no film is. A bound that nothing presses on, as
     of a parameter that the readings hardly depend on, is none.
@@ -97,22 +97,21 @@ def held_back_by(candidate: Candidate) -> tuple[str, ...]:
         Those that the fit would take out of their ranges, if it left so much less then, to first order; else none.
     """
     fit, added = candidate.calibration, tuple(f"{name}." for name in candidate.effects)
-    if all(name.startswith(added) for name in fit.at_bound):
+    ended = {name for name in fit.at_bound if not name.startswith(added)}
+    if not ended:
         return ()
-    step = linearised_step(fit.residuals, fit.jacobian)
-    pressing = tuple(
-        name for name, change in zip(fit.names, step, strict=True)
-        if name in fit.at_bound and not name.startswith(added) and _leaves(fit.plant.parameters[name], change)
-    )  # fmt: skip
-    within = [k for k, name in enumerate(fit.names) if name not in pressing]
-    kept, anywhere = (linearised_rms(fit.residuals, columns) for columns in (fit.jacobian[:, within], fit.jacobian))
-    return pressing if kept**2 - anywhere**2 > candidate.fitted_test.practical**2 else ()
+    inwards = [_inwards(fit.plant.parameters[name]) if name in ended else 0.0 for name in fit.names]
+    lower = np.array([0.0 if way > 0.0 else -np.inf for way in inwards])
+    upper = np.array([0.0 if way < 0.0 else np.inf for way in inwards])
+    cost, held = bounded_fit(fit.residuals, fit.jacobian, lower, upper)
+    pressing = tuple(name for name, stays in zip(fit.names, held, strict=True) if stays)
+    return pressing if cost > candidate.fitted_test.practical**2 else ()
 
 
-def _leaves(parameter: Parameter, change: float) -> bool:
-    """Whether a change of its coordinate takes a parameter, which lies at a bound, out of its range."""
-    rises = change * parameter.scale.slope(parameter.value) > 0.0
-    return change != 0.0 and bool(rises) != parameter.is_low
+def _inwards(parameter: Parameter) -> float:
+    """The sign of a change of its coordinate that takes a parameter, which lies at a bound, into its range."""
+    rising = float(np.sign(parameter.scale.slope(parameter.value)))
+    return rising if parameter.is_low else -rising
 
 
 def share_explained(after: Excess, before: Excess) -> float:

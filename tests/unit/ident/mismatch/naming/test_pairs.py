@@ -217,12 +217,13 @@ def answers(search) -> list[tuple[str, ...] | None]:
 
 
 def test_after_a_single_effect_comes_what_pairs_explain(explained_alone, monkeypatch):
-    """Those that were tried before, too: here one beside the first, in whose place nothing else is better."""
+    """Those that were tried before, too, and those that only suffice: each effect is left out once more."""
     search, _ = explained_alone
     monkeypatch.setattr(name, "with_a_second", lambda search, naming: naming)
     monkeypatch.setattr(search, "decided", lambda stage: asked.append(stage) or nothing)
     monkeypatch.setattr(search, "with_one_more", lambda stage: asked.append(stage) or [])
     monkeypatch.setattr(search, "replacing", lambda before, best: asked.append(best) or [])
+    monkeypatch.setattr(search, "fit_fewer", lambda full: asked.append(("fewer than", *full)) or [])
     asked, nothing = [], Naming(
         candidates=(search.tried[()],), best=None, rivals=(), probabilities={}, noise=search.noise
     )  # fmt: skip
@@ -230,8 +231,10 @@ def test_after_a_single_effect_comes_what_pairs_explain(explained_alone, monkeyp
     assert PAIR in pairs
     alone = [names for names in search.tried if len(names) == 1]
     monkeypatch.setattr(name, "_with_more", lambda *_: (search, replace(nothing, best=search.tried[CLIP])))
+    assert answers(search) == [CLIP, PAIR]
+    assert asked[1:] == [alone, PAIR, pairs, ("fewer than", *PAIR), pairs]  # the first one was over single effects
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.held_back_by", lambda c: ("damping",) * len(c.effects))
     assert answers(search) == [CLIP, None]
-    assert asked[1:] == [alone, PAIR, pairs]  # the first one was over single effects
 
 
 def test_nothing_comes_after_a_pair(explained_alone, monkeypatch):
@@ -245,6 +248,11 @@ def test_after_an_answer_of_another_form_comes_that_of_the_form_before(explained
     other = Known(*leaving(5.0, 3.0, 4.6, 2.2))
     monkeypatch.setattr(other, "on_everything", lambda naming: naming)
     monkeypatch.setattr(name, "with_fewer", lambda search, naming, forms: (other, alone))
+    assert answers(search) == [CLIP, PAIR]
+    # where there was none, a single one there may have imitated two there
+    nothing, of_two = replace(alone, best=None), replace(alone, best=search.tried[PAIR])
+    monkeypatch.setattr(name, "_with_more", lambda *_: (search, nothing))
+    monkeypatch.setattr(other, "of_two", lambda: of_two)
     assert answers(search) == [CLIP, PAIR]
 
 

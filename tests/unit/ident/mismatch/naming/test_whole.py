@@ -33,7 +33,10 @@ def together(monkeypatch: pytest.MonkeyPatch):
         def calibrate(plant, parts, tolerance):
             rms = sizes[plant.name]
             status = SimpleNamespace(ok=rms != FAILS)
-            return SimpleNamespace(status=status, plant=plant, residuals=wave(rms, 10_000), names=("a",) * 8)
+            names = ("a",) * 8
+            return SimpleNamespace(
+                status=status, plant=plant, residuals=wave(rms, 10_000), names=names, at_bound=()
+            )  # fmt: skip
 
         monkeypatch.setattr("deatwin.ident.mismatch.naming.whole.calibrate", calibrate)
 
