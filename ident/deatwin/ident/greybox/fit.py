@@ -178,6 +178,11 @@ class Calibration:
         return linearised_rms(self.residuals, self.jacobian) if self.status is FitStatus.STOPPED else self.rms
 
     @property
+    def movable(self) -> np.ndarray:
+        """The Jacobian of what a refit may move, shape (m, k), SI: without parameters that ended on a bound."""
+        return self.jacobian[:, [k for k, name in enumerate(self.names) if name not in self.at_bound]]
+
+    @property
     def given_up(self) -> bool:
         """Whether it ends where it was seen to be no rival of a better fit: short of its own minimum."""
         return self.status is FitStatus.GIVEN_UP

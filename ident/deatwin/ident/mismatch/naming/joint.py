@@ -54,6 +54,6 @@ def _of_all(search: Search) -> Iterator[tuple[float, Trial]]:
             continue
         fit = candidate.calibration
         free = [f for f in search.known() if f.effect.name not in fit.plant.effect_names]
-        alone = linearised_rms(fit.residuals, fit.jacobian) ** 2
+        alone = linearised_rms(fit.residuals, fit.movable) ** 2
         for trial in trials_of(unbent_like(search.bench, fit.plant), fit, leads(free, fit)):
             yield alone - trial.share * fit.rms**2, trial

@@ -96,7 +96,8 @@ def footprints(
 def leads(known: Sequence[Footprint], fit: Calibration) -> tuple[Lead, ...]:
     """Order effects by what they could explain of a fit's residual.
 
-    Each footprint is projected off the Jacobian of the fit, since the plant's parameters take up what they can;
+    Each footprint is projected off the Jacobian of the fit, since the plant's parameters take up what they can (those
+    on a bound can take up nothing: what is missing has driven them there, and beyond it they would hide it);
     the residual's share along it is what the effect could explain. The strength starts at its typical size, where the
     plant can be simulated with it: the fitted plant has absorbed part of the effect.
 
@@ -116,7 +117,7 @@ def leads(known: Sequence[Footprint], fit: Calibration) -> tuple[Lead, ...]:
     ----------
     Rao's score test, Proc. Camb. Phil. Soc. 44 (1948) 50, doi:10.1017/S0305004100023987.
     """
-    basis = tangent_basis(fit.jacobian)
+    basis = tangent_basis(fit.movable)
     best: dict[str, Lead] = {}
     for footprint in known:
         lead = _lead(footprint, fit.residuals, basis)
@@ -181,7 +182,7 @@ def _at_its_time(
     found: Sequence[Footprint], fit: Calibration, times: np.ndarray, footprint: Callable[[Effect], Footprint | None]
 ) -> Footprint:
     """The event where it explains most: no fit can move it, since only a sample or two know of its time."""
-    basis, event = tangent_basis(fit.jacobian), found[0].effect.event
+    basis, event = tangent_basis(fit.movable), found[0].effect.event
     first, last = next((p.lower, p.upper) for p in found[0].effect.describe() if p.name == event)
     best = max(found, key=lambda f: _lead(f, fit.residuals, basis).share)
     step, near = (share * float(np.ptp(times)) for share in (EVENT_STEP, EVENT_ERROR))

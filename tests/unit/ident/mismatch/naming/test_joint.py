@@ -32,7 +32,8 @@ def left_by(*effects) -> tuple[np.ndarray, np.ndarray]:
 def fit_of(*effects) -> SimpleNamespace:
     left, columns = left_by(*effects)
     rms = float(np.sqrt(np.mean(left**2)))
-    fit = SimpleNamespace(plant=PLANT.with_effects(*effects), residuals=left, jacobian=columns, rms=rms)
+    plant = PLANT.with_effects(*effects)
+    fit = SimpleNamespace(plant=plant, residuals=left, jacobian=columns, movable=columns, rms=rms)
     return SimpleNamespace(calibration=fit)
 
 

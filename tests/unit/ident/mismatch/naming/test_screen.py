@@ -1,11 +1,24 @@
 """Where the screen looks for an effect."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from deatwin.ident.greybox import Part, calibrate
-from deatwin.ident.mismatch.naming.screen import LEVELS, _shapes
-from deatwin.plant import AmplifierSaturation, Creep, Diaphragm, EndStop, Experiment, Plant, Recording, SensorSaturation
+from deatwin.ident.greybox.tangent import linearised_rms
+from deatwin.ident.mismatch.naming.screen import LEVELS, Footprint, _shapes, leads
+from deatwin.plant import (
+    AmplifierSaturation,
+    Creep,
+    Diaphragm,
+    EndStop,
+    Experiment,
+    Plant,
+    Recording,
+    SensorLag,
+    SensorSaturation,
+)
 from deatwin.plant.excitation import band_limited_noise
 from deatwin.plant.integrator.compiled import compiler
 
@@ -41,3 +54,17 @@ def test_a_time_is_looked_for_around_the_typical_one(fitted):
     fit, part = fitted
     times = [shape.time for shape in _shapes(Creep(), fit, [part])]
     assert times == pytest.approx([60 / 8, 60, 480])
+
+
+def test_what_a_parameter_at_its_bound_would_hide_is_seen(fitted):
+    """The damping of the film imitates a lag; at the end of its range it can do no more of that."""
+    fit, _ = fitted
+    k = fit.names.index("damping")
+    lag = Footprint(effect=SensorLag(), change=fit.jacobian[:, k])  # the very same
+    missing = replace(fit, residuals=2.0 * fit.jacobian[:, k])
+    assert [lead.share for lead in leads([lag], missing)] == pytest.approx([0.0], abs=1e-12)
+    (lead,) = leads([lag], replace(missing, at_bound=("damping",)))
+    rest = np.delete(fit.jacobian, k, axis=1)
+    own = linearised_rms(missing.residuals, rest) ** 2 / np.mean(missing.residuals**2)
+    assert lead.share == pytest.approx(own, rel=1e-9)
+    assert own > 0.01
