@@ -137,7 +137,7 @@ def _unknown(diagnosis: Diagnosis) -> str:
 
 def _disturbance(diagnosis: Diagnosis) -> str:
     origin = diagnosis.detect.get("origin")
-    back = "" if origin is None else f", of which {100 * origin['share']:.0f} % comes back with the command"
+    back = "" if origin is None else f", {_part(origin['share'])} which comes back with the command"
     return (
         "The mismatch does not repeat with input and state, so it is a disturbance and no missing physics of the "
         f"plant: {_left(diagnosis)}, with {_noise(diagnosis)}{back}."
@@ -212,6 +212,12 @@ def _rounded(value: float) -> str:
 def _share(cause: Cause) -> str:
     only = "only " if cause.share_explained < SMALL_SHARE else ""
     return f"{only}{100 * cause.share_explained:.0f} %"
+
+
+def _part(share: float) -> str:
+    """As an estimate a share may be negative."""
+    percent = round(100 * share)
+    return f"{percent} % of" if percent > 0 else "none of"
 
 
 def _physics(cause: Cause, diagnosis: Diagnosis) -> str:

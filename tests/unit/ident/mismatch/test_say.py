@@ -135,6 +135,8 @@ DIAGNOSES = {
                                                               "after": 4.4123, "gain_low": 5.1}),
     "disturbance": made_up(Verdict.DISTURBANCE),
     "disturbance, known": made_up(Verdict.DISTURBANCE, detect=DETECTED),
+    "disturbance, all of it": made_up(
+        Verdict.DISTURBANCE, detect={**DETECTED, "origin": {**DETECTED["origin"], "share": -0.0031}}),
     "data_fault": made_up(Verdict.DATA_FAULT, faults=FAULTS),
     "data_fault, one experiment": made_up(Verdict.DATA_FAULT, faults=FAULTS[:2]),
     "not_testable": made_up(Verdict.NOT_TESTABLE),
@@ -255,6 +257,11 @@ def test_a_small_share_is_said_to_be_small():
 def test_a_refuted_explanation_and_a_free_form_are_no_causes():
     assert "the recordings refuted" in DIAGNOSES["unknown, refuted"].sentence
     assert "not physics" in DIAGNOSES["unknown, free form"].sentence
+
+
+def test_an_estimate_below_nothing_is_said_as_nothing():
+    assert ", 4 % of which comes back with the command." in DIAGNOSES["disturbance, known"].sentence
+    assert ", none of which comes back with the command." in DIAGNOSES["disturbance, all of it"].sentence
 
 
 def test_every_effect_of_the_catalogue_can_be_said():

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from deatwin.ident.greybox.tangent import linearised_rms
+from deatwin.ident.mismatch.naming.onsets import most_promising
 from deatwin.ident.mismatch.naming.screen import leads
 from deatwin.ident.mismatch.naming.trial import Trial, trials_of, unbent_like
 
@@ -55,5 +56,6 @@ def _of_all(search: Search) -> Iterator[tuple[float, Trial]]:
         fit = candidate.calibration
         free = [f for f in search.known() if f.effect.name not in fit.plant.effect_names]
         alone = linearised_rms(fit.residuals, fit.movable) ** 2
-        for trial in trials_of(unbent_like(search.bench, fit.plant), fit, leads(free, fit)):
+        found = most_promising(leads(free, fit), search.event_leads(names))
+        for trial in trials_of(unbent_like(search.bench, fit.plant), fit, found):
             yield alone - trial.share * fit.rms**2, trial

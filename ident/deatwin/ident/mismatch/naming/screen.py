@@ -15,9 +15,10 @@ from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.contribution import readings_of_fit
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant.effects.base import Effect, Place
+from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Scale
 
-__all__ = ["Footprint", "Lead", "detectable_size", "footprints", "leads"]
+__all__ = ["Footprint", "Lead", "detectable_size", "footprint", "footprints", "leads"]
 
 SHAPES = 3
 """Values of each shape parameter at which an effect is screened,"""
@@ -126,6 +127,34 @@ def leads(known: Sequence[Footprint], fit: Calibration) -> tuple[Lead, ...]:
     return tuple(sorted(best.values(), key=lambda lead: -lead.share))
 
 
+def footprint(plant: Plant, parts: Sequence[Part], without: np.ndarray, effect: Effect) -> Footprint | None:
+    """What an effect does at its typical strength, or a weaker one; None where the plant can be simulated at none.
+
+    Parameters
+    ----------
+    plant : Plant
+        Without the effect.
+    parts : sequence of Part
+        Samples that count.
+    without : ndarray, shape (m,)
+        What that plant reads there, SI.
+    effect : Effect
+        With its shape.
+
+    Returns
+    -------
+    Footprint or None
+    """
+    typical = abs(next(p.value for p in effect.describe() if p.name == effect.strength))
+    for share in WEAKER:
+        strength = share * typical
+        weaker = replace(effect, **{effect.strength: strength})
+        readings = simulated(plant.with_effects(weaker), [part.until_last() for part in parts])
+        if readings is not None:
+            return Footprint(effect=weaker, change=(readings - without) / strength)
+    return None
+
+
 def detectable_size(known: Sequence[Footprint], base: Calibration, name: str) -> float | None:
     """Rms that an effect must add to the readings to be detected after the base refit.
 
@@ -172,14 +201,14 @@ def _of_effect(
     """One for each shape at which the plant can be simulated."""
     without = readings_of_fit(parts, base.residuals)
     times = np.concatenate([part.timepts for part in parts])
-    footprint = partial(_footprint, base, parts, without)
+    simulate = partial(footprint, base.plant, parts, without)
     shapes = effect.starts(times, fit.residuals) or _shapes(effect, base, parts)
-    found = [f for f in map(footprint, shapes) if f is not None]
-    return [_at_its_time(found, fit, times, footprint)] if effect.event and found else found
+    found = [f for f in map(simulate, shapes) if f is not None]
+    return [_at_its_time(found, fit, times, simulate)] if effect.event and found else found
 
 
 def _at_its_time(
-    found: Sequence[Footprint], fit: Calibration, times: np.ndarray, footprint: Callable[[Effect], Footprint | None]
+    found: Sequence[Footprint], fit: Calibration, times: np.ndarray, simulate: Callable[[Effect], Footprint | None]
 ) -> Footprint:
     """The event where it explains most: no fit can move it, since only a sample or two know of its time."""
     basis, event = tangent_basis(fit.movable), found[0].effect.event
@@ -188,24 +217,10 @@ def _at_its_time(
     step, near = (share * float(np.ptp(times)) for share in (EVENT_STEP, EVENT_ERROR))
     while step > max(near, fit.plant.rig.sample_time / 2):
         at = getattr(best.effect, event)
-        tried = [footprint(replace(best.effect, **{event: at + s})) for s in (-step, step) if first < at + s < last]
+        tried = [simulate(replace(best.effect, **{event: at + s})) for s in (-step, step) if first < at + s < last]
         better = max([best, *(f for f in tried if f is not None)], key=lambda f: _lead(f, fit.residuals, basis).share)
         step, best = (step, better) if better is not best else (step / 2, best)
     return best
-
-
-def _footprint(
-    base: Calibration, parts: Sequence[Part], without: np.ndarray, effect: Effect
-) -> Footprint | None:
-    """At the typical strength of an effect, or a weaker one; None where the plant can be simulated at none."""
-    typical = abs(next(p.value for p in effect.describe() if p.name == effect.strength))
-    for share in WEAKER:
-        strength = share * typical
-        weaker = replace(effect, **{effect.strength: strength})
-        readings = simulated(base.plant.with_effects(weaker), [part.until_last() for part in parts])
-        if readings is not None:
-            return Footprint(effect=weaker, change=(readings - without) / strength)
-    return None
 
 
 def _shapes(effect: Effect, base: Calibration, parts: Sequence[Part]) -> list[Effect]:

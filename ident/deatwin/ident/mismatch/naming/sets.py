@@ -14,6 +14,7 @@ from deatwin.ident.mismatch.naming.cycles import shows_its_cycles
 from deatwin.ident.mismatch.naming.decide import STRONG, Naming, decide, with_distances
 from deatwin.ident.mismatch.naming.joint import joint_trials
 from deatwin.ident.mismatch.naming.limits import with_limits
+from deatwin.ident.mismatch.naming.onsets import event_leads, most_promising
 from deatwin.ident.mismatch.naming.overlap import with_overlap
 from deatwin.ident.mismatch.naming.pairs import Names, barely, each_without_one
 from deatwin.ident.mismatch.naming.screen import Footprint, Lead, footprints, leads
@@ -71,6 +72,7 @@ class Search:
         self.leads: dict[str, Lead] = {}
         self.lost: list[str] = []
         self._gone_on: set[Names] = set()
+        self._events: dict[Names, tuple[Lead, ...]] = {}
         self._unscreened: list[str] = [] if known is None else self._not_in(known)
 
     def in_form_of(self, base: Candidate) -> Search:
@@ -456,10 +458,19 @@ class Search:
         """What each further effect could explain of what a candidate leaves."""
         fit, base = self.tried[names].calibration, self.tried[()].calibration
         if not names:
-            return leads(self.known(), fit)
+            return most_promising(leads(self.known(), fit), self.event_leads(names))
         free = [effect for effect in self.bench.effects if effect.name not in fit.plant.effect_names]
         times = np.concatenate([part.timepts for part in self.bench.fitted])
         looking = [effect for effect in free if effect.starts(times, fit.residuals)]
         again = footprints(self.bench, base, looking, fit)
         others = {e.name for e in free} - {e.name for e in looking}
-        return leads([*(f for f in self.known() if f.effect.name in others), *again], fit)
+        found = leads([*(f for f in self.known() if f.effect.name in others), *again], fit)
+        return most_promising(found, self.event_leads(names))
+
+    def event_leads(self, names: Names) -> tuple[Lead, ...]:
+        """What each event could explain beside the effects of a candidate, seen from before it came."""
+        if names not in self._events:
+            fit = self.tried[names].calibration
+            unbent = unbent_like(self.bench, fit.plant)
+            self._events[names] = event_leads(unbent, fit, self.bench.effects, self.bench.fitted)
+        return self._events[names]

@@ -40,7 +40,9 @@ def fit_of(*effects) -> SimpleNamespace:
 def search_with(*sets) -> SimpleNamespace:
     known = [Footprint(effect=e, change=change) for e, change in EFFECTS.items()]
     tried = {tuple(e.name for e in effects): fit_of(*effects) for effects in sets}
-    return SimpleNamespace(tried=tried, known=lambda: known, bench=SimpleNamespace(nominal=PLANT))
+    return SimpleNamespace(
+        tried=tried, known=lambda: known, event_leads=lambda names: (), bench=SimpleNamespace(nominal=PLANT)
+    )  # fmt: skip
 
 
 def names_of(trial) -> set[str]:
