@@ -16,6 +16,7 @@ from deatwin.plant.errors import DataError
 from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter
 from deatwin.plant.recording import Experiment
+from deatwin.plant.rigs.base import Rig
 
 __all__ = ["Calibration", "Part", "Problem", "calibrate", "free_run_residuals", "simulated"]
 
@@ -77,6 +78,20 @@ class Part:
     def timepts(self) -> np.ndarray:
         """Clock times of the samples that count, one after another, shape (n,), s."""
         return np.concatenate([r.timepts[m] for r, m in zip(self.experiment.recordings, self.masks, strict=True)])
+
+    def read_at(self, rig: Rig) -> np.ndarray:
+        """Clock times at which the readings that count were taken, one after another, shape (n,), s.
+
+        Parameters
+        ----------
+        rig : Rig
+            Says when in its row a reading is taken.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+        """
+        return self.timepts + rig.reading.samples * rig.sample_time
 
     @property
     def commands(self) -> np.ndarray:

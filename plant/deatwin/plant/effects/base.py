@@ -56,7 +56,8 @@ class Effect(ABC):
     order: ClassVar[int] = 0
     """Among the effects at one signal, those of lower order act first."""
     event: ClassVar[str] = ""
-    """The shape that is the time of an event, if any: a fit cannot move it, it is searched for."""
+    """The shape that is the time of an event, if any, which is there at once from then on: a fit cannot move it, it is
+    searched for."""
     threshold: ClassVar[str] = ""
     """The shape that is a level, if any: of the amplifier's voltage in the drive, else of the reading. Below it the
     effect does nothing, so that a fit must start where such levels occur."""
@@ -91,7 +92,7 @@ class Effect(ABC):
         Parameters
         ----------
         timepts : ndarray, shape (n,)
-            Clock times, s.
+            Clock times of the readings, s.
         residual : ndarray, shape (n,)
             Measured minus simulated without this effect, SI.
 

@@ -77,7 +77,7 @@ class PeriodicDisturbance(Effect):
         Parameters
         ----------
         timepts : ndarray, shape (n,)
-            Clock times, s.
+            Clock times of the readings, s.
         residual : ndarray, shape (n,)
             Measured minus simulated without this effect, m.
 

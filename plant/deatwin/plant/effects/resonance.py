@@ -80,7 +80,7 @@ class Resonance(Effect):
         Parameters
         ----------
         timepts : ndarray, shape (n,)
-            Clock times, s.
+            Clock times of the readings, s.
         residual : ndarray, shape (n,)
             Measured minus simulated without this effect, m.
 

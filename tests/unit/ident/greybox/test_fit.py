@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from deatwin.ident.greybox import FitStatus, Part, calibrate
-from deatwin.ident.greybox.fit import Problem, _covariance
-from deatwin.plant import DataError, Diaphragm, Experiment, Plant, Recording
+from deatwin.ident.greybox.fit import Problem, _covariance, simulated
+from deatwin.plant import DataError, Diaphragm, Experiment, Plant, ReadingTime, Recording, SensorJump
 from deatwin.plant.simulate import Simulator
 
 TRUTH = {"mass": 1.3, "damping": 2.6, "stiffness": 520.0}
@@ -95,6 +95,22 @@ def test_only_counted_samples_matter(plant):
     found = calibrate(plant, [part])
     assert found.residuals.shape == (1000,)
     assert found.plant.parameters["stiffness"].value == pytest.approx(TRUTH["stiffness"], rel=1e-4)
+
+
+@pytest.mark.parametrize("reading", ReadingTime)
+def test_readings_are_taken_when_the_simulation_has_them(reading):
+    """A jump between two of these times is in all readings from the later one on, and in none before."""
+    plant = Plant(rig=Diaphragm(reading=reading))
+    blank = Experiment(recordings=(
+        Recording.from_arrays(np.full(40, 2.0), np.zeros(40), 0.02, start=3.0),
+        Recording.from_arrays(np.full(30, 2.0), np.zeros(30), 0.02, start=4.2),
+    ))  # fmt: skip
+    part = Part.whole(blank)
+    times = part.read_at(plant.rig)
+    for k in (7, 39, 40, 55):
+        at = (times[k - 1] + times[k]) / 2
+        change = simulated(plant.with_effects(SensorJump(change=1e-4, at=at)), [part]) - simulated(plant, [part])
+        assert np.array_equal(change > 0.5e-4, times > at)  # it takes a quarter of a sample
 
 
 def test_several_experiments_start_from_rest_each(plant):

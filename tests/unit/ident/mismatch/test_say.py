@@ -136,7 +136,7 @@ DIAGNOSES = {
     "disturbance": made_up(Verdict.DISTURBANCE),
     "disturbance, known": made_up(Verdict.DISTURBANCE, detect=DETECTED),
     "disturbance, all of it": made_up(
-        Verdict.DISTURBANCE, detect={**DETECTED, "origin": {**DETECTED["origin"], "share": -0.0031}}),
+        Verdict.DISTURBANCE, detect={**DETECTED, "origin": {**DETECTED["origin"], "share": -0.031}}),
     "data_fault": made_up(Verdict.DATA_FAULT, faults=FAULTS),
     "data_fault, one experiment": made_up(Verdict.DATA_FAULT, faults=FAULTS[:2]),
     "not_testable": made_up(Verdict.NOT_TESTABLE),

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from deatwin.ident.greybox.tangent import linearised_rms
 from deatwin.ident.mismatch.naming.onsets import most_promising
 from deatwin.ident.mismatch.naming.screen import leads
 from deatwin.ident.mismatch.naming.trial import Trial, trials_of, unbent_like
@@ -24,7 +23,7 @@ def joint_trials(search: Search) -> list[Trial]:
 
     A step from the best single effect to a second one beside it misses two that work against each other: either alone
     explains little, and what explains more may imitate both. What a second effect could explain of what each single one
-    leaves, to first order, costs no simulation.
+    leaves, to first order, costs no simulation, but for when an event came.
 
     Parameters
     ----------
@@ -50,12 +49,10 @@ def _of_all(search: Search) -> Iterator[tuple[float, Trial]]:
     Many single fits were given up before their minimum, and what their own parameters would still take is not to be
     had by a second effect.
     """
-    for names, candidate in search.tried.items():
-        if len(names) != 1:
-            continue
-        fit = candidate.calibration
+    singles = [names for names in search.tried if len(names) == 1]
+    for names, events in zip(singles, search.event_leads(*singles), strict=True):
+        fit = search.tried[names].calibration
         free = [f for f in search.known() if f.effect.name not in fit.plant.effect_names]
-        alone = linearised_rms(fit.residuals, fit.movable) ** 2
-        found = most_promising(leads(free, fit), search.event_leads(names))
-        for trial in trials_of(unbent_like(search.bench, fit.plant), fit, found):
-            yield alone - trial.share * fit.rms**2, trial
+        found = most_promising(leads(free, fit), events)
+        for lead, trial in zip(found, trials_of(unbent_like(search.bench, fit.plant), fit, found), strict=True):
+            yield lead.left, trial

@@ -10,12 +10,12 @@ import numpy as np
 from deatwin.ident.greybox.fit import Calibration, Part, Problem
 from deatwin.ident.greybox.tangent import taken_off, tangent_basis
 from deatwin.ident.mismatch.naming.contribution import readings_of_fit
-from deatwin.ident.mismatch.naming.screen import Lead, footprint
+from deatwin.ident.mismatch.naming.screen import EVENT_ERROR, Footprint, Lead, footprint, started
 from deatwin.ident.mismatch.refit.search import approach
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.model import Plant
 
-__all__ = ["event_leads", "explained_from", "most_promising"]
+__all__ = ["beginning_at_each", "event_lead", "event_leads", "most_promising"]
 
 VANISHING = 1e-6
 """Share of an effect's squared change below which what the parameters leave of it is rounding."""
@@ -26,15 +26,15 @@ def event_leads(unbent: Plant, fit: Calibration, effects: Iterable[Effect], part
 
     A fit without an event is bent to meet it halfway: its residual may step elsewhere, or the other way. A plant that
     was fitted to the openings of the recordings only has mostly not seen it. From there all parameters are refitted to
-    all samples to first order, with the event before each of them in turn.
+    all samples to first order (those on a bound, too: it was a bound for the openings), with the event before each of
+    them in turn.
 
     Parameters
     ----------
     unbent : Plant
         Where the fit of the openings begins.
     fit : Calibration
-        Of the same effects on all samples: what events explain is told as a share of what that leaves, and counts from
-        the lesser of that and what is left to first order without the event.
+        Of the same effects on all samples.
     effects : iterable of Effect
         Those that are no events, or are in the plant, are passed over.
     parts : sequence of Part
@@ -43,11 +43,7 @@ def event_leads(unbent: Plant, fit: Calibration, effects: Iterable[Effect], part
     Returns
     -------
     tuple of Lead
-        None of an event with which the plant cannot be simulated, or that explains nothing.
-
-    References
-    ----------
-    Andrews, Econometrica 61 (1993) 821, doi:10.2307/2951764: the score test over all times of a change.
+        None of an event with which the plant cannot be simulated, or that explains nothing beyond what `fit` does.
     """
     events = [effect for effect in effects if effect.event and effect.name not in fit.plant.effect_names]
     near = approach(unbent, parts) if events else None
@@ -57,43 +53,63 @@ def event_leads(unbent: Plant, fit: Calibration, effects: Iterable[Effect], part
     found = problem.evaluate(problem.start())
     if found is None:
         return ()
-    seen = (_lead(effect, near.plant, fit, parts, *found) for effect in events)
-    return tuple(lead for lead in seen if lead is not None)
+    times = np.concatenate([part.read_at(near.plant.rig) for part in parts])
+    without = readings_of_fit(parts, found[0])
+    early = (footprint(near.plant, parts, without, _from(effect, times)) for effect in events)
+    seen = (event_lead(known, times, *found, fit.rms) for known in early if known is not None)
+    return tuple(lead for lead in seen if lead.share > 0.0)
 
 
-def _lead(
-    effect: Effect, plant: Plant, fit: Calibration, parts: Sequence[Part], residuals: np.ndarray, jacobian: np.ndarray
-) -> Lead | None:
-    described = {parameter.name: parameter for parameter in effect.describe()}
-    strength, event = described[effect.strength], described[effect.event]
-    times = np.concatenate([part.timepts for part in parts])
-    early = replace(effect, **{effect.event: float(np.clip(times.min(), event.lower, event.upper))})
-    known = footprint(plant, parts, readings_of_fit(parts, residuals), early)
-    if known is None:
-        return None
+def event_lead(known: Footprint, times: np.ndarray, residuals: np.ndarray, jacobian: np.ndarray, rms: float) -> Lead:
+    """An event that is there from a time on, at the one at which it explains most.
+
+    Its change of the readings is taken for that of an event before all samples, but for those before the time: what
+    sets in at once is met, what grows from then on is met roughly.
+
+    Parameters
+    ----------
+    known : Footprint
+        Of the event before all samples.
+    times : ndarray, shape (m,)
+        Clock times of the readings, in any order, s.
+    residuals : ndarray, shape (m,)
+        Measured minus simulated without the event, SI.
+    jacobian : ndarray, shape (m, n)
+        Derivative of what is simulated.
+    rms : float
+        Of what a fit without the event leaves, SI: the share that is explained is told of its square, and counts from
+        that or from what is left to first order without the event, whichever is less.
+
+    Returns
+    -------
+    Lead
+        Of share 0 where no time explains anything.
+
+    References
+    ----------
+    Andrews, Econometrica 61 (1993) 821, doi:10.2307/2951764: the score test over all times of a change.
+    """
+    described = {parameter.name: parameter for parameter in known.effect.describe()}
+    strength, event = described[known.effect.strength], described[known.effect.event]
     order = np.argsort(times, kind="stable")
-    basis = tangent_basis(jacobian)
-    explained, size = explained_from(known.change[order], residuals[order], basis[order])
-    ats = (times[order][1:] + times[order][:-1]) / 2
-    possible = (strength.lower < 0.0) | (size[1:] > 0.0)
-    possible &= (ats > event.lower) & (ats < event.upper) & (np.diff(times[order]) > 0.0)
-    explained = np.where(possible, explained[1:], 0.0)
+    clock, basis = times[order], tangent_basis(jacobian)
+    along, own = beginning_at_each(known.change[order], residuals[order], basis[order])
+    at = (clock[1:] + clock[:-1]) / 2
+    margin = EVENT_ERROR * float(np.ptp(clock))
+    first, last = max(event.lower, clock[0] + margin), min(event.upper, clock[-1] - margin)
+    possible = (np.diff(clock) > 0.0) & (at > first) & (at < last) & (own[1:] > 0.0)
+    sizes = np.divide(along[1:], own[1:], out=np.zeros_like(at), where=possible).clip(strength.lower, strength.upper)
+    explained = np.where(possible, sizes * (2.0 * along[1:] - sizes * own[1:]), 0.0)
     best = int(np.argmax(explained))
-    left = float(np.sum(taken_off(residuals, basis) ** 2))
-    of = float(np.sum(fit.residuals**2))
-    share = float((min(left, of) - (left - explained[best])) / of)
-    if share <= 0.0:
-        return None
-    at, sized = {effect.event: float(ats[best])}, float(np.clip(size[1:][best], strength.lower, strength.upper))
-    return Lead(
-        effect=replace(effect, **at, **{effect.strength: float(np.copysign(strength.value, sized))}),
-        share=share,
-        estimate=replace(effect, **at, **{effect.strength: sized}),
-    )
+    left = float(np.mean(taken_off(residuals, basis) ** 2))
+    lefts = left - float(explained[best]) / residuals.size
+    start, estimate = started(replace(known.effect, **{event.name: float(at[best])}), float(sizes[best]))
+    share = max((min(left, rms**2) - lefts) / rms**2, 0.0) if explained[best] > 0.0 else 0.0
+    return Lead(effect=start, share=share, estimate=estimate, left=lefts)
 
 
-def explained_from(change: np.ndarray, residual: np.ndarray, basis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """What a change explains that begins at a sample, for each sample.
+def beginning_at_each(change: np.ndarray, residual: np.ndarray, basis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """What the parameters leave of a change that begins at a sample, for each sample.
 
     Sums over the samples from each one on make it one pass for all.
 
@@ -108,10 +124,10 @@ def explained_from(change: np.ndarray, residual: np.ndarray, basis: np.ndarray) 
 
     Returns
     -------
-    explained : ndarray, shape (m,)
-        Of the squared residual, beyond what the parameters explain.
-    strength : ndarray, shape (m,)
-        At which it does.
+    along : ndarray, shape (m,)
+        Its product with the residual.
+    own : ndarray, shape (m,)
+        Its square; 0 where it is rounding. With a strength s it explains 2 s along - s² own of the squared residual.
     """
 
     def from_each_on(terms: np.ndarray) -> np.ndarray:
@@ -121,9 +137,13 @@ def explained_from(change: np.ndarray, residual: np.ndarray, basis: np.ndarray) 
     length = from_each_on(change**2)
     own = length - np.sum(taken**2, axis=1)
     along = from_each_on(change * residual) - taken @ (basis.T @ residual)
-    acts = own > VANISHING * length[0]
-    strength = np.divide(along, own, out=np.zeros_like(along), where=acts)
-    return strength * along, strength
+    return along, np.where(own > VANISHING * length[0], own, 0.0)
+
+
+def _from(effect: Effect, times: np.ndarray) -> Effect:
+    """The event before all samples."""
+    at = next(p for p in effect.describe() if p.name == effect.event)
+    return replace(effect, **{effect.event: float(np.clip(times.min(), at.lower, at.upper))})
 
 
 def most_promising(*several: Iterable[Lead]) -> tuple[Lead, ...]:

@@ -16,9 +16,9 @@ from deatwin.ident.mismatch.naming.contribution import readings_of_fit
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant.effects.base import Effect, Place
 from deatwin.plant.model import Plant
-from deatwin.plant.parameters import Scale
+from deatwin.plant.parameters import Parameter, Scale
 
-__all__ = ["Footprint", "Lead", "detectable_size", "footprint", "footprints", "leads"]
+__all__ = ["Footprint", "Lead", "detectable_size", "footprint", "footprints", "leads", "started"]
 
 SHAPES = 3
 """Values of each shape parameter at which an effect is screened,"""
@@ -62,11 +62,14 @@ class Lead:
         Of the squared residual, what it could explain to first order.
     estimate : Effect
         With the strength at which it does.
+    left : float
+        Mean square that is left to first order, beside what parameters of the plant take up, SI; infinite if unknown.
     """
 
     effect: Effect
     share: float
     estimate: Effect
+    left: float = np.inf
 
 
 def footprints(
@@ -145,7 +148,7 @@ def footprint(plant: Plant, parts: Sequence[Part], without: np.ndarray, effect: 
     -------
     Footprint or None
     """
-    typical = abs(next(p.value for p in effect.describe() if p.name == effect.strength))
+    typical = abs(_strength(effect).value)
     for share in WEAKER:
         strength = share * typical
         weaker = replace(effect, **{effect.strength: strength})
@@ -180,19 +183,45 @@ def detectable_size(known: Sequence[Footprint], base: Calibration, name: str) ->
     return base.plant.rig.model_error / share if share > 1e-6 else None
 
 
-def _lead(footprint: Footprint, residual: np.ndarray, basis: np.ndarray) -> Lead:
-    effect = footprint.effect
-    strength = next(p for p in effect.describe() if p.name == effect.strength)
-    direction = taken_off(footprint.change, basis)
+def _lead(known: Footprint, residual: np.ndarray, basis: np.ndarray) -> Lead:
+    direction = taken_off(known.change, basis)
     length = float(np.linalg.norm(direction))
-    along = float(direction @ residual) / length if length > 1e-9 * np.linalg.norm(footprint.change) else 0.0
-    if along < 0.0 and strength.lower >= 0.0:
-        return Lead(effect=effect, share=0.0, estimate=effect)
+    along = float(direction @ residual) / length if length > 1e-9 * np.linalg.norm(known.change) else 0.0
+    left = float(np.mean(taken_off(residual, basis) ** 2))
+    if along < 0.0 and _strength(known.effect).lower >= 0.0:
+        return Lead(effect=known.effect, share=0.0, estimate=known.effect, left=left)
+    start, estimate = started(known.effect, along / length if along else 0.0)
+    share = along**2 / float(residual @ residual)
+    return Lead(effect=start, share=share, estimate=estimate, left=left - along**2 / residual.size)
+
+
+def started(effect: Effect, strength: float) -> tuple[Effect, Effect]:
+    """An effect as a fit from afar should start with it, and as one from nearby should.
+
+    Parameters
+    ----------
+    effect : Effect
+        At a strength at which the plant can be simulated.
+    strength : float
+        That promises most.
+
+    Returns
+    -------
+    start : Effect
+        With the sign of that, but no other strength than it had.
+    estimate : Effect
+        With that strength, inside its range.
+    """
+    known = _strength(effect)
+    values = (np.copysign(known.value, strength), strength)
     start, estimate = (
-        replace(effect, **{effect.strength: float(np.clip(value, strength.lower, strength.upper))})
-        for value in (np.copysign(strength.value, along), along / length if along else 0.0)
+        replace(effect, **{known.name: float(np.clip(value, known.lower, known.upper))}) for value in values
     )
-    return Lead(effect=start, share=along**2 / float(residual @ residual), estimate=estimate)
+    return start, estimate
+
+
+def _strength(effect: Effect) -> Parameter:
+    return next(p for p in effect.describe() if p.name == effect.strength)
 
 
 def _of_effect(
@@ -200,7 +229,7 @@ def _of_effect(
 ) -> list[Footprint]:
     """One for each shape at which the plant can be simulated."""
     without = readings_of_fit(parts, base.residuals)
-    times = np.concatenate([part.timepts for part in parts])
+    times = np.concatenate([part.read_at(base.plant.rig) for part in parts])
     simulate = partial(footprint, base.plant, parts, without)
     shapes = effect.starts(times, fit.residuals) or _shapes(effect, base, parts)
     found = [f for f in map(simulate, shapes) if f is not None]

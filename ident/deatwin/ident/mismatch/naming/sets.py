@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.floor import floor_of
 from deatwin.ident.mismatch.naming.candidate import Candidate, noise_seen
@@ -34,6 +35,7 @@ from deatwin.ident.mismatch.naming.worth import (
     suffices,
     takes_most,
 )
+from deatwin.ident.parallel import run_jobs
 from deatwin.plant.model import Plant
 
 __all__ = ["BESIDE", "CLEARLY_BETTER", "Finished", "Names", "Search", "each_without_one"]
@@ -72,7 +74,7 @@ class Search:
         self.leads: dict[str, Lead] = {}
         self.lost: list[str] = []
         self._gone_on: set[Names] = set()
-        self._events: dict[Names, tuple[Lead, ...]] = {}
+        self._events: dict[Names, tuple[Calibration, tuple[Lead, ...]]] = {}
         self._unscreened: list[str] = [] if known is None else self._not_in(known)
 
     def in_form_of(self, base: Candidate) -> Search:
@@ -458,19 +460,21 @@ class Search:
         """What each further effect could explain of what a candidate leaves."""
         fit, base = self.tried[names].calibration, self.tried[()].calibration
         if not names:
-            return most_promising(leads(self.known(), fit), self.event_leads(names))
+            return most_promising(leads(self.known(), fit), *self.event_leads(names))
         free = [effect for effect in self.bench.effects if effect.name not in fit.plant.effect_names]
-        times = np.concatenate([part.timepts for part in self.bench.fitted])
+        times = np.concatenate([part.read_at(base.plant.rig) for part in self.bench.fitted])
         looking = [effect for effect in free if effect.starts(times, fit.residuals)]
         again = footprints(self.bench, base, looking, fit)
         others = {e.name for e in free} - {e.name for e in looking}
         found = leads([*(f for f in self.known() if f.effect.name in others), *again], fit)
-        return most_promising(found, self.event_leads(names))
+        return most_promising(found, *self.event_leads(names))
 
-    def event_leads(self, names: Names) -> tuple[Lead, ...]:
-        """What each event could explain beside the effects of a candidate, seen from before it came."""
-        if names not in self._events:
-            fit = self.tried[names].calibration
-            unbent = unbent_like(self.bench, fit.plant)
-            self._events[names] = event_leads(unbent, fit, self.bench.effects, self.bench.fitted)
-        return self._events[names]
+    def event_leads(self, *several: Names) -> list[tuple[Lead, ...]]:
+        """What each event could explain beside the effects of each of `several` candidates, seen from before it."""
+        fits = {names: self.tried[names].calibration for names in several}
+        new = [names for names, fit in fits.items() if names not in self._events or self._events[names][0] is not fit]
+        effects, parts = self.bench.effects, self.bench.fitted
+        jobs = [(unbent_like(self.bench, fits[names].plant), fits[names], effects, parts) for names in new]
+        found = run_jobs(event_leads, jobs, workers=self.bench.jobs)
+        self._events |= {names: (fits[names], events) for names, events in zip(new, found, strict=True)}
+        return [self._events[names][1] for names in several]

@@ -50,7 +50,7 @@ class Trial:
     without : Calibration
         That plant's fit, of which this one is a generalisation.
     share : float
-        Of that fit's squared residual, what the last effect explains to first order, at the bent plant; 0 if unknown.
+        Of that fit's squared residual, what the last effect explains to first order; 0 if unknown.
     """
 
     start: Plant

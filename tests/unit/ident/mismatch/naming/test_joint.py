@@ -41,8 +41,11 @@ def search_with(*sets) -> SimpleNamespace:
     known = [Footprint(effect=e, change=change) for e, change in EFFECTS.items()]
     tried = {tuple(e.name for e in effects): fit_of(*effects) for effects in sets}
     return SimpleNamespace(
-        tried=tried, known=lambda: known, event_leads=lambda names: (), bench=SimpleNamespace(nominal=PLANT)
-    )  # fmt: skip
+        tried=tried,
+        known=lambda: known,
+        event_leads=lambda *several: [() for _ in several],
+        bench=SimpleNamespace(nominal=PLANT),
+    )
 
 
 def names_of(trial) -> set[str]:

@@ -1,17 +1,20 @@
 """When an event came: to first order for all times at once, and where a fit without it was bent to meet it halfway."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
+from typing import ClassVar
 
 import numpy as np
 import pytest
 
 from deatwin.ident.greybox import Part, calibrate
-from deatwin.ident.mismatch.naming.onsets import event_leads, explained_from, most_promising
-from deatwin.ident.mismatch.naming.screen import Lead, footprints, leads
+from deatwin.ident.mismatch.naming.onsets import beginning_at_each, event_lead, event_leads, most_promising
+from deatwin.ident.mismatch.naming.screen import Footprint, Lead, footprints, leads
+from deatwin.ident.mismatch.refit import search
 from deatwin.plant import Creep, Diaphragm, ElectrodeLoss, Experiment, Plant, Recording, SensorDrift, SensorJump
 from deatwin.plant.excitation import band_limited_noise
 from deatwin.plant.integrator.compiled import compiler
+from deatwin.plant.parameters import Parameter
 
 PLANT = Plant(rig=Diaphragm())
 SAMPLE_TIME, SECONDS = 0.02, 120.0
@@ -19,31 +22,113 @@ SHARE, AT = 0.35, 100.0
 DRIFT = SensorDrift(change=-100e-6, time=60.0)
 
 
+def brute_force(change, residual, jacobian, k) -> tuple[float, float]:
+    """Squared residual that is left with the change from sample k on, and its strength: by least squares."""
+    size = np.linalg.norm(change)
+    late = np.where(np.arange(change.size) >= k, change / size, 0.0)
+    columns = np.column_stack([late, jacobian])
+    values = np.linalg.lstsq(columns, residual, rcond=None)[0]
+    return float(np.sum((residual - columns @ values) ** 2)), float(values[0] / size)
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_what_a_change_explains_from_each_sample_on_is_least_squares(seed):
     rng = np.random.default_rng(seed)
     m = 60
     jacobian, change, residual = rng.normal(size=(m, 4)), 1e-3 * rng.normal(size=m), rng.normal(size=m)
-    explained, strength = explained_from(change, residual, np.linalg.qr(jacobian)[0])
-
-    def left(columns: np.ndarray) -> tuple[float, np.ndarray]:
-        values, *_ = np.linalg.lstsq(columns, residual, rcond=None)
-        return float(np.sum((residual - columns @ values) ** 2)), values
-
-    without = left(jacobian)[0]
+    along, own = beginning_at_each(change, residual, np.linalg.qr(jacobian)[0])
+    without = np.sum((residual - jacobian @ np.linalg.lstsq(jacobian, residual, rcond=None)[0]) ** 2)
     for k in range(m):
-        late = np.where(np.arange(m) >= k, change, 0.0)
-        squares, values = left(np.column_stack([1e3 * late, jacobian]))
-        assert explained[k] == pytest.approx(without - squares, rel=1e-6, abs=1e-9)
-        assert strength[k] == pytest.approx(1e3 * values[0], rel=1e-6)
+        squares, strength = brute_force(change, residual, jacobian, k)
+        assert along[k] / own[k] == pytest.approx(strength, rel=1e-6)
+        assert along[k] ** 2 / own[k] == pytest.approx(without - squares, rel=1e-6, abs=1e-9)
 
 
-def test_a_change_that_the_parameters_take_up_wherever_it_begins_explains_nothing():
-    change, residual = np.ones(50), np.random.default_rng(0).normal(size=50)
+def test_what_the_parameters_take_up_wherever_it_begins_has_nothing_of_its_own():
     steps = np.tril(np.ones((50, 50)))
-    explained, strength = explained_from(change, residual, np.linalg.qr(steps)[0])
-    assert not explained.any()
-    assert not strength.any()
+    residual = np.random.default_rng(0).normal(size=50)
+    assert not beginning_at_each(np.ones(50), residual, np.linalg.qr(steps)[0])[1].any()
+
+
+M = 400
+CLOCK = 10.0 + 0.1 * np.arange(M)
+WAVE = 2.0 + np.sin(CLOCK)
+OWN = np.column_stack([np.ones(M), CLOCK])
+"""What the parameters of a linear plant do."""
+
+
+def lead_at(at: float, size: float, effect, *, clock=CLOCK, noise=0.0, rms=None) -> Lead:
+    """Of an event that is there from `at` on in a linear problem, where parameters are off, too."""
+    rng = np.random.default_rng(4)
+    residual = size * WAVE * (CLOCK > at) + OWN @ [0.3, -0.02] + noise * rng.normal(size=M)
+    order = np.argsort(np.argsort(clock, kind="stable"), kind="stable")  # the samples in the order of `clock`
+    fit = float(np.sqrt(np.mean(residual**2))) if rms is None else rms
+    known = Footprint(effect=effect, change=WAVE[order])
+    return event_lead(known, CLOCK[order] if clock is not CLOCK else CLOCK, residual[order], OWN[order], fit)
+
+
+@pytest.mark.parametrize("at", [12.57, 30.0 + 0.05, 47.33])
+@pytest.mark.parametrize("size", [5e-5, -2e-5])
+def test_an_event_is_found_between_the_two_samples_at_which_it_comes(at, size):
+    lead = lead_at(at, size, SensorJump(), rms=1.0)
+    assert np.count_nonzero(CLOCK < lead.effect.at) == np.count_nonzero(CLOCK < at)
+    assert lead.estimate.at == lead.effect.at
+    assert lead.estimate.change == pytest.approx(size, rel=1e-6)
+    assert lead.effect.change == np.copysign(SensorJump().change, size)  # as usual, but its own way
+    assert lead.left == pytest.approx(0.0, abs=1e-18)
+
+
+def test_samples_of_several_recordings_may_come_in_any_order():
+    shuffled = np.random.default_rng(1).permutation(CLOCK)
+    one, other = (lead_at(33.3, 5e-5, SensorJump(), clock=clock) for clock in (CLOCK, shuffled))
+    assert other.effect.at == pytest.approx(one.effect.at, rel=1e-12)
+    assert other.left == pytest.approx(one.left, abs=1e-18)
+
+
+def test_two_samples_at_one_time_see_an_event_both_or_neither():
+    twice = np.repeat(CLOCK[::2], 2)
+    jump = 5e-5 * (np.arange(M) > 200)  # between two of the same time
+    lead = event_lead(Footprint(effect=SensorJump(), change=np.ones(M)), twice, jump, OWN[:, 1:], 1.0)
+    assert np.count_nonzero(twice < lead.effect.at) in (200, 202)
+
+
+def test_an_event_is_no_larger_than_it_can_be():
+    loss = lead_at(30.03, 3.0, ElectrodeLoss())  # three times the area
+    assert loss.estimate.share == 0.9
+    late = np.arange(M) >= np.count_nonzero(CLOCK < loss.effect.at)
+    residual = 3.0 * WAVE * (CLOCK > 30.03) - 0.9 * WAVE * late
+    rest = residual - OWN @ np.linalg.lstsq(OWN, residual, rcond=None)[0]
+    assert loss.left == pytest.approx(np.mean(rest**2), rel=1e-6)
+
+
+def test_what_explains_the_other_way_only_explains_nothing():
+    from_the_first = lead_at(0.0, -0.2, ElectrodeLoss())  # parameters alone are off: nothing happened
+    assert lead_at(30.0, -0.2, ElectrodeLoss()).left < from_the_first.left or from_the_first.share == 0.0
+    wave = Footprint(effect=ElectrodeLoss(), change=np.ones(M))
+    up = np.where(CLOCK > 30.0, -1.0, 0.0)
+    lead = event_lead(wave, CLOCK, up, np.zeros((M, 1)), 1.0)
+    assert lead.share == 0.0
+    assert lead.left == pytest.approx(np.mean(up**2))
+    assert event_lead(wave, CLOCK, -up, np.zeros((M, 1)), 1.0).share > 0.0
+
+
+def test_an_event_has_samples_before_it_and_after_it():
+    """A share of the area that is lost before all is a smaller area, and no event."""
+    constant = Footprint(effect=ElectrodeLoss(), change=np.ones(M))
+    lead = event_lead(constant, CLOCK, np.full(M, 0.3), CLOCK[:, None] - CLOCK.mean(), 1.0)
+    assert CLOCK[0] + 0.1 < lead.effect.at < CLOCK[-1] - 0.1
+
+
+def test_nothing_is_explained_that_the_fit_does_without():
+    """What is left where the plant is not bent may be more than the fit leaves, and what an event takes of that."""
+    much = lead_at(30.0, 5e-5, SensorJump(), noise=4e-5)
+    free = np.sqrt(much.left)
+    assert lead_at(30.0, 5e-5, SensorJump(), noise=4e-5, rms=0.99 * free).share == 0.0
+    beyond = lead_at(30.0, 5e-5, SensorJump(), noise=4e-5, rms=1.1 * free).share
+    assert beyond == pytest.approx(1.0 - 1.1**-2)
+    # of a fit that was given up, only what the event takes of what is left to first order
+    given_up = lead_at(30.0, 5e-5, SensorJump(), noise=4e-5, rms=10.0).share
+    assert given_up * 10.0**2 < 2 * 5e-5**2 * np.mean(WAVE**2)
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +140,12 @@ def part() -> Part:
     return Part.whole(film.record(Experiment(recordings=(blank,)), np.random.default_rng(1)))
 
 
-@pytest.mark.skipif(compiler() is None, reason="fits: without a C compiler they take ten times as long")
+slow_without_compiler = pytest.mark.skipif(
+    compiler() is None, reason="fits: without a C compiler they take ten times as long"
+)
+
+
+@slow_without_compiler
 def test_an_event_is_seen_from_before_it_came(part):
     fit = calibrate(PLANT, [part], evaluations=10)
     bench = SimpleNamespace(fitted=[part], jobs=1)
@@ -73,11 +163,46 @@ def test_an_event_is_seen_from_before_it_came(part):
     assert lead.share > 0.9
 
 
-@pytest.mark.skipif(compiler() is None, reason="fits: without a C compiler they take ten times as long")
+@slow_without_compiler
+def test_where_it_begins_is_not_the_bent_plant(part, monkeypatch):
+    begun = []
+    monkeypatch.setattr(
+        "deatwin.ident.mismatch.naming.onsets.approach",
+        lambda start, parts: begun.append(start) or search.approach(start, parts),
+    )
+    fit = calibrate(PLANT, [part], evaluations=3)
+    event_leads(PLANT, fit, [SensorJump()], [part])
+    assert begun == [PLANT]
+
+
+@slow_without_compiler
 def test_what_is_no_event_or_in_the_plant_has_no_lead_here(part):
     plant = PLANT.with_effects(SensorJump(at=AT))
     fit = calibrate(plant, [part], evaluations=3)
     assert event_leads(plant, fit, [Creep(), SensorJump()], [part]) == ()
+
+
+@dataclass(frozen=True)
+class Unbearable(ElectrodeLoss):
+    """The electrode grows; no film bears its typical strength, but a little of it."""
+
+    share: float = -40.0
+
+    name: ClassVar[str] = "unbearable"
+
+    def describe(self) -> tuple[Parameter, ...]:
+        at = ElectrodeLoss(at=self.at).describe()[1]
+        return Parameter(name="share", value=self.share, unit="1", lower=-1e3, upper=1e3), at
+
+
+@slow_without_compiler
+def test_a_fit_starts_with_a_strength_at_which_the_plant_was_simulated(part):
+    fit = calibrate(PLANT, [part], evaluations=3)
+    bench = SimpleNamespace(fitted=[part], jobs=1)
+    (known, *_) = footprints(bench, fit, [Unbearable()], fit)
+    assert abs(known.effect.share) < abs(Unbearable().share)
+    (lead,) = event_leads(PLANT, fit, [Unbearable()], [part])
+    assert abs(lead.effect.share) == pytest.approx(abs(known.effect.share))
 
 
 def test_of_each_effect_the_better_lead_is_kept():
