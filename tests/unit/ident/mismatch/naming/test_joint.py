@@ -1,13 +1,14 @@
 """Which pairs are tried because they promise most together, on a linear problem whose answer is known."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from deatwin.ident.mismatch.naming.joint import joint_trials
-from deatwin.ident.mismatch.naming.screen import Footprint
-from deatwin.plant import Creep, Delay, Diaphragm, ElectrodeRC, Hysteresis, Plant, SensorDrift
+from deatwin.ident.mismatch.naming.screen import Footprint, Lead
+from deatwin.plant import Creep, Delay, Diaphragm, ElectrodeRC, Hysteresis, Plant, SensorDrift, SensorJump
 
 PLANT = Plant(rig=Diaphragm())
 ALIKE = np.linalg.qr(np.random.default_rng(3).normal(size=(400, 5)))[0].T
@@ -100,3 +101,18 @@ def test_effects_of_the_plant_itself_belong_to_no_pair():
     assert all("delay" in names_of(trial) and len(names_of(trial)) == 3 for trial in found)
     search.tried["creep", "sensor_drift"] = search.tried["creep",]
     assert {"creep", "sensor_drift", "delay"} not in map(names_of, joint_trials(search))
+
+
+def test_when_an_event_came_is_asked_of_each_single_effect():
+    """What a lead leaves is comparable between fits, whatever share of its own residual that is."""
+    search = search_with((Hysteresis(),), (Creep(),))
+    asked = []
+    at = SensorJump(at=3.0)
+    seen = {("hysteresis",): (Lead(effect=at, share=0.5, estimate=at, left=1e-16),), ("creep",): ()}
+    search.event_leads = lambda *several: asked.append(several) or [seen[names] for names in several]
+    found = joint_trials(search)
+    assert asked == [(("hysteresis",), ("creep",))]
+    assert names_of(found[0]) == {"hysteresis", "sensor_jump"}  # 1e-16 is next to nothing
+    assert found[0].start.parameters["sensor_jump.at"].value == 3.0
+    seen[("hysteresis",)] = (replace(seen[("hysteresis",)][0], share=0.9, left=np.inf),)
+    assert {"hysteresis", "sensor_jump"} not in map(names_of, joint_trials(search))

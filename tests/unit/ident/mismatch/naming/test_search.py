@@ -2,6 +2,7 @@
 
 import itertools
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,6 +10,8 @@ import pytest
 from deatwin.ident.mismatch.naming.sets import Search
 from deatwin.ident.mismatch.naming.worth import suffices
 from deatwin.plant import ThermalStiffness
+
+FITTED = ("the fitted part",)
 
 
 def test_what_keeps_a_limit_by_luck_does_not_lead_what_is_likelier_by_far(candidate, search_over, monkeypatch):
@@ -358,3 +361,47 @@ def test_beside_what_was_gone_on_with_nothing_is_looked_for_again(candidate, sea
     search._fit_some = lambda full, rest: setattr(alone.calibration, "given_up", False)
     search.replacing(("delay",), ("creep", "delay"))
     assert looked == [("creep",), ("creep",)]
+
+
+@pytest.fixture
+def looked_for(candidate, search_over, monkeypatch):
+    """A search with two single effects, and the plants and fits for which events were looked for."""
+    asked = []
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.unbent_like", lambda bench, plant: ("unbent", plant))
+    monkeypatch.setattr(
+        "deatwin.ident.mismatch.naming.sets.event_leads",
+        lambda unbent, fit, effects, parts: asked.append((unbent, fit)) or ((fit, effects, parts),),
+    )
+    search = search_over(candidate(rms=9.0), candidate("creep", rms=5.0), candidate("delay", rms=7.0))
+    search.bench.fitted = FITTED
+    return search, asked
+
+
+def test_events_are_looked_for_once_in_each_fit(looked_for, candidate):
+    search, asked = looked_for
+    creep, delay = (search.tried[(name,)].calibration for name in ("creep", "delay"))
+    assert [found[0][0] for found in search.event_leads(("delay",), ("creep",))] == [delay, creep]
+    ((lead,),) = search.event_leads(("creep",))
+    assert lead == (creep, search.bench.effects, FITTED)
+    assert asked == [(("unbent", fit.plant), fit) for fit in (delay, creep)]
+    better = candidate("creep", rms=4.0)
+    search.tried[("creep",)] = replace(better, noise=1.9)  # another noise is no other fit
+    search.tried[("creep",)] = replace(search.tried[("creep",)], noise=1.8)
+    assert search.event_leads(("creep",), ("creep",))[0][0][0] is better.calibration
+    assert [fit for _, fit in asked] == [delay, creep, better.calibration]
+
+
+def test_what_promises_more_from_before_an_event_is_what_an_effect_promises(candidate, search_over, monkeypatch):
+    bent, seen, slow = (
+        SimpleNamespace(effect=SimpleNamespace(name=name), share=share)
+        for name, share in (("sensor_jump", 0.1), ("sensor_jump", 0.6), ("creep", 0.3))
+    )
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.leads", lambda known, fit: (slow, bent))
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.footprints", lambda *_: ())
+    search = search_over(candidate(rms=9.0), candidate("delay", rms=5.0))
+    search.bench.fitted = [SimpleNamespace(read_at=lambda rig: np.zeros(1))]
+    asked = []
+    search.event_leads = lambda *several: asked.append(several) or [(seen,)]
+    for names in ((), ("delay",)):
+        assert search._leads(names) == (seen, slow)
+    assert asked == [((),), (("delay",),)]
