@@ -16,7 +16,6 @@ from deatwin.plant.errors import DataError
 from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter
 from deatwin.plant.recording import Experiment
-from deatwin.plant.rigs.base import Rig
 
 __all__ = ["Calibration", "Part", "Problem", "calibrate", "free_run_residuals", "simulated"]
 
@@ -79,19 +78,21 @@ class Part:
         """Clock times of the samples that count, one after another, shape (n,), s."""
         return np.concatenate([r.timepts[m] for r, m in zip(self.experiment.recordings, self.masks, strict=True)])
 
-    def read_at(self, rig: Rig) -> np.ndarray:
-        """Clock times at which the readings that count were taken, one after another, shape (n,), s.
+    def read_at(self, plant: Plant) -> np.ndarray:
+        """Clock times at which the plant has the readings that count, one after another, shape (n,), s.
 
         Parameters
         ----------
-        rig : Rig
-            Says when in its row a reading is taken.
+        plant : Plant
+            Its rig says when in its row a reading is taken.
 
         Returns
         -------
         ndarray, shape (n,)
         """
-        return self.timepts + rig.reading.samples * rig.sample_time
+        timeline = plant.timeline(self.experiment)
+        counted = np.concatenate([r[m] for r, m in zip(timeline.readings, self.masks, strict=True)])
+        return timeline.start + (counted + 1) * timeline.sample_time
 
     @property
     def commands(self) -> np.ndarray:

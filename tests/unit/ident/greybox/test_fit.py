@@ -101,13 +101,14 @@ def test_only_counted_samples_matter(plant):
 def test_readings_are_taken_when_the_simulation_has_them(reading):
     """A jump between two of these times is in all readings from the later one on, and in none before."""
     plant = Plant(rig=Diaphragm(reading=reading))
+    step = 1.0009 * plant.rig.sample_time  # as near as it must be
     blank = Experiment(recordings=(
-        Recording.from_arrays(np.full(40, 2.0), np.zeros(40), 0.02, start=3.0),
-        Recording.from_arrays(np.full(30, 2.0), np.zeros(30), 0.02, start=4.2),
+        Recording.from_arrays(np.full(40, 2.0), np.zeros(40), step, start=3.0),
+        Recording.from_arrays(np.full(900, 2.0), np.zeros(900), step, start=3.0 + 60 * step),
     ))  # fmt: skip
     part = Part.whole(blank)
-    times = part.read_at(plant.rig)
-    for k in (7, 39, 40, 55):
+    times = part.read_at(plant)
+    for k in (7, 39, 40, 55, 930):
         at = (times[k - 1] + times[k]) / 2
         change = simulated(plant.with_effects(SensorJump(change=1e-4, at=at)), [part]) - simulated(plant, [part])
         assert np.array_equal(change > 0.5e-4, times > at)  # it takes a quarter of a sample

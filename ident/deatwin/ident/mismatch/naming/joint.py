@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from deatwin.ident.greybox.tangent import linearised_rms
 from deatwin.ident.mismatch.naming.onsets import most_promising
 from deatwin.ident.mismatch.naming.screen import leads
 from deatwin.ident.mismatch.naming.trial import Trial, trials_of, unbent_like
@@ -47,12 +48,14 @@ def _of_all(search: Search) -> Iterator[tuple[float, Trial]]:
     """Each trial with the mean square that it leaves to first order, wherever its parameters had to go for that.
 
     Many single fits were given up before their minimum, and what their own parameters would still take is not to be
-    had by a second effect.
+    had by a second effect. An event is seen from another plant, all of whose parameters may move: what it leaves there
+    counts no more than what its share takes off here.
     """
     singles = [names for names in search.tried if len(names) == 1]
     for names, events in zip(singles, search.event_leads(*singles), strict=True):
         fit = search.tried[names].calibration
         free = [f for f in search.known() if f.effect.name not in fit.plant.effect_names]
         found = most_promising(leads(free, fit), events)
+        alone = linearised_rms(fit.residuals, fit.movable) ** 2
         for lead, trial in zip(found, trials_of(unbent_like(search.bench, fit.plant), fit, found), strict=True):
-            yield lead.left, trial
+            yield max(lead.left, alone - lead.share * fit.rms**2), trial

@@ -53,14 +53,16 @@ def event_leads(unbent: Plant, fit: Calibration, effects: Iterable[Effect], part
     found = problem.evaluate(problem.start())
     if found is None:
         return ()
-    times = np.concatenate([part.read_at(near.plant.rig) for part in parts])
+    times = np.concatenate([part.read_at(near.plant) for part in parts])
     without = readings_of_fit(parts, found[0])
     early = (footprint(near.plant, parts, without, _from(effect, times)) for effect in events)
     seen = (event_lead(known, times, *found, fit.rms) for known in early if known is not None)
-    return tuple(lead for lead in seen if lead.share > 0.0)
+    return tuple(lead for lead in seen if lead is not None)
 
 
-def event_lead(known: Footprint, times: np.ndarray, residuals: np.ndarray, jacobian: np.ndarray, rms: float) -> Lead:
+def event_lead(
+    known: Footprint, times: np.ndarray, residuals: np.ndarray, jacobian: np.ndarray, rms: float
+) -> Lead | None:
     """An event that is there from a time on, at the one at which it explains most.
 
     Its change of the readings is taken for that of an event before all samples, but for those before the time: what
@@ -82,8 +84,8 @@ def event_lead(known: Footprint, times: np.ndarray, residuals: np.ndarray, jacob
 
     Returns
     -------
-    Lead
-        Of share 0 where no time explains anything.
+    Lead or None
+        None where no time that the event may have explains anything beyond what the fit does.
 
     References
     ----------
@@ -100,11 +102,15 @@ def event_lead(known: Footprint, times: np.ndarray, residuals: np.ndarray, jacob
     possible = (np.diff(clock) > 0.0) & (at > first) & (at < last) & (own[1:] > 0.0)
     sizes = np.divide(along[1:], own[1:], out=np.zeros_like(at), where=possible).clip(strength.lower, strength.upper)
     explained = np.where(possible, sizes * (2.0 * along[1:] - sizes * own[1:]), 0.0)
+    if not explained.any():
+        return None
     best = int(np.argmax(explained))
     left = float(np.mean(taken_off(residuals, basis) ** 2))
     lefts = left - float(explained[best]) / residuals.size
+    share = (min(left, rms**2) - lefts) / rms**2
+    if share <= 0.0:
+        return None
     start, estimate = started(replace(known.effect, **{event.name: float(at[best])}), float(sizes[best]))
-    share = max((min(left, rms**2) - lefts) / rms**2, 0.0) if explained[best] > 0.0 else 0.0
     return Lead(effect=start, share=share, estimate=estimate, left=lefts)
 
 

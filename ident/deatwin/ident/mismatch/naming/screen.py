@@ -229,7 +229,7 @@ def _of_effect(
 ) -> list[Footprint]:
     """One for each shape at which the plant can be simulated."""
     without = readings_of_fit(parts, base.residuals)
-    times = np.concatenate([part.read_at(base.plant.rig) for part in parts])
+    times = np.concatenate([part.read_at(base.plant) for part in parts])
     simulate = partial(footprint, base.plant, parts, without)
     shapes = effect.starts(times, fit.residuals) or _shapes(effect, base, parts)
     found = [f for f in map(simulate, shapes) if f is not None]

@@ -462,7 +462,7 @@ class Search:
         if not names:
             return most_promising(leads(self.known(), fit), *self.event_leads(names))
         free = [effect for effect in self.bench.effects if effect.name not in fit.plant.effect_names]
-        times = np.concatenate([part.read_at(base.plant.rig) for part in self.bench.fitted])
+        times = np.concatenate([part.read_at(base.plant) for part in self.bench.fitted])
         looking = [effect for effect in free if effect.starts(times, fit.residuals)]
         again = footprints(self.bench, base, looking, fit)
         others = {e.name for e in free} - {e.name for e in looking}

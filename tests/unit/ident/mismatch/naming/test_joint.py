@@ -104,15 +104,17 @@ def test_effects_of_the_plant_itself_belong_to_no_pair():
 
 
 def test_when_an_event_came_is_asked_of_each_single_effect():
-    """What a lead leaves is comparable between fits, whatever share of its own residual that is."""
+    """It is ranked by what it leaves in its own plant or in the single fit, whichever is more."""
     search = search_with((Hysteresis(),), (Creep(),))
     asked = []
     at = SensorJump(at=3.0)
-    seen = {("hysteresis",): (Lead(effect=at, share=0.5, estimate=at, left=1e-16),), ("creep",): ()}
+    found_at_three = Lead(effect=at, share=0.9999, estimate=at, left=1e-17)
+    seen = {("hysteresis",): (found_at_three,), ("creep",): ()}
     search.event_leads = lambda *several: asked.append(several) or [seen[names] for names in several]
     found = joint_trials(search)
     assert asked == [(("hysteresis",), ("creep",))]
-    assert names_of(found[0]) == {"hysteresis", "sensor_jump"}  # 1e-16 is next to nothing
+    assert names_of(found[0]) == {"hysteresis", "sensor_jump"}  # next to nothing is left
     assert found[0].start.parameters["sensor_jump.at"].value == 3.0
-    seen[("hysteresis",)] = (replace(seen[("hysteresis",)][0], share=0.9, left=np.inf),)
-    assert {"hysteresis", "sensor_jump"} not in map(names_of, joint_trials(search))
+    for worse in ({"left": np.inf}, {"share": 1e-3}):
+        seen[("hysteresis",)] = (replace(found_at_three, **worse),)
+        assert {"hysteresis", "sensor_jump"} not in map(names_of, joint_trials(search))
