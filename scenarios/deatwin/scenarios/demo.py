@@ -113,7 +113,7 @@ def run(
 
 def _strong(effect: Effect, factor: float) -> Effect:
     """An effect so many times as strong as usual, to be seen by eye in a short recording; early in it."""
-    strength = next(p for p in effect.describe() if p.name == effect.strength)
+    strength = effect.described(effect.strength)
     values = {effect.strength: float(np.clip(factor * strength.value, strength.lower, strength.upper))}
     if effect.event:
         values[effect.event] = NOISE_SECONDS / 2  # among the samples that are fitted

@@ -16,6 +16,7 @@ from deatwin.plant.errors import DataError
 from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter
 from deatwin.plant.recording import Experiment
+from deatwin.plant.timeline import Timeline
 
 __all__ = ["Calibration", "Part", "Problem", "calibrate", "free_run_residuals", "simulated"]
 
@@ -78,21 +79,19 @@ class Part:
         """Clock times of the samples that count, one after another, shape (n,), s."""
         return np.concatenate([r.timepts[m] for r, m in zip(self.experiment.recordings, self.masks, strict=True)])
 
-    def read_at(self, plant: Plant) -> np.ndarray:
-        """Clock times at which the plant has the readings that count, one after another, shape (n,), s.
+    def counted(self, timeline: Timeline) -> np.ndarray:
+        """Samples of a simulation at whose ends the readings that count were taken, shape (n,).
 
         Parameters
         ----------
-        plant : Plant
-            Its rig says when in its row a reading is taken.
+        timeline : Timeline
+            Of the experiment.
 
         Returns
         -------
-        ndarray, shape (n,)
+        ndarray of int, shape (n,)
         """
-        timeline = plant.timeline(self.experiment)
-        counted = np.concatenate([r[m] for r, m in zip(timeline.readings, self.masks, strict=True)])
-        return timeline.start + (counted + 1) * timeline.sample_time
+        return np.concatenate([r[m] for r, m in zip(timeline.readings, self.masks, strict=True)])
 
     @property
     def commands(self) -> np.ndarray:
@@ -105,6 +104,27 @@ class Part:
         """Readings that count, one after another, shape (n,), SI."""
         records = zip(self.experiment.recordings, self.masks, strict=True)
         return np.concatenate([r.outputs[0, m] for r, m in records])
+
+
+def reading_times(plant: Plant, parts: Sequence[Part]) -> np.ndarray:
+    """Clock times at which a plant has the readings that count.
+
+    Parameters
+    ----------
+    plant : Plant
+        Its rig says when in its row a reading is taken.
+    parts : sequence of Part
+        Which samples.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        s, one after another.
+    """
+    timelines = [plant.timeline(part.experiment) for part in parts]
+    return np.concatenate(
+        [t.start + (part.counted(t) + 1) * t.sample_time for t, part in zip(timelines, parts, strict=True)]
+    )
 
 
 def simulated(plant: Plant, parts: Sequence[Part]) -> np.ndarray | None:
@@ -304,9 +324,7 @@ class Problem:
         residuals, jacobians = [], []
         for part in self.parts:
             timeline = plant.timeline(part.experiment)
-            counted = np.concatenate(
-                [r[m] for r, m in zip(timeline.readings, part.masks, strict=True)]
-            )
+            counted = part.counted(timeline)
             run = plant.simulator.run_with_sensitivities(
                 timeline.commands[: counted.max() + 1], start=timeline.start, sample_time=timeline.sample_time,
                 rest_command=plant.rig.start.rest_command, values=plant.free_values,

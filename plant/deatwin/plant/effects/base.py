@@ -128,6 +128,20 @@ class Effect(ABC):
         """The parameters under their names in a plant, ``effect.name``."""
         return tuple(replace(p, name=f"{self.name}.{p.name}") for p in self.describe())
 
+    def described(self, name: str) -> Parameter:
+        """One of the parameters.
+
+        Parameters
+        ----------
+        name : str
+            Field name.
+
+        Returns
+        -------
+        Parameter
+        """
+        return next(p for p in self.describe() if p.name == name)
+
     @property
     def shapes(self) -> tuple[str, ...]:
         """Names of the parameters other than the strength."""

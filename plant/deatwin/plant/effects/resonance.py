@@ -89,6 +89,6 @@ class Resonance(Effect):
         tuple of Effect
             At most four; none where the record is too short.
         """
-        lower, upper = next((p.lower, p.upper) for p in self.describe() if p.name == "frequency")
-        peaks = spectral_peaks(timepts, residual, (lower, upper), count=4)
+        known = self.described("frequency")
+        peaks = spectral_peaks(timepts, residual, (known.lower, known.upper), count=4)
         return tuple(replace(self, frequency=f) for f in peaks)

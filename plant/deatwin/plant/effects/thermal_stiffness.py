@@ -104,8 +104,8 @@ class ThermalStiffness(Effect):
             At most three. A stiffer film sinks less, so with a negative `change_per_kelvin` the film's cycle has
             the residual's phase.
         """
-        lower, upper = next((p.lower, p.upper) for p in self.describe() if p.name == "period")
+        known = self.described("period")
         softer = replace(self, change_per_kelvin=-abs(self.change_per_kelvin))
-        cycles = slow_cycles(timepts, residual, (lower, upper), count=3)
-        periods = np.clip([1 / c.frequency for c in cycles], lower, upper)
+        cycles = slow_cycles(timepts, residual, (known.lower, known.upper), count=3)
+        periods = np.clip([1 / c.frequency for c in cycles], known.lower, known.upper)
         return tuple(replace(softer, period=float(p), phase=c.phase) for p, c in zip(periods, cycles, strict=True))

@@ -33,11 +33,6 @@ class ReadingTime(Enum):
     START_OF_HOLD = "start of hold"
     """The row's reading is taken at the instant at which the row's command is applied."""
 
-    @property
-    def samples(self) -> int:
-        """By how many samples the reading is taken later than its row begins."""
-        return 1 if self is ReadingTime.END_OF_HOLD else 0
-
 
 @dataclass(frozen=True, kw_only=True)
 class StartProcedure:

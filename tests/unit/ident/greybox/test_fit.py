@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from deatwin.ident.greybox import FitStatus, Part, calibrate
-from deatwin.ident.greybox.fit import Problem, _covariance, simulated
+from deatwin.ident.greybox.fit import Problem, _covariance, reading_times, simulated
 from deatwin.plant import DataError, Diaphragm, Experiment, Plant, ReadingTime, Recording, SensorJump
 from deatwin.plant.simulate import Simulator
 
@@ -107,7 +107,7 @@ def test_readings_are_taken_when_the_simulation_has_them(reading):
         Recording.from_arrays(np.full(900, 2.0), np.zeros(900), step, start=3.0 + 60 * step),
     ))  # fmt: skip
     part = Part.whole(blank)
-    times = part.read_at(plant)
+    times = reading_times(plant, [part])
     for k in (7, 39, 40, 55, 930):
         at = (times[k - 1] + times[k]) / 2
         change = simulated(plant.with_effects(SensorJump(change=1e-4, at=at)), [part]) - simulated(plant, [part])

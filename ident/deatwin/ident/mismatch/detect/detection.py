@@ -365,7 +365,7 @@ def _seen(
             continue
         rms, before = float(strength * np.sqrt(np.mean(footprint.change**2))), smallest[effect.name]
         smallest[effect.name] = rms if before is None else min(before, rms)
-        own = next(p for p in effect.describe() if p.name == effect.strength)
+        own = effect.described(effect.strength)
         visible = visible or own.lower <= strength <= own.upper or own.lower <= -strength <= own.upper
     return smallest, visible
 

@@ -6,8 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from deatwin.ident.greybox.tangent import linearised_rms
-from deatwin.ident.mismatch.naming.onsets import most_promising
-from deatwin.ident.mismatch.naming.screen import leads
+from deatwin.ident.mismatch.naming.screen import leads, most_promising
 from deatwin.ident.mismatch.naming.trial import Trial, trials_of, unbent_like
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Calibration, Part, Problem
+from deatwin.ident.greybox.fit import Calibration, Part, Problem, reading_times
 from deatwin.ident.greybox.tangent import taken_off, tangent_basis
 from deatwin.ident.mismatch.naming.contribution import readings_of_fit
 from deatwin.ident.mismatch.naming.screen import EVENT_ERROR, Footprint, Lead, footprint, started
@@ -15,7 +15,7 @@ from deatwin.ident.mismatch.refit.search import approach
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.model import Plant
 
-__all__ = ["beginning_at_each", "event_lead", "event_leads", "most_promising"]
+__all__ = ["beginning_at_each", "event_lead", "event_leads"]
 
 VANISHING = 1e-6
 """Share of an effect's squared change below which what the parameters leave of it is rounding."""
@@ -53,7 +53,7 @@ def event_leads(unbent: Plant, fit: Calibration, effects: Iterable[Effect], part
     found = problem.evaluate(problem.start())
     if found is None:
         return ()
-    times = np.concatenate([part.read_at(near.plant) for part in parts])
+    times = reading_times(near.plant, parts)
     without = readings_of_fit(parts, found[0])
     early = (footprint(near.plant, parts, without, _from(effect, times)) for effect in events)
     seen = (event_lead(known, times, *found, fit.rms) for known in early if known is not None)
@@ -91,8 +91,7 @@ def event_lead(
     ----------
     Andrews, Econometrica 61 (1993) 821, doi:10.2307/2951764: the score test over all times of a change.
     """
-    described = {parameter.name: parameter for parameter in known.effect.describe()}
-    strength, event = described[known.effect.strength], described[known.effect.event]
+    strength, event = (known.effect.described(name) for name in (known.effect.strength, known.effect.event))
     order = np.argsort(times, kind="stable")
     clock, basis = times[order], tangent_basis(jacobian)
     along, own = beginning_at_each(known.change[order], residuals[order], basis[order])
@@ -105,13 +104,13 @@ def event_lead(
     if not explained.any():
         return None
     best = int(np.argmax(explained))
-    left = float(np.mean(taken_off(residuals, basis) ** 2))
-    lefts = left - float(explained[best]) / residuals.size
-    share = (min(left, rms**2) - lefts) / rms**2
+    without = float(np.mean(taken_off(residuals, basis) ** 2))
+    left = without - float(explained[best]) / residuals.size
+    share = (min(without, rms**2) - left) / rms**2
     if share <= 0.0:
         return None
     start, estimate = started(replace(known.effect, **{event.name: float(at[best])}), float(sizes[best]))
-    return Lead(effect=start, share=share, estimate=estimate, left=lefts)
+    return Lead(effect=start, share=share, estimate=estimate, left=left)
 
 
 def beginning_at_each(change: np.ndarray, residual: np.ndarray, basis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -148,24 +147,6 @@ def beginning_at_each(change: np.ndarray, residual: np.ndarray, basis: np.ndarra
 
 def _from(effect: Effect, times: np.ndarray) -> Effect:
     """The event before all samples."""
-    at = next(p for p in effect.describe() if p.name == effect.event)
+    at = effect.described(effect.event)
     return replace(effect, **{effect.event: float(np.clip(times.min(), at.lower, at.upper))})
 
-
-def most_promising(*several: Iterable[Lead]) -> tuple[Lead, ...]:
-    """Of each effect the lead that promises most, in the order of their shares.
-
-    Parameters
-    ----------
-    *several : iterable of Lead
-        Of the same fit.
-
-    Returns
-    -------
-    tuple of Lead
-    """
-    best: dict[str, Lead] = {}
-    for lead in (lead for found in several for lead in found):
-        if lead.effect.name not in best or lead.share > best[lead.effect.name].share:
-            best[lead.effect.name] = lead
-    return tuple(sorted(best.values(), key=lambda lead: -lead.share))

@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Calibration, Part, simulated
+from deatwin.ident.greybox.fit import Calibration, Part, reading_times, simulated
 from deatwin.ident.greybox.tangent import taken_off, tangent_basis
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.contribution import readings_of_fit
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant.effects.base import Effect, Place
 from deatwin.plant.model import Plant
-from deatwin.plant.parameters import Parameter, Scale
+from deatwin.plant.parameters import Scale
 
-__all__ = ["Footprint", "Lead", "detectable_size", "footprint", "footprints", "leads", "started"]
+__all__ = ["Footprint", "Lead", "detectable_size", "footprint", "footprints", "leads", "most_promising", "started"]
 
 SHAPES = 3
 """Values of each shape parameter at which an effect is screened,"""
@@ -63,13 +63,13 @@ class Lead:
     estimate : Effect
         With the strength at which it does.
     left : float
-        Mean square that is left to first order, beside what parameters of the plant take up, SI; infinite if unknown.
+        Of an effect that is seen in another plant than that of the fit, the mean square that is left there, SI; else 0.
     """
 
     effect: Effect
     share: float
     estimate: Effect
-    left: float = np.inf
+    left: float = 0.0
 
 
 def footprints(
@@ -122,9 +122,23 @@ def leads(known: Sequence[Footprint], fit: Calibration) -> tuple[Lead, ...]:
     Rao's score test, Proc. Camb. Phil. Soc. 44 (1948) 50, doi:10.1017/S0305004100023987.
     """
     basis = tangent_basis(fit.movable)
+    return most_promising(_lead(footprint, fit.residuals, basis) for footprint in known)
+
+
+def most_promising(*several: Iterable[Lead]) -> tuple[Lead, ...]:
+    """Of each effect the lead that promises most, in the order of their shares.
+
+    Parameters
+    ----------
+    *several : iterable of Lead
+        Of the same fit.
+
+    Returns
+    -------
+    tuple of Lead
+    """
     best: dict[str, Lead] = {}
-    for footprint in known:
-        lead = _lead(footprint, fit.residuals, basis)
+    for lead in itertools.chain(*several):
         if lead.effect.name not in best or lead.share > best[lead.effect.name].share:
             best[lead.effect.name] = lead
     return tuple(sorted(best.values(), key=lambda lead: -lead.share))
@@ -148,7 +162,7 @@ def footprint(plant: Plant, parts: Sequence[Part], without: np.ndarray, effect: 
     -------
     Footprint or None
     """
-    typical = abs(_strength(effect).value)
+    typical = abs(effect.described(effect.strength).value)
     for share in WEAKER:
         strength = share * typical
         weaker = replace(effect, **{effect.strength: strength})
@@ -187,12 +201,10 @@ def _lead(known: Footprint, residual: np.ndarray, basis: np.ndarray) -> Lead:
     direction = taken_off(known.change, basis)
     length = float(np.linalg.norm(direction))
     along = float(direction @ residual) / length if length > 1e-9 * np.linalg.norm(known.change) else 0.0
-    left = float(np.mean(taken_off(residual, basis) ** 2))
-    if along < 0.0 and _strength(known.effect).lower >= 0.0:
-        return Lead(effect=known.effect, share=0.0, estimate=known.effect, left=left)
+    if along < 0.0 and known.effect.described(known.effect.strength).lower >= 0.0:
+        return Lead(effect=known.effect, share=0.0, estimate=known.effect)
     start, estimate = started(known.effect, along / length if along else 0.0)
-    share = along**2 / float(residual @ residual)
-    return Lead(effect=start, share=share, estimate=estimate, left=left - along**2 / residual.size)
+    return Lead(effect=start, share=along**2 / float(residual @ residual), estimate=estimate)
 
 
 def started(effect: Effect, strength: float) -> tuple[Effect, Effect]:
@@ -212,7 +224,7 @@ def started(effect: Effect, strength: float) -> tuple[Effect, Effect]:
     estimate : Effect
         With that strength, inside its range.
     """
-    known = _strength(effect)
+    known = effect.described(effect.strength)
     values = (np.copysign(known.value, strength), strength)
     start, estimate = (
         replace(effect, **{known.name: float(np.clip(value, known.lower, known.upper))}) for value in values
@@ -220,16 +232,12 @@ def started(effect: Effect, strength: float) -> tuple[Effect, Effect]:
     return start, estimate
 
 
-def _strength(effect: Effect) -> Parameter:
-    return next(p for p in effect.describe() if p.name == effect.strength)
-
-
 def _of_effect(
     base: Calibration, effect: Effect, parts: Sequence[Part], fit: Calibration
 ) -> list[Footprint]:
     """One for each shape at which the plant can be simulated."""
     without = readings_of_fit(parts, base.residuals)
-    times = np.concatenate([part.read_at(base.plant) for part in parts])
+    times = reading_times(base.plant, parts)
     simulate = partial(footprint, base.plant, parts, without)
     shapes = effect.starts(times, fit.residuals) or _shapes(effect, base, parts)
     found = [f for f in map(simulate, shapes) if f is not None]
@@ -241,7 +249,8 @@ def _at_its_time(
 ) -> Footprint:
     """The event where it explains most: no fit can move it, since only a sample or two know of its time."""
     basis, event = tangent_basis(fit.movable), found[0].effect.event
-    first, last = next((p.lower, p.upper) for p in found[0].effect.describe() if p.name == event)
+    known = found[0].effect.described(event)
+    first, last = known.lower, known.upper
     best = max(found, key=lambda f: _lead(f, fit.residuals, basis).share)
     step, near = (share * float(np.ptp(times)) for share in (EVENT_STEP, EVENT_ERROR))
     while step > max(near, fit.plant.rig.sample_time / 2):

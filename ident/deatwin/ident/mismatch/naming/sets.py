@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Calibration
+from deatwin.ident.greybox.fit import Calibration, reading_times
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.floor import floor_of
 from deatwin.ident.mismatch.naming.candidate import Candidate, noise_seen
@@ -15,10 +15,10 @@ from deatwin.ident.mismatch.naming.cycles import shows_its_cycles
 from deatwin.ident.mismatch.naming.decide import STRONG, Naming, decide, with_distances
 from deatwin.ident.mismatch.naming.joint import joint_trials
 from deatwin.ident.mismatch.naming.limits import with_limits
-from deatwin.ident.mismatch.naming.onsets import event_leads, most_promising
+from deatwin.ident.mismatch.naming.onsets import event_leads
 from deatwin.ident.mismatch.naming.overlap import with_overlap
 from deatwin.ident.mismatch.naming.pairs import Names, barely, each_without_one
-from deatwin.ident.mismatch.naming.screen import Footprint, Lead, footprints, leads
+from deatwin.ident.mismatch.naming.screen import Footprint, Lead, footprints, leads, most_promising
 from deatwin.ident.mismatch.naming.shortlist import shortlist
 from deatwin.ident.mismatch.naming.siblings import siblings
 from deatwin.ident.mismatch.naming.trial import Fitted, Trial, run_trials, trials_of, unbent_like
@@ -458,16 +458,19 @@ class Search:
 
     def _leads(self, names: Names) -> tuple[Lead, ...]:
         """What each further effect could explain of what a candidate leaves."""
+        return most_promising(self._screened(names), *self.event_leads(names))
+
+    def _screened(self, names: Names) -> tuple[Lead, ...]:
+        """The same as far as the fit itself tells."""
         fit, base = self.tried[names].calibration, self.tried[()].calibration
         if not names:
-            return most_promising(leads(self.known(), fit), *self.event_leads(names))
+            return leads(self.known(), fit)
         free = [effect for effect in self.bench.effects if effect.name not in fit.plant.effect_names]
-        times = np.concatenate([part.read_at(base.plant) for part in self.bench.fitted])
+        times = reading_times(base.plant, self.bench.fitted)
         looking = [effect for effect in free if effect.starts(times, fit.residuals)]
         again = footprints(self.bench, base, looking, fit)
         others = {e.name for e in free} - {e.name for e in looking}
-        found = leads([*(f for f in self.known() if f.effect.name in others), *again], fit)
-        return most_promising(found, *self.event_leads(names))
+        return leads([*(f for f in self.known() if f.effect.name in others), *again], fit)
 
     def event_leads(self, *several: Names) -> list[tuple[Lead, ...]]:
         """What each event could explain beside the effects of each of `several` candidates, seen from before it."""

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Calibration, Part, calibrate, free_run_residuals
+from deatwin.ident.greybox.fit import Calibration, Part, calibrate, free_run_residuals, reading_times
 from deatwin.plant.model import Plant
 
 __all__ = [
@@ -220,7 +220,7 @@ def in_its_gap(fit: Calibration, fitted: Sequence[Part], everything: Sequence[Pa
         Fitted once more from there; the same one where the plant has no such event, or it stays where it is.
     """
     plant = fit.plant
-    times, known = (np.concatenate([part.read_at(plant) for part in parts]) for parts in (fitted, everything))
+    times, known = (reading_times(plant, parts) for parts in (fitted, everything))
     moved = []
     for name in _events(plant):
         at = plant.parameters[name].value
@@ -269,7 +269,7 @@ def _events(plant: Plant) -> list[str]:
 
 def _moved(plant: Plant, name: str, parts: Sequence[Part], within: tuple[float, float] = (-np.inf, np.inf)) -> Plant:
     """The plant with one event where the squared residual is least, found by steps that are halved."""
-    times = np.concatenate([part.read_at(plant) for part in parts])
+    times = reading_times(plant, parts)
     known = plant.parameters[name]
     first, last = max(times.min(), known.lower, within[0]), min(times.max(), known.upper, within[1])
     step, best, least = min(EVENT_STEP * float(np.ptp(times)), (last - first) / 2), plant, _squares(plant, parts)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from deatwin.ident.greybox import Part, calibrate
-from deatwin.ident.mismatch.naming.onsets import beginning_at_each, event_lead, event_leads, most_promising
-from deatwin.ident.mismatch.naming.screen import Footprint, Lead, footprints, leads
+from deatwin.ident.mismatch.naming.onsets import beginning_at_each, event_lead, event_leads
+from deatwin.ident.mismatch.naming.screen import Footprint, Lead, footprints, leads, most_promising
 from deatwin.ident.mismatch.refit import search
 from deatwin.plant import Creep, Diaphragm, ElectrodeLoss, Experiment, Plant, Recording, SensorDrift, SensorJump
 from deatwin.plant.excitation import band_limited_noise
@@ -64,7 +64,7 @@ def lead_at(at: float, size: float, effect, *, clock=CLOCK, noise=0.0, rms=None)
     order = np.argsort(np.argsort(clock, kind="stable"), kind="stable")  # the samples in the order of `clock`
     fit = float(np.sqrt(np.mean(residual**2))) if rms is None else rms
     known = Footprint(effect=effect, change=WAVE[order])
-    return event_lead(known, CLOCK[order] if clock is not CLOCK else CLOCK, residual[order], OWN[order], fit)
+    return event_lead(known, clock, residual[order], OWN[order], fit)
 
 
 @pytest.mark.parametrize("at", [12.57, 30.0 + 0.05, 47.33])
