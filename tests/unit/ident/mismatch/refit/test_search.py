@@ -9,7 +9,7 @@ from deatwin.ident.greybox import Part, calibrate
 from deatwin.ident.greybox.fit import simulated
 from deatwin.ident.mismatch.refit import search
 from deatwin.ident.mismatch.refit.search import in_its_gap
-from deatwin.plant import Diaphragm, Experiment, Plant, Recording, SensorJump
+from deatwin.plant import Diaphragm, Experiment, Plant, ReadingTime, Recording, SensorJump
 from deatwin.plant.excitation import band_limited_noise
 from deatwin.plant.integrator.compiled import compiler
 
@@ -55,3 +55,12 @@ def test_an_event_among_fitted_samples_stays_where_the_fit_has_it(parts):
     fitted, whole = parts
     fit = calibrate(Plant(rig=Diaphragm()).with_effects(replace(JUMP, at=5.0)), [fitted], evaluations=2)
     assert in_its_gap(fit, [fitted], [whole]) is fit
+
+
+@pytest.mark.parametrize(("reading", "stays"), [(ReadingTime.END_OF_HOLD, True), (ReadingTime.START_OF_HOLD, False)])
+def test_whether_a_reading_comes_after_an_event_is_told_by_the_time_that_it_is_taken_at(parts, reading, stays):
+    """The last row before the gap begins at 9.98 s: a jump in it shows in its reading at the end, not at the start."""
+    fitted, whole = parts
+    rough = calibrate(Plant(rig=Diaphragm(reading=reading)).with_effects(JUMP), [fitted], evaluations=2)
+    fit = replace(rough, plant=rough.plant.with_values({AT: 9.99}))
+    assert (in_its_gap(fit, [fitted], [whole]) is fit) is stays
