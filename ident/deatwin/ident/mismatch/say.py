@@ -90,7 +90,10 @@ def _none(diagnosis: Diagnosis) -> str:
 
 
 def _parameters(diagnosis: Diagnosis) -> str:
-    return f"Only the parameters were off: the calibrated plant leaves {_left(diagnosis)}, {_within(diagnosis)}."
+    taken_up = "; fitted to all recordings, it leaves no more than these" if diagnosis.detect.get("taken_up") else ""
+    return (
+        f"Only the parameters were off: the calibrated plant leaves {_left(diagnosis)}, {_within(diagnosis)}{taken_up}."
+    )
 
 
 def _named(diagnosis: Diagnosis) -> str:

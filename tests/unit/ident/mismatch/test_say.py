@@ -118,6 +118,7 @@ REFUTED = {"holds": False, "failures": ["creep backwards in time does as well"],
 DIAGNOSES = {
     "none": made_up(Verdict.NONE),
     "parameters": made_up(Verdict.PARAMETERS),
+    "parameters, once all is fitted": made_up(Verdict.PARAMETERS, detect=DETECTED | {"taken_up": True}),
     "named": made_up(Verdict.NAMED, CREEP),
     "named, weakly": made_up(Verdict.NAMED, RC),
     "two causes": made_up(Verdict.NAMED, CREEP, JUMP),

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from deatwin.ident.greybox.fit import free_run_residuals
 from deatwin.ident.mismatch.detect.law import LEVEL, Law
 from deatwin.ident.mismatch.detect.leftover import Leftover, leftover_of
 from deatwin.ident.mismatch.detect.origin import Origin, OriginEvidence, origin_of
 from deatwin.ident.mismatch.detect.power import Power
 from deatwin.ident.mismatch.detect.statistics import GROUPS, Scores
-from deatwin.ident.mismatch.excess import practical_size
+from deatwin.ident.mismatch.excess import excess_over_floor, practical_size
 from deatwin.ident.mismatch.gate.noise import NoiseFloor, noise_level
 from deatwin.ident.mismatch.gate.repeats import Repeatability, find_repeats, repeatability
+from deatwin.ident.mismatch.refit.search import refit
 from deatwin.plant.amplitudes import amplitude_unit
 from deatwin.plant.datasets import columns, dataset, squared
 
@@ -121,6 +123,8 @@ class Detection:
         Rms, SI.
     certain : bool
         Whether the size alone leaves no doubt, whatever the scatter.
+    taken_up : bool
+        Whether the plant itself leaves nothing that counts once it is fitted to the unseen part, too.
     sensor : NoiseFloor
         What each source says of the noise.
     repeatability : Repeatability or None
@@ -155,14 +159,16 @@ class Detection:
     smallest: Mapping[str, float | None] = field(default_factory=dict)
     output_unit: str = "m"
     curves: Curves
+    taken_up: bool = False
 
     @property
     def mismatch(self) -> bool:
         """Whether something is missing: beyond chance and large enough to count, or too large for any doubt.
 
-        Model errors are slow, so that few independent ones are in a short record, and chance allows them much.
+        Model errors are slow, so that few independent ones are in a short record, and chance allows them much. What
+        the plant takes up once all recordings are fitted is not missing: its parameters were not known well enough.
         """
-        return _counts(self.p_value, self.size, self.practical, self.certain)
+        return _counts(self.p_value, self.size, self.practical, self.certain) and not self.taken_up
 
     @property
     def testable(self) -> bool:
@@ -191,6 +197,7 @@ class Detection:
             "p_value": self.p_value,
             "excess": self.size / size,
             "practical": self.practical / size,
+            "taken_up": self.taken_up,
             "moved": self.moved / size,
             "smallest_detectable": {k: None if v is None else v / size for k, v in self.smallest.items()},
             "statistics": [
@@ -261,7 +268,8 @@ def detect(
     -------
     Detection
     """
-    return detect_in(leftover_of(base, bench), rng, known=known)
+    found = detect_in(leftover_of(base, bench), rng, known=known)
+    return replace(found, taken_up=_takes_up_the_rest(base, bench)) if found.mismatch else found
 
 
 def detect_in(
@@ -305,6 +313,19 @@ def detect_in(
         moved=float(np.sqrt(np.mean(left.moved**2))), visible=visible, smallest=smallest,
         output_unit=left.output_unit, curves=_curves(law, left, scores),
     )  # fmt: skip
+
+
+def _takes_up_the_rest(base: Candidate, bench: Bench) -> bool:
+    """Whether a plant that leaves nothing that counts of the fitted part leaves nothing of either once both are fitted.
+
+    What the fitted part says of the parameters may carry the plant's own error far beyond it.
+    """
+    if not base.fitted_test.within_floor:
+        return False  # to fit more than that part brings it no nearer
+    plant = refit(base.calibration, bench.everything).plant
+    left = [free_run_residuals(plant, parts) for parts in (bench.fitted, bench.unseen)]
+    error = plant.rig.model_error
+    return all(r is not None and excess_over_floor(r, base.noise, error).within_floor for r in left)
 
 
 def _counts(p_value: float, size: float, practical: float, certain: bool) -> bool:

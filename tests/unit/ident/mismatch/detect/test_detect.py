@@ -17,7 +17,7 @@ from deatwin.ident.mismatch.detect.power import Power
 from deatwin.ident.mismatch.detect.statistics import Scores
 from deatwin.ident.mismatch.gate.repeats import find_repeats
 from deatwin.ident.mismatch.naming.candidate import judge
-from deatwin.plant import Diaphragm, Experiment, Plant, Recording
+from deatwin.plant import Diaphragm, Experiment, Plant, Recording, SensorJump
 from deatwin.plant.excitation import band_limited_noise, random_holds
 
 STEP, NOISE, MODEL_ERROR = 0.02, 2e-6, 1.2e-6
@@ -265,9 +265,9 @@ def test_physics_that_does_not_come_back_is_no_disturbance(form, periods):
 PLANT = Plant(rig=Diaphragm())
 
 
-def bench_of(command: np.ndarray, seed: int) -> Bench:
+def bench_of(command: np.ndarray, seed: int, truth: Plant = PLANT) -> Bench:
     blank = Experiment(recordings=(Recording.from_arrays(command, np.zeros_like(command), STEP),))
-    experiment = PLANT.record(blank, np.random.default_rng(seed))
+    experiment = truth.record(blank, np.random.default_rng(seed))
     early = np.arange(command.size) < 0.7 * command.size
     fitted, unseen = (Part(experiment=experiment, masks=(mask,)) for mask in (early, ~early))
     return Bench(
@@ -290,6 +290,33 @@ def test_a_plant_that_is_its_own_truth_lacks_nothing():
     assert {"p_value", "excess", "smallest_detectable"} <= written.keys()
     assert written["excess"] == pytest.approx(found.size * 1e6)
     assert len(found.plot()) == 3
+
+
+def small_then_large() -> np.ndarray:
+    """Small motions in what is fitted, several times as large ones in the unseen part."""
+    rng = np.random.default_rng(0)
+    small, large = band_limited_noise(rng, 42.0, STEP), random_holds(rng, 18.0, STEP, 1.2, 3.2, 1.0, 3.0)
+    return np.concatenate([0.84 + 0.3 * small, large])
+
+
+def test_what_the_plant_takes_up_once_it_is_fitted_to_all_recordings_is_not_missing():
+    """The truth has the same equations: what stiffens the film where it moves far is hardly seen where it does not."""
+    bench = bench_of(small_then_large(), 1, PLANT.with_values({"stretch_limit": 200.0}))
+    base = judge(bench, calibrate(PLANT, bench.fitted, evaluations=20), PLANT.rig.noise)
+    found = detect(base, bench, np.random.default_rng(2))
+    assert replace(found, taken_up=False).mismatch  # by chance and size alone it would be one
+    assert found.taken_up
+    assert not found.mismatch
+    assert found.to_dict()["taken_up"] is True
+
+
+@pytest.mark.parametrize("at", [20.0, 50.0], ids=["fitted part", "unseen part"])
+def test_what_the_plant_cannot_take_up_is_missing(at):
+    bench = bench_of(small_then_large(), 1, PLANT.with_effects(SensorJump(change=20e-6, at=at)))
+    base = judge(bench, calibrate(PLANT, bench.fitted, evaluations=20), PLANT.rig.noise)
+    found = detect(base, bench, np.random.default_rng(2))
+    assert found.mismatch
+    assert found.to_dict()["taken_up"] is False
 
 
 def test_a_level_with_a_tiny_ripple_tests_nothing():
