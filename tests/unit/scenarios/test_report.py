@@ -144,7 +144,8 @@ def with_everything() -> Diagnosis:
         DIAGNOSIS, verdict=Verdict.NAMED, evidence=evidence, verification=VERIFIED.to_dict(), names=("creep",),
         causes=(Cause(effect="creep", family="film", probability=0.98, share_explained=0.97,
                       parameters={"time": Interval(value=54.0, low=50.0, high=59.0, unit="s")}),),
-        detect={**DIAGNOSIS.detect, "noise_source": "rests", "practical": 0.61, "smallest_detectable": {"creep": 0.4},
+        detect={**DIAGNOSIS.detect, "noise_source": "rests", "practical": 0.61, "taken_up": True,
+                "smallest_detectable": {"creep": 0.4},
                 "statistics": [{"name": "variance", "value": 4.0, "where": "", "score": 3.0, "p_value": 0.0025}]},
         locate={"time": [{"from_s": 1.0, "to_s": 9.0, "score": 0.9}], "frequency": [], "region": [], "response": None,
                 "place": [{"place": "film", "signal": "stiffness", "score": 0.8}]},
@@ -198,7 +199,8 @@ def test_the_page_shows_every_step_in_order(tmp_path: Path) -> None:
     assert len(page) < 5e6
     shown = (
         "that of the readings while the command rests", "on a bound of its range", "30 kPa", "26.4 kPa", "25 to 27 kPa",
-        "0.00250", "0.610 µm", "film: stiffness", "1234", "creep and delay (9.10)", "x v", "-0.0123", "94 %",
+        "0.00250", "0.610 µm", "Fitted to all recordings, the plant leaves less than that", "film: stiffness", "1234",
+        "creep and delay (9.10)", "x v", "-0.0123", "94 %",
         "at the ball", "from 30 to 2.0 %",
         "creep with the opposite sign does as well", "the error grows on unseen data: lowest amplitudes", "6.78",
         "97 %", "3.12 %", "not judged: it hardly differs", "-126 ± 8 %", "cannot be told",

@@ -193,6 +193,8 @@ def _verdict(
 ) -> Verdict:
     if checked.soundness is Soundness.FAULTY:
         return Verdict.DATA_FAULT
+    if detection.taken_up:
+        return Verdict.PARAMETERS
     if not detection.mismatch:
         if not detection.testable:
             return Verdict.NOT_TESTABLE

@@ -90,7 +90,7 @@ def _none(diagnosis: Diagnosis) -> str:
 
 
 def _parameters(diagnosis: Diagnosis) -> str:
-    taken_up = "; fitted to all recordings, it leaves no more than these" if diagnosis.detect.get("taken_up") else ""
+    taken_up = "; fitted to all recordings, it leaves nothing that counts" if diagnosis.detect.get("taken_up") else ""
     return (
         f"Only the parameters were off: the calibrated plant leaves {_left(diagnosis)}, {_within(diagnosis)}{taken_up}."
     )

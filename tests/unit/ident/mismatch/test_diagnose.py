@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from deatwin.ident.mismatch import Diagnosis, Verdict, diagnose
-from deatwin.ident.mismatch.diagnose import _first_that_stands, _motion, _without_doubted
-from deatwin.ident.mismatch.gate.gate import gate
+from deatwin.ident.mismatch.diagnose import _first_that_stands, _motion, _verdict, _without_doubted
+from deatwin.ident.mismatch.gate.gate import Soundness, gate
 from deatwin.ident.mismatch.naming.decide import Naming
 from deatwin.ident.mismatch.verify.verify import verify
 from deatwin.plant import (
@@ -356,3 +356,13 @@ def test_effects_that_the_rig_cannot_take_are_passed_over(oscillator):
     plant = Plant(rig=oscillator())
     assert not plant.accepts(effect_named("creep"))
     assert not plant.accepts(effect_named("hysteresis"))
+
+
+@pytest.mark.parametrize(("soundness", "verdict"), [
+    (Soundness.SOUND, Verdict.PARAMETERS), (Soundness.FAULTY, Verdict.DATA_FAULT),
+])  # fmt: skip
+def test_what_the_plant_takes_up_once_all_is_fitted_is_its_parameters(soundness, verdict):
+    """However near the nominal plant is, its calibration was off by what counts."""
+    taken = SimpleNamespace(taken_up=True, mismatch=False, testable=False)
+    checked = SimpleNamespace(soundness=soundness)
+    assert _verdict(None, checked, None, taken, None, False) is verdict

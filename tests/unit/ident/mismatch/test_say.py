@@ -192,6 +192,7 @@ def test_each_verdict_says_only_what_it_may():
             diagnosis.verdict is Verdict.NAMED
         )
         assert ("perhaps" in said) is (diagnosis.verdict is Verdict.AMBIGUOUS)
+        assert ("fitted to all recordings" in said) is bool(diagnosis.detect.get("taken_up"))
 
 
 @pytest.mark.parametrize(("rivals", "also", "said"), [

@@ -318,14 +318,15 @@ def detect_in(
 def _takes_up_the_rest(base: Candidate, bench: Bench) -> bool:
     """Whether a plant that leaves nothing that counts of the fitted part leaves nothing of either once both are fitted.
 
-    What the fitted part says of the parameters may carry the plant's own error far beyond it.
+    What the fitted part says of the parameters may carry the plant's own error far beyond it. A plant that must be bent
+    to the ends of its ranges for it takes up nothing.
     """
     if not base.fitted_test.within_floor:
         return False  # to fit more than that part brings it no nearer
-    plant = refit(base.calibration, bench.everything).plant
-    left = [free_run_residuals(plant, parts) for parts in (bench.fitted, bench.unseen)]
-    error = plant.rig.model_error
-    return all(r is not None and excess_over_floor(r, base.noise, error).within_floor for r in left)
+    whole = refit(base.calibration, bench.everything)
+    left = [free_run_residuals(whole.plant, parts) for parts in (bench.fitted, bench.unseen)]
+    error, bent = whole.plant.rig.model_error, {*whole.at_bound} - {*base.calibration.at_bound}
+    return not bent and all(r is not None and excess_over_floor(r, base.noise, error).within_floor for r in left)
 
 
 def _counts(p_value: float, size: float, practical: float, certain: bool) -> bool:

@@ -1,5 +1,6 @@
 """Detection against the theory of white noise, against false alarms, and on the engine's own objects."""
 
+import importlib
 import json
 from dataclasses import replace
 
@@ -308,6 +309,20 @@ def test_what_the_plant_takes_up_once_it_is_fitted_to_all_recordings_is_not_miss
     assert found.taken_up
     assert not found.mismatch
     assert found.to_dict()["taken_up"] is True
+
+
+@pytest.mark.parametrize("refitted", [
+    lambda found, parts: found,  # the refit has failed, or has gone nowhere
+    lambda found, parts: replace(calibrate(found.plant, parts, evaluations=60), at_bound=("stretch_limit",)),
+], ids=["the same", "on a bound"])  # fmt: skip
+def test_a_refit_that_fails_or_ends_on_a_bound_takes_nothing_up(monkeypatch, refitted):
+    bench = bench_of(small_then_large(), 1, PLANT.with_values({"stretch_limit": 200.0}))
+    base = judge(bench, calibrate(PLANT, bench.fitted, evaluations=20), PLANT.rig.noise)
+    module = importlib.import_module("deatwin.ident.mismatch.detect.detection")
+    monkeypatch.setattr(module, "refit", lambda found, everything: refitted(found, everything))
+    found = detect(base, bench, np.random.default_rng(2))
+    assert found.mismatch
+    assert not found.taken_up
 
 
 @pytest.mark.parametrize("at", [20.0, 50.0], ids=["fitted part", "unseen part"])
