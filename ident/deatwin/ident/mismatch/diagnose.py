@@ -130,7 +130,7 @@ def diagnose(
 
     tell(0.95, "fitting all recordings")
     last = discovery.calibration if discovery is not None else answer.calibration
-    whole = verification.whole if answer is naming.best else None
+    whole = verification.whole if answer is naming.best else detection.taken_up
     diagnosis = conclude(
         Findings(
             bench=bench, checked=checked, base=base, detection=detection, location=location, naming=naming,
@@ -193,7 +193,7 @@ def _verdict(
 ) -> Verdict:
     if checked.soundness is Soundness.FAULTY:
         return Verdict.DATA_FAULT
-    if detection.taken_up:
+    if detection.taken_up is not None:
         return Verdict.PARAMETERS
     if not detection.mismatch:
         if not detection.testable:

@@ -363,6 +363,6 @@ def test_effects_that_the_rig_cannot_take_are_passed_over(oscillator):
 ])  # fmt: skip
 def test_what_the_plant_takes_up_once_all_is_fitted_is_its_parameters(soundness, verdict):
     """However near the nominal plant is, its calibration was off by what counts."""
-    taken = SimpleNamespace(taken_up=True, mismatch=False, testable=False)
+    taken = SimpleNamespace(taken_up=object(), mismatch=False, testable=False)
     checked = SimpleNamespace(soundness=soundness)
     assert _verdict(None, checked, None, taken, None, False) is verdict

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import free_run_residuals
+from deatwin.ident.greybox.fit import Calibration, free_run_residuals
 from deatwin.ident.mismatch.detect.law import LEVEL, Law
 from deatwin.ident.mismatch.detect.leftover import Leftover, leftover_of
 from deatwin.ident.mismatch.detect.origin import Origin, OriginEvidence, origin_of
@@ -123,8 +123,8 @@ class Detection:
         Rms, SI.
     certain : bool
         Whether the size alone leaves no doubt, whatever the scatter.
-    taken_up : bool
-        Whether the plant itself leaves nothing that counts once it is fitted to the unseen part, too.
+    taken_up : Calibration or None
+        The plant fitted to the unseen part, too, where it leaves nothing that counts then; None otherwise.
     sensor : NoiseFloor
         What each source says of the noise.
     repeatability : Repeatability or None
@@ -159,7 +159,7 @@ class Detection:
     smallest: Mapping[str, float | None] = field(default_factory=dict)
     output_unit: str = "m"
     curves: Curves
-    taken_up: bool = False
+    taken_up: Calibration | None = None
 
     @property
     def mismatch(self) -> bool:
@@ -168,7 +168,7 @@ class Detection:
         Model errors are slow, so that few independent ones are in a short record, and chance allows them much. What
         the plant takes up once all recordings are fitted is not missing: its parameters were not known well enough.
         """
-        return _counts(self.p_value, self.size, self.practical, self.certain) and not self.taken_up
+        return _counts(self.p_value, self.size, self.practical, self.certain) and self.taken_up is None
 
     @property
     def testable(self) -> bool:
@@ -197,7 +197,7 @@ class Detection:
             "p_value": self.p_value,
             "excess": self.size / size,
             "practical": self.practical / size,
-            "taken_up": self.taken_up,
+            "taken_up": self.taken_up is not None,
             "moved": self.moved / size,
             "smallest_detectable": {k: None if v is None else v / size for k, v in self.smallest.items()},
             "statistics": [
@@ -269,7 +269,7 @@ def detect(
     Detection
     """
     found = detect_in(leftover_of(base, bench), rng, known=known)
-    return replace(found, taken_up=_takes_up_the_rest(base, bench)) if found.mismatch else found
+    return replace(found, taken_up=_taking_up_the_rest(base, bench)) if found.mismatch else found
 
 
 def detect_in(
@@ -315,18 +315,19 @@ def detect_in(
     )  # fmt: skip
 
 
-def _takes_up_the_rest(base: Candidate, bench: Bench) -> bool:
-    """Whether a plant that leaves nothing that counts of the fitted part leaves nothing of either once both are fitted.
+def _taking_up_the_rest(base: Candidate, bench: Bench) -> Calibration | None:
+    """The plant fitted to all recordings, if it leaves nothing that counts of either part, as it did of the fitted one.
 
     What the fitted part says of the parameters may carry the plant's own error far beyond it. A plant that must be bent
     to the ends of its ranges for it takes up nothing.
     """
     if not base.fitted_test.within_floor:
-        return False  # to fit more than that part brings it no nearer
+        return None  # to fit more than that part brings it no nearer
     whole = refit(base.calibration, bench.everything)
     left = [free_run_residuals(whole.plant, parts) for parts in (bench.fitted, bench.unseen)]
     error, bent = whole.plant.rig.model_error, {*whole.at_bound} - {*base.calibration.at_bound}
-    return not bent and all(r is not None and excess_over_floor(r, base.noise, error).within_floor for r in left)
+    enough = all(r is not None and excess_over_floor(r, base.noise, error).within_floor for r in left)
+    return whole if enough and not bent else None
 
 
 def _counts(p_value: float, size: float, practical: float, certain: bool) -> bool:

@@ -305,7 +305,7 @@ def test_what_the_plant_takes_up_once_it_is_fitted_to_all_recordings_is_not_miss
     bench = bench_of(small_then_large(), 1, PLANT.with_values({"stretch_limit": 200.0}))
     base = judge(bench, calibrate(PLANT, bench.fitted, evaluations=20), PLANT.rig.noise)
     found = detect(base, bench, np.random.default_rng(2))
-    assert replace(found, taken_up=False).mismatch  # by chance and size alone it would be one
+    assert replace(found, taken_up=None).mismatch  # by chance and size alone it would be one
     assert found.taken_up
     assert not found.mismatch
     assert found.to_dict()["taken_up"] is True
@@ -319,10 +319,10 @@ def test_a_refit_that_fails_or_ends_on_a_bound_takes_nothing_up(monkeypatch, ref
     bench = bench_of(small_then_large(), 1, PLANT.with_values({"stretch_limit": 200.0}))
     base = judge(bench, calibrate(PLANT, bench.fitted, evaluations=20), PLANT.rig.noise)
     module = importlib.import_module("deatwin.ident.mismatch.detect.detection")
-    monkeypatch.setattr(module, "refit", lambda found, everything: refitted(found, everything))
+    monkeypatch.setattr(module, "refit", refitted)
     found = detect(base, bench, np.random.default_rng(2))
     assert found.mismatch
-    assert not found.taken_up
+    assert found.taken_up is None
 
 
 @pytest.mark.parametrize("at", [20.0, 50.0], ids=["fitted part", "unseen part"])
