@@ -21,7 +21,7 @@ from deatwin.ident.mismatch.locate import locate, locate_time, readings, tracks
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming, nothing_tried
 from deatwin.ident.mismatch.naming.name import explanations
-from deatwin.ident.mismatch.naming.screen import footprints
+from deatwin.ident.mismatch.naming.screen import Footprint, footprints
 from deatwin.ident.mismatch.naming.worth import held_back_by, takes_most
 from deatwin.ident.mismatch.refit.base import Base, calibrate_base
 from deatwin.ident.mismatch.refit.search import refit
@@ -98,9 +98,10 @@ def diagnose(
     keep(base_step(bench, base))
 
     tell(0.25, "looking for a mismatch")
-    fit = base.chosen.calibration
-    known = footprints(bench, fit, bench.effects, fit)
-    detection = detect(base.chosen, bench, for_detection, known=known)
+    known, detection = _looked_into(bench, base.chosen, for_detection)
+    filed = base.as_filed(bench.nominal.rig) if detection.mismatch else base
+    if filed is not base:  # what is missing may be all that another reading of the file did, and badly
+        base, (known, detection) = filed, _looked_into(bench, filed.chosen, for_detection)
     keep(found_step("detect", detection))
     location = locate(base.chosen, bench, checked, for_location) if detection.mismatch else None
     keep(found_step("locate", location))
@@ -156,6 +157,14 @@ def _calibrated(plant: Plant, checked: Gate, effects: Sequence[Effect], jobs: in
         replace(bench, nominal=with_model_error(bench.nominal, error)),
         replace(base, chosen=base.chosen.with_floor(error), rivals=rivals),
     )
+
+
+def _looked_into(
+    bench: Bench, base: Candidate, rng: np.random.Generator
+) -> tuple[Sequence[Footprint], Detection]:
+    """What each effect would do to a calibrated plant, and whether anything is missing in it."""
+    known = footprints(bench, base.calibration, bench.effects, base.calibration)
+    return known, detect(base, bench, rng, known=known)
 
 
 def _bench(

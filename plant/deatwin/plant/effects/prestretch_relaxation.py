@@ -31,7 +31,7 @@ class PrestretchRelaxation(Effect):
     Parameters
     ----------
     relative_loss : float
-        a, the share that is lost in the end; negative where the film stiffens, as one that dries.
+        a, the share that is lost in the end.
     time : float
         :math:`\tau` in s.
 
@@ -54,7 +54,7 @@ class PrestretchRelaxation(Effect):
 
     def describe(self) -> tuple[Parameter, ...]:
         return (
-            Parameter(name="relative_loss", value=self.relative_loss, unit="1", lower=-0.5, upper=0.8),
+            Parameter(name="relative_loss", value=self.relative_loss, unit="1", lower=0.0, upper=0.8),
             Parameter(name="time", value=self.time, unit="s", lower=20.0, upper=200e3, scale=Scale.LOGARITHMIC),
         )
 

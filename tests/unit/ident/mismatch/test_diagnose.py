@@ -25,6 +25,7 @@ from deatwin.plant import (
     PermittivityDrift,
     Plant,
     Recording,
+    SensorLag,
 )
 from deatwin.plant.effects.catalogue import effect_named
 from deatwin.plant.excitation import band_limited_noise, random_holds
@@ -130,6 +131,15 @@ def test_physics_outside_the_catalogue_is_unknown():
     # a free form may stand in the model, never among the causes
     assert found.model.plant.effect_names == (() if found.free_form is None else ("free_form",))
     assert found.sentence.startswith("Something is missing that no effect of the catalogue explains")
+
+
+def test_a_lag_is_named_though_readings_taken_a_sample_early_would_leave_little():
+    """In that form of the rig nothing is missing for certain, so it calibrates best; but what it leaves is detected."""
+    experiment = recorded(SensorLag(time=0.017, inertia=0.4))
+    diagnosis = diagnose(NOMINAL, experiment, effects=[SensorLag(), Creep()], jobs=2)
+    assert (diagnosis.verdict, diagnosis.names) == (Verdict.NAMED, ("sensor_lag",))
+    time = diagnosis.causes[0].parameters["time"]
+    assert time.low < 0.017 < time.high
 
 
 def known(*effects: str, rms: float, given_up: bool = False) -> SimpleNamespace:

@@ -7,8 +7,7 @@ from dataclasses import replace
 
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming, cannot_rule_out
-from deatwin.ident.mismatch.naming.screen import leads
-from deatwin.ident.mismatch.naming.sets import BESIDE, Names, Search, each_without_one
+from deatwin.ident.mismatch.naming.sets import Names, Search, each_without_one
 from deatwin.ident.mismatch.naming.trial import Trial, trials_of, with_fitted
 from deatwin.ident.mismatch.naming.worth import suffices, takes_most
 
@@ -21,7 +20,7 @@ AGAIN = 4
 def in_form(search: Search, rival: Candidate, stage: Sequence[Names]) -> tuple[Search, list[Names]]:
     """A search in a rival form of the plant, begun with the best single effects of another one.
 
-    Where that form leaves clearly less, what promises most there is tried as well.
+    A form that leaves clearly less is the likelier one: there all is looked for as it was in the other.
 
     Parameters
     ----------
@@ -38,13 +37,13 @@ def in_form(search: Search, rival: Candidate, stage: Sequence[Names]) -> tuple[S
         With the single effects that were tried there.
     """
     fit, other = rival.calibration, search.in_form_of(rival)
+    found = other.beside(()) if search.is_clearly_worse_than(rival) else []
     unbent = search.bench.nominal.with_rig(fit.plant.rig)
     # What an effect promises in another form nobody knows.
-    chosen = {n: replace(search.leads[n], share=0.0) for names in search.ranked(stage)[:AGAIN] for n in names}
-    if search.is_clearly_worse_than(rival):
-        chosen |= {lead.effect.name: lead for lead in leads(other.known(), fit)[:BESIDE]}
-    other.leads = chosen
-    found = other.attempt(trials_of(unbent, fit, chosen.values()), rival=search.least_rms(stage))
+    again = {n: replace(search.leads[n], share=0.0) for names in search.ranked(stage)[:AGAIN] for n in names}
+    new = [lead for name, lead in again.items() if (name,) not in other.tried]
+    other.leads = again | other.leads
+    found += other.attempt(trials_of(unbent, fit, new), rival=min(search.least_rms(stage), other.least_rms(found)))
     other.judge_by_the_best(found)
     return other, found
 

@@ -38,7 +38,7 @@ from deatwin.ident.mismatch.naming.worth import (
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant.model import Plant
 
-__all__ = ["BESIDE", "CLEARLY_BETTER", "Finished", "Names", "Search", "each_without_one"]
+__all__ = ["CLEARLY_BETTER", "Finished", "Names", "Search", "each_without_one"]
 
 MOST_NEARLY = 2
 """More effects at once must explain the recordings to the plant's own error: three can bend to nearly anything."""

@@ -63,6 +63,21 @@ class Base:
         others = tuple(form for form in forms if not _same_form(form, chosen))
         return Base(chosen=chosen, rivals=others, noise=chosen.noise)
 
+    def as_filed(self, rig: Rig) -> Base:
+        """The same forms, chosen that of the rig file, where it could be simulated.
+
+        Parameters
+        ----------
+        rig : Rig
+            Of the file.
+
+        Returns
+        -------
+        Base
+        """
+        filed = [form for form in self.rivals if _is_read_alike(form.calibration.plant.rig, rig)]
+        return self.in_form_of(filed[0]) if filed else self
+
     def to_xarray(self) -> Any:
         """Return all forms as an `xarray.Dataset`; see `deatwin.ident.mismatch.naming.datasets.base_dataset`."""
         from deatwin.ident.mismatch.naming.datasets import base_dataset
@@ -165,9 +180,12 @@ def _starts(form: Plant) -> list[Plant]:
 
 
 def _same_form(one: Candidate, other: Candidate) -> bool:
+    return _is_read_alike(one.calibration.plant.rig, other.calibration.plant.rig)
+
+
+def _is_read_alike(one: Rig, other: Rig) -> bool:
     """Whether two rigs are read alike; the model error by which they are judged does not count."""
-    first, second = one.calibration.plant.rig, other.calibration.plant.rig
-    return replace(first, model_error=second.model_error) == second
+    return replace(one, model_error=other.model_error) == other
 
 
 def _judged(bench: Bench, fit: Calibration) -> Candidate | None:
