@@ -83,6 +83,11 @@ class Plant:
         """Canonical names of the effects."""
         return tuple(e.name for e in self.effects)
 
+    @property
+    def event_times(self) -> tuple[str, ...]:
+        """Names of the parameters that are times of events."""
+        return tuple(f"{e.name}.{e.event}" for e in self.effects if e.event)
+
     def with_effects(self, *effects: Effect) -> Plant:
         """The same plant with more effects.
 

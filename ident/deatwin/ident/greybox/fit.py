@@ -296,6 +296,10 @@ class Problem:
         ends = np.array([[p.scale.to_coordinate(end) for end in (p.lower, p.upper)] for p in self._fitted])
         return ends.min(axis=1), ends.max(axis=1)
 
+    def smooth(self) -> np.ndarray:
+        """Which of the coordinates the readings follow smoothly, bool, shape (n,): all but the times of events."""
+        return np.array([name not in self.plant.event_times for name in self.names], dtype=bool)
+
     def values(self, coordinates: np.ndarray) -> dict[str, float]:
         """SI values of coordinates, held inside the physical range against rounding."""
         pairs = zip(self._fitted, coordinates, strict=True)
@@ -351,7 +355,9 @@ def calibrate(
     """Fit a plant's free parameters to recordings by output error.
 
     The simulation runs free from the rest state; the squared difference between measured and simulated readings
-    is minimised by a trust-region Gauss-Newton method with exact derivatives inside the physical ranges.
+    is minimised by a trust-region Gauss-Newton method with exact derivatives inside the physical ranges. Times of
+    events stay where they are, since only a sample or two know of them; they are among the fitted parameters all the
+    same, with their variance.
 
     Parameters
     ----------

@@ -60,6 +60,9 @@ def minimise(
 ) -> Minimum | None:
     """Minimise the squared residuals of a problem, as `calibrate` does, which says more of the result.
 
+    Only coordinates that the residuals follow smoothly are moved. A step that takes an event past a sample does not do
+    what its derivative promised, so the trust region of all would shrink until nothing moves.
+
     Parameters
     ----------
     problem : Problem
@@ -78,9 +81,15 @@ def minimise(
         None if the plant cannot be simulated at its starting values, nor just inside the range of those on a bound.
     """
     cost = _Memory(problem, hopeless)
-    start, (lower, upper) = problem.start(), problem.bounds()
-    if cost(start) is None:
+    start, (lower, upper) = cost.part(problem.start()), (cost.part(ends) for ends in problem.bounds())
+    first = cost(start)
+    if first is None:
         return None
+    if not start.size:
+        return Minimum(
+            coordinates=problem.start(), residuals=first[0], jacobian=first[1],
+            status=FitStatus.SETTLED, evaluations=cost.evaluations,
+        )  # fmt: skip
     margin = 1e-9 * np.maximum(1.0, np.abs(upper - lower))
     try:
         solution = least_squares(
@@ -92,14 +101,14 @@ def minimise(
         return None
     except _GivenUp as end:
         return Minimum(
-            coordinates=end.x, residuals=end.residuals, jacobian=end.jacobian,
+            coordinates=cost.whole(end.x), residuals=end.residuals, jacobian=end.jacobian,
             status=FitStatus.GIVEN_UP, evaluations=cost.evaluations,
         )  # fmt: skip
     found = cost(solution.x)
     if found is None:
         return None
     return Minimum(
-        coordinates=solution.x, residuals=found[0], jacobian=found[1],
+        coordinates=cost.whole(solution.x), residuals=found[0], jacobian=found[1],
         status=FitStatus.SETTLED if solution.status > 0 else FitStatus.STOPPED, evaluations=cost.evaluations,
     )  # fmt: skip
 
@@ -117,22 +126,34 @@ class _GivenUp(Exception):
 
 
 class _Memory:
-    """Residuals and Jacobian of the last simulation and of the best one, to which the solver comes back."""
+    """Residuals and Jacobian of the last simulation and of the best one, to which the solver comes back.
+
+    The solver knows of the smooth coordinates only; the others stay.
+    """
 
     def __init__(self, problem: Problem, hopeless: float) -> None:
         self.problem, self.hopeless = problem, hopeless
+        self._smooth, self._start = problem.smooth(), problem.start()
         self.evaluations = 0
         self._looks: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
         self._last: tuple[np.ndarray, tuple[np.ndarray, np.ndarray] | None] | None = None
         self._lowest: tuple[np.ndarray, tuple[np.ndarray, np.ndarray]] | None = None
         self._before: np.ndarray | None = None
 
+    def part(self, coordinates: np.ndarray) -> np.ndarray:
+        return coordinates[self._smooth]
+
+    def whole(self, x: np.ndarray) -> np.ndarray:
+        coordinates = self._start.copy()
+        coordinates[self._smooth] = x
+        return coordinates
+
     def __call__(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
         for known in filter(None, (self._last, self._lowest)):
             if np.array_equal(known[0], x):
                 return known[1]
         self.evaluations += 1
-        found = self.problem.evaluate(x)
+        found = self.problem.evaluate(self.whole(x))
         self._last = x.copy(), found
         if found is not None:
             self._before = found[0]
@@ -145,7 +166,7 @@ class _Memory:
         """Give up where the first points agree that the minimum is too high."""
         if not np.isfinite(self.hopeless):
             return
-        if linearised_rms(residuals, jacobian) <= self.hopeless:
+        if linearised_rms(residuals, jacobian[:, self._smooth]) <= self.hopeless:
             self.hopeless = np.inf  # it stays worth its simulations
             return
         # A start on a bound is moved off it by a hair: that is no other point.
@@ -167,4 +188,4 @@ class _Memory:
         found = self(x)
         if found is None:
             raise _NowhereToGo  # the start, moved inside its bounds: any other point would have been too bad
-        return -found[1]
+        return -found[1][:, self._smooth]

@@ -19,6 +19,9 @@ class Bowl:
     def bounds(self):
         return np.zeros_like(self._start), np.ones_like(self._start)
 
+    def smooth(self):
+        return np.ones(self._start.size, dtype=bool)
+
     def evaluate(self, x):
         return None if self._hole(x) else (0.4 - x, np.eye(x.size))  # derivative of the readings x
 
@@ -103,3 +106,44 @@ def test_no_point_is_simulated_twice(evaluations):
     assert len({x.tobytes() for x in valley.seen}) == len(valley.seen) == found.evaluations
     np.testing.assert_array_equal(found.residuals, Notch().evaluate(found.coordinates)[0])
     assert np.sum(found.residuals**2) == min(np.sum(Notch().evaluate(x)[0] ** 2) for x in valley.seen)
+
+
+class Cliff(Bowl):
+    """A second coordinate of which one residual knows, and which does nothing beyond the sample it lies in."""
+
+    def __init__(self, start, smooth):
+        super().__init__(start, lambda x: False)
+        self._smooth = np.array(smooth)
+
+    def smooth(self):
+        return self._smooth
+
+    def evaluate(self, x):
+        at = np.clip(x[1], 0.495, 0.505)
+        left = np.array([0.4 - x[0], 3.0 * (0.4 - x[0]), 1.0 - 100.0 * (at - 0.495)])
+        slope = 100.0 if at == x[1] else 0.0
+        return left, np.array([[1.0, 0.0], [3.0, 0.0], [0.0, slope]])
+
+
+def test_what_only_one_sample_knows_of_stays_and_the_rest_is_fitted():
+    cliff = Cliff([0.9, 0.499], [True, False])
+    found = minimise(cliff, hopeless=10.0)
+    assert found.status is FitStatus.SETTLED
+    assert found.coordinates == pytest.approx([0.4, 0.499], abs=1e-6)
+    residuals, jacobian = cliff.evaluate(found.coordinates)
+    np.testing.assert_array_equal(found.residuals, residuals)
+    np.testing.assert_array_equal(found.jacobian, jacobian)  # its variance is asked for all the same
+
+
+def test_what_is_left_where_it_stays_counts_for_giving_up():
+    """It could take up a residual of 0.6, to first order; but it stays."""
+    rms = 0.6 / np.sqrt(3)
+    assert minimise(Cliff([0.9, 0.499], [True, False]), hopeless=0.9 * rms).status is FitStatus.GIVEN_UP
+
+
+def test_where_nothing_may_be_moved_the_start_is_the_minimum():
+    cliff = Cliff([0.9, 0.499], [False, False])
+    found = minimise(cliff)
+    assert (found.status, found.evaluations) == (FitStatus.SETTLED, 1)
+    np.testing.assert_array_equal(found.coordinates, [0.9, 0.499])
+    np.testing.assert_array_equal(found.residuals, cliff.evaluate(found.coordinates)[0])

@@ -126,7 +126,7 @@ class Naming:
         return replace(self, best=first, rivals=others, distances=known)
 
     def as_likely(self, others: Sequence[Candidate]) -> Naming:
-        """The same answer with rivals of another size, each as likely as the best one: evidence does not compare them.
+        """The same answer with rivals that evidence does not compare with the best one, each as likely as that.
 
         Parameters
         ----------

@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 
+from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming
 
 __all__ = ["with_limits"]
 
+ROUNDING = 1e-9
+"""Of a bound whose logarithm was taken."""
+
 
 def with_limits(naming: Naming, possible: Callable[[Candidate], bool]) -> Naming:
-    """Also keep as a rival what the best explanation has become at a bound of its range.
+    """Also keep as a rival what the best explanation has become at the lower end of its range.
 
-    Hysteresis over ever smaller distances is dry friction: where the fit ends at the smallest, better residuals speak
-    for details of the contact, not for the one name or the other.
+    Hysteresis over ever smaller distances is dry friction: where the fit ends at the smallest, or is not sure to be
+    away from it (95 %), better residuals speak for details of the contact, not for the one name or the other: they are
+    equally likely.
 
     Parameters
     ----------
@@ -27,20 +31,24 @@ def with_limits(naming: Naming, possible: Callable[[Candidate], bool]) -> Naming
     Returns
     -------
     Naming
+        With each of those as likely as the best, unless it was a rival already.
     """
     if naming.best is None:
         return naming
     meant = list(_become(naming.best))
-    kept = {frozenset(c.effects) for c in (naming.best, *naming.rivals)}
-    further = tuple(c for c in naming.candidates if frozenset(c.effects) in meant and possible(c))
-    return replace(naming, rivals=(*naming.rivals, *(c for c in further if frozenset(c.effects) not in kept)))
+    return naming.as_likely([c for c in naming.candidates if frozenset(c.effects) in meant and possible(c)])
 
 
 def _become(candidate: Candidate) -> Iterator[frozenset[str]]:
-    """The sets of effects that a candidate is, besides its own."""
+    """The sets of effects that a candidate may be, besides its own."""
     fit = candidate.calibration
     for effect in fit.plant.effects:
         for parameter, other in effect.becomes.items():
-            name = f"{effect.name}.{parameter}"
-            if effect.name in candidate.effects and name in fit.at_bound and fit.plant.parameters[name].is_low:
+            if effect.name in candidate.effects and _may_be_least(fit, f"{effect.name}.{parameter}"):
                 yield frozenset(candidate.effects) - {effect.name} | {other}
+
+
+def _may_be_least(fit: Calibration, name: str) -> bool:
+    """Whether a parameter is not sure to be above the lower end of its range."""
+    lower = fit.plant.parameters[name].lower
+    return fit.interval(name)[0] <= lower * (1.0 + ROUNDING)

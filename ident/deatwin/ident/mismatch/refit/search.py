@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -176,7 +176,7 @@ def search(start: Plant, parts: Sequence[Part], hopeless: float = np.inf) -> Cal
 def at_its_time(fit: Calibration, parts: Sequence[Part], hopeless: float = np.inf) -> Calibration:
     """Move the events in a fitted plant to where they explain most, and fit it anew, roughly.
 
-    Only a sample or two know of the time of an event, so no fit can move it; it is searched for.
+    Only a sample or two know of the time of an event, so no fit moves it; it is searched for.
 
     Parameters
     ----------
@@ -195,7 +195,7 @@ def at_its_time(fit: Calibration, parts: Sequence[Part], hopeless: float = np.in
     if fit.given_up:
         return fit
     plant = fit.plant
-    for name in _events(plant):
+    for name in plant.event_times:
         plant = _moved(plant, name, parts)
     return fit if plant is fit.plant else roughly(plant, parts, hopeless)
 
@@ -217,22 +217,21 @@ def in_its_gap(fit: Calibration, fitted: Sequence[Part], everything: Sequence[Pa
     Returns
     -------
     Calibration
-        Fitted once more from there; the same one where the plant has no such event, or it stays where it is.
+        Fitted once more from there; the same one where the plant has no such event, it stays where it is, or there is
+        no fit.
     """
     plant = fit.plant
     times, known = (reading_times(plant, parts) for parts in (fitted, everything))
-    moved = []
-    for name in _events(plant):
+    for name in plant.event_times:
         at = plant.parameters[name].value
         before, after = times[times < at], times[times >= at]
         if before.size and after.size and ((known > before.max()) & (known < after.min())).any():
             plant = _moved(plant, name, everything, (before.max(), after.min()))
-            moved.append(name)
     if plant is fit.plant:
         return fit
-    found = finish(replace(fit, plant=plant), fitted)
-    # What the readings hardly depend on a step of the fit may move anywhere.
-    return _with_values(found, {name: plant.parameters[name].value for name in moved}, fitted)
+    moved = replace(fit, plant=plant)
+    found = finish(moved, fitted)
+    return fit if found is moved else found
 
 
 def refit(found: Calibration, everything: Sequence[Part]) -> Calibration:
@@ -253,18 +252,6 @@ def refit(found: Calibration, everything: Sequence[Part]) -> Calibration:
     placed = at_its_time(found, everything)
     final = calibrate(placed.plant, everything, evaluations=EVALUATIONS, tolerance=SETTLED)
     return final if final.status.ok else found
-
-
-def _with_values(fit: Calibration, values: Mapping[str, float], parts: Sequence[Part]) -> Calibration:
-    """A fit with other values of some parameters, and the residuals that are left then."""
-    plant = fit.plant.with_values(values)
-    left = free_run_residuals(plant, parts)
-    return fit if left is None else replace(fit, plant=plant, residuals=left)
-
-
-def _events(plant: Plant) -> list[str]:
-    """Parameters of a plant that are times of events."""
-    return [f"{effect.name}.{effect.event}" for effect in plant.effects if effect.event]
 
 
 def _moved(plant: Plant, name: str, parts: Sequence[Part], within: tuple[float, float] = (-np.inf, np.inf)) -> Plant:

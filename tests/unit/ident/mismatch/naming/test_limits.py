@@ -1,11 +1,11 @@
 """What an explanation has become at a bound of its range stays possible."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from deatwin.ident.greybox import Calibration, FitStatus
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming
 from deatwin.ident.mismatch.naming.limits import with_limits
@@ -17,9 +17,14 @@ LOWEST, HIGHEST = 5e-6, 1e-3
 """Of the distance of hysteresis, m."""
 
 
-def candidate(*effects: Effect, at_bound: tuple[str, ...] = ()) -> Candidate:
+def candidate(*effects: Effect, deviation: float = 0.01) -> Candidate:
+    """With a standard deviation of the logarithm of its first effect's distance, and of all other coordinates."""
     plant = Plant(rig=Diaphragm(), effects=effects)
-    calibration = SimpleNamespace(plant=plant, at_bound=at_bound, residuals=np.ones(100), names=("a",))
+    names = tuple(plant.parameters.free)
+    calibration = Calibration(
+        plant=plant, at_bound=(), residuals=np.ones(100), names=names, covariance=deviation**2 * np.eye(len(names)),
+        jacobian=np.zeros((100, len(names))), status=FitStatus.SETTLED, evaluations=1,
+    )  # fmt: skip
     names = tuple(effect.name for effect in effects)
     return Candidate(effects=names, calibration=calibration, unseen=np.ones(50), noise=1.0)
 
@@ -29,31 +34,38 @@ def hysteresis(distance: float) -> Effect:
 
 
 FRICTION, CREEP = effect_named("coulomb_friction"), effect_named("creep")
-AT = ("hysteresis.distance",)
 
 
 def rivals(*candidates: Candidate, possible=lambda c: True) -> list[tuple[str, ...]]:
     """Names of the rivals where the first candidate is the best."""
-    probabilities = {c.effects: 1 / len(candidates) for c in candidates}
+    probabilities = {c.effects: float(c is candidates[0]) for c in candidates}
     naming = Naming(candidates=candidates, best=candidates[0], rivals=(), probabilities=probabilities, noise=1.0)
-    return [rival.effects for rival in with_limits(naming, possible).rivals]
+    found = with_limits(naming, possible)
+    assert found.probabilities[found.best.effects] == pytest.approx(1 / (1 + len(found.rivals)))
+    return [rival.effects for rival in found.rivals]
 
 
 def test_hysteresis_over_the_smallest_distance_may_be_dry_friction():
-    best, friction, creep = candidate(hysteresis(LOWEST), at_bound=AT), candidate(FRICTION), candidate(CREEP)
+    best, friction, creep = candidate(hysteresis(LOWEST)), candidate(FRICTION), candidate(CREEP)
     assert rivals(best, friction, creep) == [("coulomb_friction",)]
     assert rivals(best, friction, creep, possible=lambda c: c is creep) == []
 
 
 def test_each_effect_of_a_pair_may_have_become_another():
-    best = candidate(CREEP, hysteresis(LOWEST), at_bound=AT)
+    best = candidate(CREEP, hysteresis(LOWEST))
     pair, single = candidate(FRICTION, CREEP), candidate(FRICTION)
     assert rivals(best, single, pair) == [pair.effects]
 
 
-@pytest.mark.parametrize(("distance", "at_bound"), [(30e-6, ()), (HIGHEST, AT)])
-def test_elsewhere_it_is_hysteresis(distance, at_bound):
-    assert rivals(candidate(hysteresis(distance), at_bound=at_bound), candidate(FRICTION)) == []
+@pytest.mark.parametrize(("deviation", "friction"), [(0.11, True), (0.09, False)])
+def test_nearly_the_smallest_distance_may_be_dry_friction_too_unless_it_is_surely_more(deviation, friction):
+    best = candidate(hysteresis(1.2 * LOWEST), deviation=deviation)  # the logarithm of 1.2 is 1.96 times 0.093
+    assert rivals(best, candidate(FRICTION)) == ([("coulomb_friction",)] if friction else [])
+
+
+@pytest.mark.parametrize("distance", [30e-6, HIGHEST])
+def test_elsewhere_it_is_hysteresis(distance):
+    assert rivals(candidate(hysteresis(distance)), candidate(FRICTION)) == []
 
 
 def test_without_an_answer_nothing_is_added():
