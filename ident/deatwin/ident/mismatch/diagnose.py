@@ -35,6 +35,7 @@ from deatwin.plant.recording import Experiment
 __all__ = ["diagnose"]
 
 Progress = Callable[[float, str], None]
+_Seen = tuple[Sequence[Footprint], Detection]
 
 
 def diagnose(
@@ -99,9 +100,9 @@ def diagnose(
 
     tell(0.25, "looking for a mismatch")
     known, detection = _looked_into(bench, base.chosen, for_detection)
-    filed = base.as_filed(bench.nominal.rig) if detection.mismatch else base
-    if filed is not base:  # what is missing may be all that another reading of the file did, and badly
-        base, (known, detection) = filed, _looked_into(bench, filed.chosen, for_detection)
+    if detection.mismatch and checked.soundness is Soundness.SOUND:
+        base, (known, detection) = _as_filed(bench, base, (known, detection), for_detection)
+        keep(base_step(bench, base))
     keep(found_step("detect", detection))
     location = locate(base.chosen, bench, checked, for_location) if detection.mismatch else None
     keep(found_step("locate", location))
@@ -159,12 +160,22 @@ def _calibrated(plant: Plant, checked: Gate, effects: Sequence[Effect], jobs: in
     )
 
 
-def _looked_into(
-    bench: Bench, base: Candidate, rng: np.random.Generator
-) -> tuple[Sequence[Footprint], Detection]:
+def _looked_into(bench: Bench, base: Candidate, rng: np.random.Generator) -> _Seen:
     """What each effect would do to a calibrated plant, and whether anything is missing in it."""
     known = footprints(bench, base.calibration, bench.effects, base.calibration)
     return known, detect(base, bench, rng, known=known)
+
+
+def _as_filed(bench: Bench, base: Base, seen: _Seen, rng: np.random.Generator) -> tuple[Base, _Seen]:
+    """The base plant in the rig file's own form, if something is missing there, too; what was `seen` in the other one.
+
+    What is missing may be all that another reading of the file did, and badly: it is looked for from the file's on.
+    """
+    filed = base.as_filed(bench.nominal.rig)
+    if filed is base:
+        return base, seen
+    again = _looked_into(bench, filed.chosen, rng)
+    return (filed, again) if again[1].mismatch else (base, seen)
 
 
 def _bench(

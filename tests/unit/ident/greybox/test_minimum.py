@@ -138,7 +138,9 @@ def test_what_only_one_sample_knows_of_stays_and_the_rest_is_fitted():
 def test_what_is_left_where_it_stays_counts_for_giving_up():
     """It could take up a residual of 0.6, to first order; but it stays."""
     rms = 0.6 / np.sqrt(3)
-    assert minimise(Cliff([0.9, 0.499], [True, False]), hopeless=0.9 * rms).status is FitStatus.GIVEN_UP
+    lost = minimise(Cliff([0.9, 0.499], [True, False]), hopeless=0.9 * rms)
+    assert lost.status is FitStatus.GIVEN_UP
+    assert lost.coordinates == pytest.approx([0.4, 0.499], abs=0.5) and lost.coordinates[1] == 0.499
 
 
 def test_where_nothing_may_be_moved_the_start_is_the_minimum():

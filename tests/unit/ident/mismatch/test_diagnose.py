@@ -136,10 +136,33 @@ def test_physics_outside_the_catalogue_is_unknown():
 def test_a_lag_is_named_though_readings_taken_a_sample_early_would_leave_little():
     """In that form of the rig nothing is missing for certain, so it calibrates best; but what it leaves is detected."""
     experiment = recorded(SensorLag(time=0.017, inertia=0.4))
-    diagnosis = diagnose(NOMINAL, experiment, effects=[SensorLag(), Creep()], jobs=2)
+    steps = {}
+    diagnosis = diagnose(
+        NOMINAL, experiment, effects=[SensorLag(), Creep()], jobs=2,
+        through=lambda step: steps.update({step.name: step}),
+    )  # fmt: skip
+    assert steps["base"].model.plant.rig.reading is NOMINAL.rig.reading  # as in the steps that follow
     assert (diagnosis.verdict, diagnosis.names) == (Verdict.NAMED, ("sensor_lag",))
     time = diagnosis.causes[0].parameters["time"]
     assert time.low < 0.017 < time.high
+
+
+@pytest.mark.parametrize(("there", "taken"), [(True, True), (False, False)])
+def test_the_form_of_the_rig_file_is_gone_on_with_where_something_is_missing_there_too(monkeypatch, there, taken):
+    module = importlib.import_module("deatwin.ident.mismatch.diagnose")
+    filed, again = SimpleNamespace(chosen="as filed"), ("known there", SimpleNamespace(mismatch=there))
+    monkeypatch.setattr(module, "_looked_into", lambda bench, base, rng: again if base == "as filed" else None)
+    bench, base = SimpleNamespace(nominal=NOMINAL), SimpleNamespace(as_filed=lambda rig: filed)
+    seen = ("known", SimpleNamespace(mismatch=True))
+    assert module._as_filed(bench, base, seen, None) == ((filed, again) if taken else (base, seen))
+
+
+def test_what_was_seen_in_the_form_of_the_rig_file_is_not_looked_into_twice():
+    base, seen = SimpleNamespace(), ("known", SimpleNamespace(mismatch=True))
+    base.as_filed = lambda rig: base
+    assert importlib.import_module("deatwin.ident.mismatch.diagnose")._as_filed(
+        SimpleNamespace(nominal=NOMINAL), base, seen, None
+    ) == (base, seen)
 
 
 def known(*effects: str, rms: float, given_up: bool = False) -> SimpleNamespace:

@@ -41,7 +41,7 @@ def in_form(search: Search, rival: Candidate, stage: Sequence[Names]) -> tuple[S
     unbent = search.bench.nominal.with_rig(fit.plant.rig)
     # What an effect promises in another form nobody knows.
     again = {n: replace(search.leads[n], share=0.0) for names in search.ranked(stage)[:AGAIN] for n in names}
-    new = [lead for name, lead in again.items() if (name,) not in other.tried]
+    new = [lead for name, lead in again.items() if (name,) not in other.tried and name not in other.lost]
     other.leads = again | other.leads
     found += other.attempt(trials_of(unbent, fit, new), rival=min(search.least_rms(stage), other.least_rms(found)))
     other.judge_by_the_best(found)

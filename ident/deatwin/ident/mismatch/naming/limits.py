@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.mismatch.naming.candidate import Candidate
-from deatwin.ident.mismatch.naming.decide import Naming
+from deatwin.ident.mismatch.naming.decide import Naming, normalised
 
 __all__ = ["with_limits"]
 
@@ -31,12 +32,15 @@ def with_limits(naming: Naming, possible: Callable[[Candidate], bool]) -> Naming
     Returns
     -------
     Naming
-        With each of those as likely as the best, unless it was a rival already.
+        With each of those as likely as the best.
     """
     if naming.best is None:
         return naming
     meant = list(_become(naming.best))
-    return naming.as_likely([c for c in naming.candidates if frozenset(c.effects) in meant and possible(c)])
+    others = [c for c in naming.candidates if frozenset(c.effects) in meant and possible(c)]
+    found = naming.as_likely(others)
+    likely = dict.fromkeys([c.effects for c in others], found.probabilities[naming.best.effects])
+    return replace(found, probabilities=normalised({**found.probabilities, **likely})) if others else naming
 
 
 def _become(candidate: Candidate) -> Iterator[frozenset[str]]:
@@ -49,6 +53,6 @@ def _become(candidate: Candidate) -> Iterator[frozenset[str]]:
 
 
 def _may_be_least(fit: Calibration, name: str) -> bool:
-    """Whether a parameter is not sure to be above the lower end of its range."""
-    lower = fit.plant.parameters[name].lower
-    return fit.interval(name)[0] <= lower * (1.0 + ROUNDING)
+    """Whether a parameter has ended at the lower end of its range, or is not sure to be above that."""
+    known = fit.plant.parameters[name]
+    return (name in fit.at_bound and known.is_low) or fit.interval(name)[0] <= known.lower * (1.0 + ROUNDING)

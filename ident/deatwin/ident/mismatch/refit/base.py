@@ -11,7 +11,15 @@ import numpy as np
 from deatwin.ident.greybox.fit import Calibration, Part, free_run_residuals
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.candidate import Candidate, judge, noise_seen
-from deatwin.ident.mismatch.refit.search import OPENING_SAMPLES, approach, finish, opening, roughly, settle
+from deatwin.ident.mismatch.refit.search import (
+    OPENING_SAMPLES,
+    approach,
+    at_its_time,
+    finish,
+    opening,
+    roughly,
+    settle,
+)
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant.errors import SimulationError
 from deatwin.plant.model import Plant
@@ -164,14 +172,17 @@ def _fitted_well(bench: Bench, form: Plant) -> Candidate | None:
     usable = [fit for fit in openings if fit.status.ok]
     if not usable:
         return None
-    rough = roughly(min(usable, key=lambda fit: fit.rms).plant, bench.fitted)
+    rough = at_its_time(roughly(min(usable, key=lambda fit: fit.rms).plant, bench.fitted), bench.fitted)
     return _judged(bench, finish(rough, bench.fitted)) if rough.status.ok else None
 
 
 def _starts(form: Plant) -> list[Plant]:
-    """The form as described, and with all parameters off by typical errors of a data sheet, the same ones always."""
+    """The form as described, and with all parameters off by typical errors of a data sheet, the same ones always.
+
+    Times of events are none of a data sheet.
+    """
     rng = np.random.default_rng(0)
-    free = [form.parameters[name] for name in form.parameters.free]
+    free = [form.parameters[name] for name in form.parameters.free if name not in form.event_times]
     starts = [form]
     for factors in np.exp(SPREAD * rng.standard_normal((MORE_STARTS, len(free)))):
         pairs = zip(free, factors, strict=True)

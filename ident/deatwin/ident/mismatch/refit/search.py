@@ -42,8 +42,10 @@ ROUNDS = 4
 EVENT_STEP = 0.02
 """Share of the record by which an event is moved first,"""
 FINEST = 1 / 8
-"""and of a sample by which it is moved last: at most so much, 0.07 of a sample on average, is it off then, where the
-noise of a jump of six deviations leaves 0.17 (one sample knows of it, whose reading rises by the jump in a sample)."""
+"""and of a sample, from which on it is moved no more: the noise of a jump that is six times as large leaves 0.17 of its
+time, since one sample knows of it, whose reading rises by the jump within a sample."""
+AROUND = 4
+"""Samples on either side of a least squared residual, each of which may hide a lesser one: noise roughens it."""
 PROMISING = 1.3
 """Mean squared residual against noise and model error, below which a form is fitted to the end."""
 
@@ -259,19 +261,23 @@ def refit(found: Calibration, everything: Sequence[Part]) -> Calibration:
 
 def _moved(plant: Plant, name: str, parts: Sequence[Part], within: tuple[float, float] = (-np.inf, np.inf)) -> Plant:
     """The plant with one event where the squared residual is least, found by steps that are halved."""
-    times = reading_times(plant, parts)
+    times, sample = reading_times(plant, parts), plant.rig.sample_time
     known = plant.parameters[name]
     first, last = max(times.min(), known.lower, within[0]), min(times.max(), known.upper, within[1])
     step, best, least = min(EVENT_STEP * float(np.ptp(times)), (last - first) / 2), plant, _squares(plant, parts)
-    while step > FINEST * plant.rig.sample_time:
+    around = [side * k * sample for k in range(1, AROUND + 1) for side in (-1, 1)]
+    while True:
         at = best.parameters[name].value
-        tried = [best.with_values({name: at + s}) for s in (-step, step) if first < at + s < last]
+        offsets = (-step, step) if step > FINEST * sample else around
+        tried = [best.with_values({name: at + offset}) for offset in offsets if first < at + offset < last]
         losses = [_squares(other, parts) for other in tried]
         if losses and min(losses) < least:
             least, best = min(losses), tried[int(np.argmin(losses))]
+            step = sample / 2 if offsets is around else step
+        elif offsets is around:
+            return best
         else:
             step /= 2
-    return best
 
 
 def _squares(plant: Plant, parts: Sequence[Part]) -> float:

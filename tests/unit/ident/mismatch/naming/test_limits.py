@@ -17,16 +17,19 @@ LOWEST, HIGHEST = 5e-6, 1e-3
 """Of the distance of hysteresis, m."""
 
 
-def candidate(*effects: Effect, deviation: float = 0.01) -> Candidate:
-    """With a standard deviation of the logarithm of its first effect's distance, and of all other coordinates."""
+def candidate(
+    *effects: Effect, deviation: float = 0.01, at_bound: tuple[str, ...] = (), there: int = 0
+) -> Candidate:
+    """With a standard deviation of the distance's logarithm; the first `there` effects were in the plant before."""
     plant = Plant(rig=Diaphragm(), effects=effects)
     names = tuple(plant.parameters.free)
     calibration = Calibration(
-        plant=plant, at_bound=(), residuals=np.ones(100), names=names, covariance=deviation**2 * np.eye(len(names)),
-        jacobian=np.zeros((100, len(names))), status=FitStatus.SETTLED, evaluations=1,
+        plant=plant, at_bound=at_bound, residuals=np.ones(100), names=names,
+        covariance=deviation**2 * np.eye(len(names)), jacobian=np.zeros((100, len(names))),
+        status=FitStatus.SETTLED, evaluations=1,
     )  # fmt: skip
-    names = tuple(effect.name for effect in effects)
-    return Candidate(effects=names, calibration=calibration, unseen=np.ones(50), noise=1.0)
+    added = tuple(effect.name for effect in effects[there:])
+    return Candidate(effects=added, calibration=calibration, unseen=np.ones(50), noise=1.0)
 
 
 def hysteresis(distance: float) -> Effect:
@@ -36,10 +39,10 @@ def hysteresis(distance: float) -> Effect:
 FRICTION, CREEP = effect_named("coulomb_friction"), effect_named("creep")
 
 
-def rivals(*candidates: Candidate, possible=lambda c: True) -> list[tuple[str, ...]]:
-    """Names of the rivals where the first candidate is the best."""
+def rivals(*candidates: Candidate, possible=lambda c: True, before=()) -> list[tuple[str, ...]]:
+    """Names of the rivals where the first candidate is the best, and some were rivals `before`."""
     probabilities = {c.effects: float(c is candidates[0]) for c in candidates}
-    naming = Naming(candidates=candidates, best=candidates[0], rivals=(), probabilities=probabilities, noise=1.0)
+    naming = Naming(candidates=candidates, best=candidates[0], rivals=before, probabilities=probabilities, noise=1.0)
     found = with_limits(naming, possible)
     assert found.probabilities[found.best.effects] == pytest.approx(1 / (1 + len(found.rivals)))
     return [rival.effects for rival in found.rivals]
@@ -78,3 +81,17 @@ def test_what_an_effect_becomes_is_in_the_catalogue_and_at_a_parameter_of_its_ow
     for effect in catalogue():
         for parameter, other in effect.becomes.items():
             assert parameter in {p.name for p in effect.describe()} and other in known - {effect.name}
+
+
+def test_what_was_a_rival_before_is_as_likely_too():
+    best, friction = candidate(hysteresis(LOWEST)), candidate(FRICTION)
+    assert rivals(best, friction, before=(friction,)) == [("coulomb_friction",)]
+
+
+def test_what_ended_on_its_bound_has_become_the_other_however_narrow_its_interval():
+    best = candidate(hysteresis(1.0004 * LOWEST), deviation=1e-5, at_bound=("hysteresis.distance",))
+    assert rivals(best, candidate(FRICTION)) == [("coulomb_friction",)]
+
+
+def test_what_was_in_the_plant_before_is_no_explanation():
+    assert rivals(candidate(hysteresis(LOWEST), CREEP, there=1), candidate(FRICTION)) == []

@@ -2,11 +2,13 @@
 
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
 from deatwin.ident.greybox import Calibration, FitStatus
 from deatwin.ident.mismatch.refit import base
+from deatwin.plant import Diaphragm, Plant, ReadingTime, SensorJump
 
 ALONG, ACROSS = np.tile([1.0, 1.0], 50), np.tile([1.0, -1.0], 50)
 
@@ -48,3 +50,29 @@ def test_what_is_within_reach_of_a_fit():
     assert np.isclose(stopped.within_reach, 2.3)
     for status in (FitStatus.SETTLED, FitStatus.GIVEN_UP):
         assert np.isclose(replace(stopped, status=status).within_reach, 4.0)
+
+
+def fitted(rig: Diaphragm) -> Any:
+    return SimpleNamespace(calibration=SimpleNamespace(plant=SimpleNamespace(rig=rig)), noise=1e-6)
+
+
+def test_the_form_of_the_rig_file_is_chosen_whatever_its_model_error_was_found_to_be():
+    filed, early = fitted(replace(Diaphragm(), model_error=3e-6)), fitted(Diaphragm(reading=ReadingTime.START_OF_HOLD))
+    bonded = fitted(Diaphragm(ball="bonded"))
+    chosen = base.Base(chosen=early, rivals=(bonded, filed), noise=1e-6).as_filed(Diaphragm())
+    assert chosen.chosen is filed
+    assert chosen.rivals == (early, bonded)
+
+
+def test_where_the_form_of_the_rig_file_could_not_be_simulated_another_one_stays():
+    early = base.Base(chosen=fitted(Diaphragm(reading=ReadingTime.START_OF_HOLD)), rivals=(), noise=1e-6)
+    assert early.as_filed(Diaphragm()) is early
+
+
+def test_the_other_starts_have_other_parameters_but_events_at_their_time():
+    plant = Plant(rig=Diaphragm()).with_effects(SensorJump(change=30e-6, at=52.0))
+    first, *others = base._starts(plant)
+    assert first is plant and len(others) == base.MORE_STARTS
+    for other in others:
+        assert other.parameters["sensor_jump.at"].value == 52.0
+        assert other.parameters["sensor_jump.change"].value != 30e-6

@@ -1,6 +1,9 @@
 """Where a fit looks for the time of an event."""
 
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -73,3 +76,44 @@ def test_whether_a_reading_comes_after_an_event_is_told_by_the_time_that_it_is_t
     rough = calibrate(Plant(rig=Diaphragm(reading=reading)).with_effects(JUMP), [fitted], evaluations=2)
     fit = replace(rough, plant=rough.plant.with_values({AT: 9.99}))
     assert (in_its_gap(fit, [fitted], [whole]) is fit) is stays
+
+
+@pytest.fixture
+def rough(monkeypatch) -> Callable[[Callable[[float], float]], float]:
+    """``rough(loss)``: where the search puts an event at 10 s, one sample being a second, by the loss at each time."""
+
+    def placed(loss: Callable[[float], float]) -> float:
+        monkeypatch.setattr(search, "_squares", lambda plant, parts: loss(plant.at))
+        monkeypatch.setattr(search, "reading_times", lambda plant, parts: np.arange(0.0, 101.0))
+        return search._moved(_Timed(10.0), AT, []).at
+
+    return placed
+
+
+@dataclass(frozen=True)
+class _Timed:
+    at: float
+
+    @property
+    def rig(self) -> Any:
+        return SimpleNamespace(sample_time=1.0)
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        return {AT: SimpleNamespace(value=self.at, lower=0.0, upper=1e4)}
+
+    def with_values(self, values):
+        return _Timed(values[AT])
+
+
+def test_an_event_is_placed_within_a_sample(rough):
+    assert rough(lambda at: (at - 41.3) ** 2) == pytest.approx(41.3, abs=search.FINEST)
+
+
+@pytest.mark.parametrize(("hollow", "found"), [(3.0, True), (-3.0, True), (9.0, False)])
+def test_a_lesser_residual_some_samples_on_is_found_and_gone_down_to(rough, hollow, found):
+    """Beside the valley at 41.3 s lies a deeper hollow, less than a sample wide."""
+    def loss(at: float) -> float:
+        return min((at - 41.3) ** 2, 30.0 * (at - 41.3 - hollow) ** 2 - 1.0)
+
+    assert (abs(rough(loss) - 41.3 - hollow) < search.FINEST) is found
