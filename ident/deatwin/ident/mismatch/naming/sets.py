@@ -386,7 +386,18 @@ class Search:
         And those that the best one has become, and those that may do what two effects have in common.
         """
         judged = judged_on_everything(naming, self.bench, self._is_possible)
-        return with_overlap(with_limits(judged, self._is_possible), self._is_possible)
+        return self.shown_first(with_overlap(with_limits(judged, self._is_possible), self._is_possible))
+
+    def shown_first(self, naming: Naming) -> Naming:
+        """The decision `naming`, led by a rival that suffices where the best has a cycle that was hardly recorded.
+
+        Such a cycle imitates any drift.
+        """
+        if naming.best is None or shows_its_cycles(naming.best, self.bench.everything):
+            return naming
+        shown = [c for c in naming.rivals if shows_its_cycles(c, self.bench.everything)]
+        enough = [c for c in shown if suffices(c, self.tried[()]) and self.counts(c)]
+        return naming.led_by(likeliest(enough)) if enough else naming
 
     def counts(self, candidate: Candidate) -> bool:
         """Whether a candidate takes away most of the mismatch, and its effects do, in a plant within its ranges."""

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from deatwin.ident.mismatch.naming.decide import Naming
 from deatwin.ident.mismatch.naming.sets import Search
 from deatwin.ident.mismatch.naming.worth import suffices
 from deatwin.plant import ThermalStiffness
@@ -40,6 +41,28 @@ def test_what_is_likelier_by_far_is_so_by_what_the_two_differ_in(candidate, sear
     lucky, likelier = candidate("delay", rms=2.3), candidate("sensor_drift", rms=2.36, unseen=1.9)
     found = search_over(candidate(rms=9.0), lucky, likelier).decided([("delay",), ("sensor_drift",)])
     assert (found.best is likelier) is leads
+
+
+@pytest.mark.parametrize(
+    ("seen", "left", "lead"),
+    [
+        ({"creep"}, 2.2, "creep"),
+        ({"creep", "thermal_stiffness"}, 2.2, "thermal_stiffness"),  # its cycle was recorded
+        (set(), 2.2, "thermal_stiffness"),  # the other one's was not, either
+        ({"creep"}, 4.0, "thermal_stiffness"),  # the other one does not suffice
+    ],
+)  # fmt: skip
+def test_a_cycle_that_was_hardly_recorded_does_not_lead(candidate, search_over, monkeypatch, seen, left, lead):
+    """As a rule it is the likeliest: with a period and a phase that are free it is any slow curve."""
+    shows = "deatwin.ident.mismatch.naming.sets.shows_its_cycles"
+    monkeypatch.setattr(shows, lambda candidate, parts: set(candidate.effects) <= seen)
+    swing, creep, base = candidate("thermal_stiffness", rms=2.05), candidate("creep", rms=left), candidate(rms=9.0)
+    likely = {swing.effects: 0.9, creep.effects: 0.1}
+    naming = Naming(candidates=(base, swing, creep), best=swing, rivals=(creep,), probabilities=likely, noise=2.0)
+    found = search_over(base, swing, creep).shown_first(naming)
+    assert found.best.effects == (lead,)
+    assert {c.effects for c in (found.best, *found.rivals)} == {swing.effects, creep.effects}
+    assert found.probabilities == likely
 
 
 def test_an_effect_of_a_pair_must_count_for_more_than_the_model_error(candidate, search_over):
