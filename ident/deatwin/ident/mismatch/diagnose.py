@@ -101,8 +101,10 @@ def diagnose(
     tell(0.25, "looking for a mismatch")
     known, detection = _looked_into(bench, base.chosen, for_detection)
     if detection.mismatch and checked.soundness is Soundness.SOUND:
-        base, (known, detection) = _as_filed(bench, base, (known, detection), for_detection)
-        keep(base_step(bench, base))
+        filed, (known, detection) = _as_filed(bench, base, (known, detection), for_detection)
+        if filed is not base:
+            base = filed
+            keep(base_step(bench, base))
     keep(found_step("detect", detection))
     location = locate(base.chosen, bench, checked, for_location) if detection.mismatch else None
     keep(found_step("locate", location))
