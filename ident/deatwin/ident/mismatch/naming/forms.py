@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from deatwin.ident.mismatch.naming.answers import decided, decided_surely, nearly
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming, cannot_rule_out
 from deatwin.ident.mismatch.naming.sets import Names, Search, each_without_one
@@ -100,7 +101,7 @@ def _in_its_place(search: Search, full: Sequence[Names], form: Candidate) -> tup
     other = _begun(search, form)
     trials = {rest: _trial(search, names, form, rest) for names in full for rest in each_without_one(names)}
     other.judge_by_the_best(other.attempt(list(trials.values()), rival=search.tried[full[0]].calibration.rms))
-    return other, other.nearly()
+    return other, nearly(other)
 
 
 def _explained(search: Search, full: Sequence[Names], form: Candidate) -> tuple[Search, Naming]:
@@ -109,12 +110,12 @@ def _explained(search: Search, full: Sequence[Names], form: Candidate) -> tuple[
     other, rms = _begun(search, form), search.tried[pair].calibration.rms
     singles = other.attempt([_trial(search, pair, form, rest) for rest in each_without_one(pair)], rival=rms)
     other.judge_by_the_best(singles)
-    naming = other.decided(singles)
+    naming = decided(other, singles)
     if naming.best is not None:
         return other, naming
     pairs = other.attempt([_trial(search, pair, form, pair)], rival=rms)
     other.judge_by_the_best([*singles, *pairs])
-    return other, other.decided_surely(pairs)
+    return other, decided_surely(other, pairs)
 
 
 def _begun(search: Search, form: Candidate) -> Search:

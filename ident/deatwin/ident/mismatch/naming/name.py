@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 
 from deatwin.ident.mismatch.bench import Bench
+from deatwin.ident.mismatch.naming.answers import decided, decided_surely, nearly, of_two, on_everything, settled
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming, cannot_rule_out, is_as_likely
 from deatwin.ident.mismatch.naming.forms import in_form, with_fewer
@@ -98,7 +99,7 @@ def explanations(
     search = Search(bench, base, known, fitted)
     stage = search.beside((), partial(tell, 0))
     search.judge_by_the_best(stage)
-    naming = search.decided(stage)
+    naming = decided(search, stage)
     own, taken = (search, stage), (search, stage, naming)
     misread = [rival for rival in rivals if search.may_be_misread(stage, naming, rival)]
     if misread:
@@ -112,11 +113,11 @@ def explanations(
     if simplest is not search and naming.best is not None:
         yield _final(search, naming)
     elif first.best is not None and len(first.best.effects) == 1:
-        yield _final(simplest, simplest.of_two())
+        yield _final(simplest, of_two(simplest))
 
 
 def _final(search: Search, naming: Naming) -> Naming:
-    return replace(search.on_everything(naming), failed=tuple(search.failed))
+    return replace(on_everything(search, naming), failed=tuple(search.failed))
 
 
 def _with_more(
@@ -130,7 +131,7 @@ def _with_more(
     search, naming = taken[0], _beside_each_other(*taken, tell)
     first, alone = own
     if naming.best is None and search is not first and first.one_takes_most(alone):
-        again = _beside_each_other(first, alone, first.decided(alone), lambda number, share: None)
+        again = _beside_each_other(first, alone, decided(first, alone), lambda number, share: None)
         if again.best is not None and len(again.best.effects) > 1:
             return first, again
     return search, naming
@@ -144,14 +145,14 @@ def _beside_each_other(
     `tell` is called with the number of effects beside the first and the share of it that is done.
     """
     for number in range(1, MOST_CAUSES):
-        naming = search.settled(stage) if naming.best is None else naming
+        naming = settled(search, stage) if naming.best is None else naming
         if naming.best is not None:
             return naming
         stage = search.with_one_more(stage, partial(tell, number))
         if not stage:
             break
-        naming = search.decided_surely(stage)
-    return search.nearly() if naming.best is None else naming
+        naming = decided_surely(search, stage)
+    return nearly(search) if naming.best is None else naming
 
 
 def _best_form(forms: Sequence[tuple[Search, list[Names]]]) -> tuple[Search, list[Names], Naming]:
@@ -162,23 +163,23 @@ def _best_form(forms: Sequence[tuple[Search, list[Names]]]) -> tuple[Search, lis
     same effects only where the plant's error could not have made it. What suffices in other forms and cannot be ruled
     out is a rival.
     """
-    decided = [(search, stage, search.decided(stage)) for search, stage in forms]
-    sufficing = [(naming.best, k) for k, (_, _, naming) in enumerate(decided) if naming.best is not None]
+    answers = [(search, stage, decided(search, stage)) for search, stage in forms]
+    sufficing = [(naming.best, k) for k, (_, _, naming) in enumerate(answers) if naming.best is not None]
     if not sufficing:
         least = [search.least(stage) for search, stage in forms]
         lowest = int(np.argmin(least))
         if least[lowest] < CLEARLY_BETTER * least[0]:
-            return decided[lowest]
+            return answers[lowest]
         missing = [search.missing([()]) for search, _ in forms]
         simplest = int(np.argmin(missing))
-        return decided[simplest if CLEARLY_BETTER * missing[simplest] < forms[0][0].missing(forms[0][1]) else 0]
+        return answers[simplest if CLEARLY_BETTER * missing[simplest] < forms[0][0].missing(forms[0][1]) else 0]
     best, number = max(sufficing, key=lambda pair: pair[0].evidence)
     first, k = sufficing[0]
     may_lead = cannot_rule_out if first.effects == best.effects else is_as_likely
     if k == 0 and may_lead(first, best):
         best, number = first, 0
-    search, stage, naming = decided[number]
-    elsewhere = [c for _, _, n in decided if n is not naming and n.best is not None for c in (n.best, *n.rivals)]
+    search, stage, naming = answers[number]
+    elsewhere = [c for _, _, n in answers if n is not naming and n.best is not None for c in (n.best, *n.rivals)]
     seen = {best.effects, *(rival.effects for rival in naming.rivals)}
     further = [c for c in elsewhere if c.effects not in seen and cannot_rule_out(c, best)]
     return search, stage, naming.beside(further)

@@ -4,30 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
+from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import STRONG, Naming
 from deatwin.ident.mismatch.naming.overlap import have_most_in_common
+from deatwin.ident.mismatch.naming.sets import Names, Search
 from deatwin.ident.mismatch.naming.worth import TRIFLE, gained, held_back_by, suffices
 
-if TYPE_CHECKING:
-    from deatwin.ident.mismatch.naming.candidate import Candidate
-    from deatwin.ident.mismatch.naming.sets import Search
-
-__all__ = ["Names", "barely", "each_without_one", "with_a_second"]
+__all__ = ["barely", "with_a_second"]
 
 BARELY = 0.5
 """Of the model error's power: a second effect that counts for less is none, and for certain one from the whole on."""
 TENTH = 0.1
 """Of the mismatch's energy: no mechanism's law is known to the last term, and a second effect that takes less beside
 one that suffices mends the law of that one."""
-
-Names = tuple[str, ...]
-
-
-def each_without_one(names: Names) -> list[Names]:
-    """The sets that are left when each effect of `names` in turn is taken out."""
-    return [tuple(name for name in names if name != old) for old in names]
 
 
 def barely(search: Search) -> Naming:

@@ -12,36 +12,19 @@ from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.floor import floor_of
 from deatwin.ident.mismatch.naming.candidate import Candidate, noise_seen
 from deatwin.ident.mismatch.naming.cycles import shows_its_cycles
-from deatwin.ident.mismatch.naming.decide import STRONG, Naming, decide, with_distances
+from deatwin.ident.mismatch.naming.decide import Naming, decide, with_distances
 from deatwin.ident.mismatch.naming.joint import joint_trials
-from deatwin.ident.mismatch.naming.limits import with_limits
 from deatwin.ident.mismatch.naming.onsets import event_leads
-from deatwin.ident.mismatch.naming.overlap import with_overlap
-from deatwin.ident.mismatch.naming.pairs import Names, barely, each_without_one
 from deatwin.ident.mismatch.naming.screen import Footprint, Lead, footprints, leads, most_promising
 from deatwin.ident.mismatch.naming.shortlist import shortlist
 from deatwin.ident.mismatch.naming.siblings import siblings
 from deatwin.ident.mismatch.naming.trial import Fitted, Trial, run_trials, trials_of, unbent_like
-from deatwin.ident.mismatch.naming.versus import advantage, likeliest
-from deatwin.ident.mismatch.naming.whole import judged_on_everything, settled_on_everything
-from deatwin.ident.mismatch.naming.worth import (
-    MOST,
-    TRIFLE,
-    acts,
-    explained,
-    gained,
-    held_back_by,
-    is_near_floor,
-    suffices,
-    takes_most,
-)
+from deatwin.ident.mismatch.naming.worth import TRIFLE, acts, explained, gained, held_back_by, takes_most
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant.model import Plant
 
 __all__ = ["CLEARLY_BETTER", "Finished", "Names", "Search", "each_without_one"]
 
-MOST_NEARLY = 2
-"""More effects at once must explain the recordings to the plant's own error: three can bend to nearly anything."""
 BESIDE = 6
 """Effects that are tried beside others."""
 ALONE = 3
@@ -49,6 +32,12 @@ ALONE = 3
 CLEARLY_BETTER = 0.8
 """A rival form is gone on with where its best single effect leaves less than this share of the mean square."""
 Finished = Callable[[float], None]
+Names = tuple[str, ...]
+
+
+def each_without_one(names: Names) -> list[Names]:
+    """The sets that are left when each effect of `names` in turn is taken out."""
+    return [tuple(name for name in names if name != old) for old in names]
 
 
 class Search:
@@ -136,7 +125,7 @@ class Search:
             beside = self.beside(before, finished)
             found += beside
             finished = None  # nobody knew of a second beginning
-            best = self._best_that_counts(beside)
+            best = self.best_that_counts(beside)
             if best is not None:
                 return found + self.replacing(before, best)
         return []  # a further effect does not help: another one beside it would not be understood
@@ -144,7 +133,7 @@ class Search:
     def _together(self) -> list[Names]:
         """The pairs that promise most together, if one of them counts; and what else may be in the best one's place."""
         together = self._new(joint_trials(self))
-        best = self._best_that_counts(together)
+        best = self.best_that_counts(together)
         if best is None:
             return []
         return together + (self.replacing(best, best) if self._is_best_of_its_size(best) else [])
@@ -153,7 +142,8 @@ class Search:
         """Whether none of as many effects that was tried has more evidence."""
         return names == self.best_of([other for other in self.tried if len(other) == len(names)])
 
-    def _best_that_counts(self, stage: Sequence[Names]) -> Names | None:
+    def best_that_counts(self, stage: Sequence[Names]) -> Names | None:
+        """The set of a `stage` with the most evidence in which each effect counts; None of none."""
         # In their order, not all at once: to know whether a set counts may take a fit.
         return next((names for names in self.ranked(stage) if self.each_counts(names)), None)
 
@@ -257,7 +247,7 @@ class Search:
         """
         found = self._in_place_of(before, best)
         evidence = self.tried[best].evidence
-        better = self._best_that_counts([names for names in found if self.tried[names].evidence > evidence])
+        better = self.best_that_counts([names for names in found if self.tried[names].evidence > evidence])
         return found if better is None else found + self._in_place_of(better, better)
 
     def _in_place_of(self, several: Names, full: Names) -> list[Names]:
@@ -299,129 +289,25 @@ class Search:
         for names in stage:
             self.tried[names] = self.tried[names].with_floor(error)
 
-    def decided(self, stage: Sequence[Names]) -> Naming:
-        """The decision over a `stage`, among those that explain the recordings.
-
-        It is led by a rival that is likelier by far and suffices as far as anybody knows the plant's own error: what is
-        improbable beside it keeps a limit by luck.
-        """
-        naming = self._decided(stage, lambda c: c.adequate and self.counts(c))
-        if naming.best is None or len(naming.best.effects) > MOST_NEARLY:
-            return naming
-        enough = [c for c in naming.rivals if suffices(c, self.tried[()]) and self.counts(c)]
-        first = likeliest(enough or [naming.best])
-        return naming.led_by(first) if advantage(first, naming.best) > STRONG else naming
-
-    def decided_surely(self, stage: Sequence[Names]) -> Naming:
-        """The decision over a `stage`, or over fewer effects where these suffice, fitted from where the best set is."""
-        return self._surely(lambda: self.decided(stage), self.decided)
-
-    def _surely(self, decision: Callable[[], Naming], over: Callable[[Sequence[Names]], Naming]) -> Naming:
-        naming = decision()
-        if naming.best is None:
-            return naming
-        again = over(self.fit_fewer(naming.best.effects))
-        return decision() if again.best is None else again
-
-    def of_two(self) -> Naming:
-        """The decision over pairs, whether or not a single effect suffices.
-
-        Some may have been tried before, beside that one; what may be in the place of their effects is tried, too.
-        """
-        self.with_one_more([names for names in self.tried if len(names) == 1])
-        best = self._best_that_counts(self._possible_pairs())
-        if best is not None:
-            self.replacing(best, best)
-        naming = self._over_pairs()
-        if naming.best is None:
-            return naming
-        self.fit_fewer(naming.best.effects)  # a rough fit of one alone says little of what the other one does
-        return self._over_pairs()
-
-    def _over_pairs(self) -> Naming:
-        naming = self.decided(self._possible_pairs())
-        return self._sufficing(self._possible_pairs()) if naming.best is None else naming
-
-    def _possible_pairs(self) -> list[Names]:
-        return [names for names, candidate in self.tried.items() if len(names) == 2 and self._is_possible(candidate)]
-
-    def nearly(self) -> Naming:
-        """The decision over the smallest sets that suffice as far as anybody knows the plant's own error, or barely."""
-        for size in range(1, MOST_NEARLY + 1):
-            naming = self._sufficing([names for names in self.tried if len(names) == size])
-            if naming.best is not None:
-                return naming
-        found = self._surely(lambda: barely(self), self._sufficing)
-        return naming if found.best is None else found
-
-    def settled(self, stage: Sequence[Names]) -> Naming:
-        """The decision over a `stage` by fits to all recordings, among those that nearly explain the fitted part.
-
-        Of the unseen part, too, they take away most. Of two effects none is named where the other one is enough.
-        """
-        if all(len(names) == 1 for names in stage):
-            return self._settled(stage)
-        return self._surely(lambda: self._settled(stage), self._enough)
-
-    def _enough(self, stage: Sequence[Names]) -> Naming:
-        naming = self._settled(stage)
-        return self._sufficing(stage) if naming.best is None else naming
-
-    def _settled(self, stage: Sequence[Names]) -> Naming:
-        sets = [names for names in stage if len(names) <= MOST_NEARLY and not self._is_padded(names)]
-        competing, tried = [self.tried[names] for names in sets], tuple(self.tried.values())
-        naming = settled_on_everything(competing, tried, self.bench, self._may_settle, self._is_possible)
-        return with_distances(naming, competing, self.bench, self._is_possible)
-
-    def _may_settle(self, candidate: Candidate) -> bool:
-        most = explained(candidate, self.tried[()]) > MOST
-        return is_near_floor(candidate.fitted_test) and most and self.counts(candidate)
-
-    def _sufficing(self, stage: Sequence[Names]) -> Naming:
-        return self._decided(stage, lambda c: suffices(c, self.tried[()]) and self.counts(c))
-
-    def on_everything(self, naming: Naming) -> Naming:
-        """The decision `naming` with the rivals that all recordings together bring back.
-
-        And those that the best one has become, and those that may do what two effects have in common.
-        """
-        judged = judged_on_everything(naming, self.bench, self._is_possible)
-        return self.shown_first(with_overlap(with_limits(judged, self._is_possible), self._is_possible))
-
-    def shown_first(self, naming: Naming) -> Naming:
-        """The decision `naming`, led by a rival that suffices where the best has a cycle that was hardly recorded.
-
-        Such a cycle imitates any drift.
-        """
-        if naming.best is None or shows_its_cycles(naming.best, self.bench.everything):
-            return naming
-        shown = [c for c in naming.rivals if shows_its_cycles(c, self.bench.everything)]
-        enough = [c for c in shown if suffices(c, self.tried[()]) and self.counts(c)]
-        return naming.led_by(likeliest(enough)) if enough else naming
-
     def counts(self, candidate: Candidate) -> bool:
         """Whether a candidate takes away most of the mismatch, and its effects do, in a plant within its ranges."""
-        return self._is_possible(candidate) and acts(candidate, self.tried[()])
+        return self.is_possible(candidate) and acts(candidate, self.tried[()])
 
-    def _is_possible(self, candidate: Candidate) -> bool:
+    def is_possible(self, candidate: Candidate) -> bool:
         """Whether a candidate takes away most of the mismatch, in a plant within its ranges."""
         return self._takes_most(candidate) and not held_back_by(candidate)
 
     def _takes_most(self, candidate: Candidate) -> bool:
         return takes_most(candidate, self.tried[()])
 
-    def _is_padded(self, names: Names) -> bool:
+    def is_padded(self, names: Names) -> bool:
         """Whether what would be an explanation has an effect that adds nothing to it."""
         return len(names) > 1 and self._takes_most(self.tried[names]) and not self.each_counts(names)
 
-    def _decided(self, stage: Sequence[Names], good: Callable[[Candidate], bool]) -> Naming:
-        competing = [names for names in stage if not self._is_padded(names)]  # to know that may take fits
-        return self.decision([self.tried[names] for names in competing], good)
-
     def decision(self, competing: Sequence[Candidate], good: Callable[[Candidate], bool]) -> Naming:
         """The decision among the `competing` candidates, of which those that are `good` may lead."""
-        naming = decide(tuple(self.tried.values()), competing, self.noise, good, self._is_possible)
-        return with_distances(naming, competing, self.bench, self._is_possible)
+        naming = decide(tuple(self.tried.values()), competing, self.noise, good, self.is_possible)
+        return with_distances(naming, competing, self.bench, self.is_possible)
 
     def attempt(
         self, trials: Sequence[Trial], finished: Finished | None = None, rival: float = np.inf

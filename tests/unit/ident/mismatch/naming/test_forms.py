@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from deatwin.ident.mismatch.naming import forms, sets
+from deatwin.ident.mismatch.naming.answers import decided
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming, decide
 from deatwin.ident.mismatch.naming.forms import with_fewer
@@ -19,7 +20,18 @@ from deatwin.ident.mismatch.refit.base import _preferred
 
 
 @pytest.fixture
-def form(noise: float, is_adequate: Callable[[Candidate], bool]) -> Callable[..., tuple[Any, list[Any]]]:
+def known_answers(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Answers are the search's own, as `form` and `scripted` give them."""
+    name = "deatwin.ident.mismatch.naming.name"
+    for asked in ("decided", "decided_surely", "settled"):
+        monkeypatch.setattr(f"{name}.{asked}", lambda search, stage, asked=asked: getattr(search, asked)(stage))
+    monkeypatch.setattr(f"{name}.nearly", lambda search: search.nearly())
+
+
+@pytest.fixture
+def form(
+    noise: float, is_adequate: Callable[[Candidate], bool], known_answers: None
+) -> Callable[..., tuple[Any, list[Any]]]:
     """``form(*explanations, least=1.0)``: a search in one form of the rig, and what it decided."""
 
     def make(*explanations: Candidate, least: float = 1.0):
@@ -33,7 +45,7 @@ def form(noise: float, is_adequate: Callable[[Candidate], bool]) -> Callable[...
 
 
 @pytest.fixture
-def scripted(nothing: Naming) -> Callable[..., tuple[Any, list[Any]]]:
+def scripted(nothing: Naming, known_answers: None) -> Callable[..., tuple[Any, list[Any]]]:
     """``scripted(stages, most=True)``: a search whose decisions over one effect, two and three are given."""
 
     def make(stages: list[Naming], most: bool = True):
@@ -76,7 +88,7 @@ def elsewhere(search_over: Callable[..., Search], monkeypatch: pytest.MonkeyPatc
 def pair_of_a_delay(candidate: Callable[..., Candidate], search_over: Callable[..., Search]) -> tuple[Search, Naming]:
     pair = candidate("delay", "end_stop", rms=2.05)
     search = search_over(candidate(rms=5.7), candidate("end_stop", rms=4.9), candidate("delay", rms=4.5), pair)
-    return search, search.decided([pair.effects])
+    return search, decided(search, [pair.effects])
 
 
 def test_another_form_replaces_the_nominal_one_only_where_that_leaves_a_mismatch(candidate):
@@ -166,7 +178,7 @@ def test_what_another_form_cannot_explain_is_looked_for_in_the_rig_files_own(
 def test_another_form_is_tried_where_it_or_an_effect_takes_much(candidate, search_over, left, bare, read_otherwise):
     delay = candidate("delay", rms=left)
     search = search_over(candidate(rms=8.7), delay)
-    naming = search.decided([])
+    naming = decided(search, [])
     assert naming.best is None
     assert search.may_be_misread([delay.effects], naming, candidate(rms=bare)) is read_otherwise
 
@@ -246,7 +258,7 @@ def test_rivals_of_a_pair_are_rivals_in_the_other_form_too(candidate, pair_of_a_
     search, naming = pair_of_a_delay
     for other in (candidate("delay", "hysteresis", rms=2.06), candidate("hysteresis", rms=4.9)):
         search.tried[other.effects] = other
-    naming = search.decided([("delay", "end_stop"), ("delay", "hysteresis")])
+    naming = decided(search, [("delay", "end_stop"), ("delay", "hysteresis")])
     elsewhere(candidate("end_stop", rms=2.06), candidate("hysteresis", rms=2.07))
     _, there = with_fewer(search, naming, [candidate(rms=5.5)])
     assert [there.best.effects, *(rival.effects for rival in there.rivals)] == [("end_stop",), ("hysteresis",)]
@@ -260,7 +272,7 @@ def test_two_effects_may_explain_in_another_form_what_they_do_not_in_the_first(
 ):
     both = candidate("creep", "delay", rms=2.9)
     search = search_over(candidate(rms=5.7), candidate("creep", rms=4.0), candidate("delay", rms=4.2), both)
-    nothing = search.decided([both.effects])
+    nothing = decided(search, [both.effects])
     assert nothing.best is None
     elsewhere(candidate("creep", rms=single), candidate("delay", rms=4.2), candidate("creep", "delay", rms=pair))
     taken, naming = with_fewer(search, nothing, [candidate(rms=5.5)])
@@ -271,5 +283,5 @@ def test_two_effects_may_explain_in_another_form_what_they_do_not_in_the_first(
 def test_one_effect_is_looked_for_in_no_further_form(candidate, search_over, elsewhere):
     single = candidate("delay", rms=2.05)
     search = search_over(candidate(rms=5.7), single)
-    naming = search.decided([single.effects])
+    naming = decided(search, [single.effects])
     assert with_fewer(search, naming, [candidate(rms=5.5)]) == (search, naming)

@@ -198,8 +198,8 @@ def explained_alone(leaving, monkeypatch):
     alone = first_alone(search)
     monkeypatch.setattr(name, "Search", lambda *_: search)
     monkeypatch.setattr(search, "judge_by_the_best", lambda stage: None)
-    monkeypatch.setattr(search, "decided", lambda stage: alone)
-    monkeypatch.setattr(search, "on_everything", lambda naming: naming)
+    monkeypatch.setattr(name, "decided", lambda search, stage: alone)
+    monkeypatch.setattr(name, "on_everything", lambda search, naming: naming)
     monkeypatch.setattr(name, "_with_more", lambda *_: (search, alone))
     monkeypatch.setattr(name, "with_fewer", lambda search, naming, forms: (search, naming))
     return search, alone
@@ -220,7 +220,9 @@ def test_after_a_single_effect_comes_what_pairs_explain(explained_alone, monkeyp
     """Those that were tried before, too, and those that only suffice: each effect is left out once more."""
     search, _ = explained_alone
     monkeypatch.setattr(name, "with_a_second", lambda search, naming: naming)
-    monkeypatch.setattr(search, "decided", lambda stage: asked.append(stage) or nothing)
+    for module in ("name", "answers"):
+        over_a_stage = f"deatwin.ident.mismatch.naming.{module}.decided"
+        monkeypatch.setattr(over_a_stage, lambda search, stage: asked.append(stage) or nothing)
     monkeypatch.setattr(search, "with_one_more", lambda stage: asked.append(stage) or [])
     monkeypatch.setattr(search, "replacing", lambda before, best: asked.append(best) or [])
     monkeypatch.setattr(search, "fit_fewer", lambda full: asked.append(("fewer than", *full)) or [])
@@ -239,20 +241,19 @@ def test_after_a_single_effect_comes_what_pairs_explain(explained_alone, monkeyp
 
 def test_nothing_comes_after_a_pair(explained_alone, monkeypatch):
     search, _ = explained_alone
-    monkeypatch.setattr(search, "of_two", None)
+    monkeypatch.setattr(name, "of_two", None)
     assert answers(search) == [PAIR]
 
 
 def test_after_an_answer_of_another_form_comes_that_of_the_form_before(explained_alone, leaving, monkeypatch):
     search, alone = explained_alone
     other = Known(*leaving(5.0, 3.0, 4.6, 2.2))
-    monkeypatch.setattr(other, "on_everything", lambda naming: naming)
     monkeypatch.setattr(name, "with_fewer", lambda search, naming, forms: (other, alone))
     assert answers(search) == [CLIP, PAIR]
     # where there was none, a single one there may have imitated two there
-    nothing, of_two = replace(alone, best=None), replace(alone, best=search.tried[PAIR])
+    nothing, pair = replace(alone, best=None), replace(alone, best=search.tried[PAIR])
     monkeypatch.setattr(name, "_with_more", lambda *_: (search, nothing))
-    monkeypatch.setattr(other, "of_two", lambda: of_two)
+    monkeypatch.setattr(name, "of_two", {other: pair}.get)
     assert answers(search) == [CLIP, PAIR]
 
 

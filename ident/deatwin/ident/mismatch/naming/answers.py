@@ -1,0 +1,226 @@
+"""What a search answers: which of the sets of effects that it tried explains the recordings, and which others may.
+
+Sets that suffice only as far as anybody knows the plant's own error are left for the end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from deatwin.ident.mismatch.naming.candidate import Candidate
+from deatwin.ident.mismatch.naming.cycles import shows_its_cycles
+from deatwin.ident.mismatch.naming.decide import STRONG, Naming, with_distances
+from deatwin.ident.mismatch.naming.limits import with_limits
+from deatwin.ident.mismatch.naming.overlap import with_overlap
+from deatwin.ident.mismatch.naming.pairs import barely
+from deatwin.ident.mismatch.naming.sets import Names, Search
+from deatwin.ident.mismatch.naming.versus import advantage, likeliest
+from deatwin.ident.mismatch.naming.whole import judged_on_everything, settled_on_everything
+from deatwin.ident.mismatch.naming.worth import MOST, explained, is_near_floor, suffices
+
+__all__ = ["decided", "decided_surely", "nearly", "of_two", "on_everything", "settled", "shown_first"]
+
+MOST_NEARLY = 2
+"""More effects at once must explain the recordings to the plant's own error: three can bend to nearly anything."""
+
+
+def decided(search: Search, stage: Sequence[Names]) -> Naming:
+    """The decision over a stage, among those that explain the recordings.
+
+    It is led by a rival that is likelier by far and suffices as far as anybody knows the plant's own error: what is
+    improbable beside it keeps a limit by luck.
+
+    Parameters
+    ----------
+    search : Search
+        With what was tried.
+    stage : sequence of tuple of str
+        Sets of it that compete.
+
+    Returns
+    -------
+    Naming
+    """
+    naming = _among(search, stage, lambda c: c.adequate and search.counts(c))
+    if naming.best is None or len(naming.best.effects) > MOST_NEARLY:
+        return naming
+    enough = [c for c in naming.rivals if _nearly_explains(search, c)]
+    first = likeliest(enough or [naming.best])
+    return naming.led_by(first) if advantage(first, naming.best) > STRONG else naming
+
+
+def decided_surely(search: Search, stage: Sequence[Names]) -> Naming:
+    """The decision over a stage, or over fewer effects where these suffice, fitted from where the best set is.
+
+    Parameters
+    ----------
+    search, stage
+        As for `decided`.
+
+    Returns
+    -------
+    Naming
+    """
+    return _surely(search, lambda: decided(search, stage), decided)
+
+
+def of_two(search: Search) -> Naming:
+    """The decision over pairs, whether or not a single effect suffices.
+
+    Some may have been tried before, beside that one; what may be in the place of their effects is tried, too.
+
+    Parameters
+    ----------
+    search : Search
+        With what was tried.
+
+    Returns
+    -------
+    Naming
+    """
+    search.with_one_more([names for names in search.tried if len(names) == 1])
+    best = search.best_that_counts(_possible_pairs(search))
+    if best is not None:
+        search.replacing(best, best)
+    naming = _over_pairs(search)
+    if naming.best is None:
+        return naming
+    search.fit_fewer(naming.best.effects)  # a rough fit of one alone says little of what the other one does
+    return _over_pairs(search)
+
+
+def nearly(search: Search) -> Naming:
+    """The decision over the smallest sets that suffice as far as anybody knows the plant's own error, or barely.
+
+    Parameters
+    ----------
+    search : Search
+        With what was tried.
+
+    Returns
+    -------
+    Naming
+    """
+    for size in range(1, MOST_NEARLY + 1):
+        naming = _sufficing(search, [names for names in search.tried if len(names) == size])
+        if naming.best is not None:
+            return naming
+    found = _surely(search, lambda: barely(search), _sufficing)
+    return naming if found.best is None else found
+
+
+def settled(search: Search, stage: Sequence[Names]) -> Naming:
+    """The decision over a stage by fits to all recordings, among those that nearly explain the fitted part.
+
+    Of the unseen part, too, they take away most. Of two effects none is named where the other one is enough.
+
+    Parameters
+    ----------
+    search, stage
+        As for `decided`.
+
+    Returns
+    -------
+    Naming
+    """
+    if all(len(names) == 1 for names in stage):
+        return _settled(search, stage)
+    return _surely(search, lambda: _settled(search, stage), _enough)
+
+
+def on_everything(search: Search, naming: Naming) -> Naming:
+    """A decision with the rivals that all recordings together bring back.
+
+    And those that the best one has become, and those that may do what two effects have in common.
+
+    Parameters
+    ----------
+    search : Search
+        With what was tried.
+    naming : Naming
+        The decision over the fitted part.
+
+    Returns
+    -------
+    Naming
+    """
+    judged = judged_on_everything(naming, search.bench, search.is_possible)
+    return shown_first(search, with_overlap(with_limits(judged, search.is_possible), search.is_possible))
+
+
+def shown_first(search: Search, naming: Naming) -> Naming:
+    """A decision, led by a rival that suffices where the best has a cycle that was hardly recorded.
+
+    Such a cycle imitates any drift.
+
+    Parameters
+    ----------
+    search, naming
+        As for `on_everything`.
+
+    Returns
+    -------
+    Naming
+    """
+    everything = search.bench.everything
+    if naming.best is None or shows_its_cycles(naming.best, everything):
+        return naming
+    shown = [c for c in naming.rivals if shows_its_cycles(c, everything)]
+    enough = [c for c in shown if _nearly_explains(search, c)]
+    return naming.led_by(likeliest(enough)) if enough else naming
+
+
+def _surely(
+    search: Search, decision: Callable[[], Naming], over: Callable[[Search, Sequence[Names]], Naming]
+) -> Naming:
+    """A decision, or the one over fewer effects than its best has, if one of these explains the recordings by now."""
+    naming = decision()
+    if naming.best is None:
+        return naming
+    again = over(search, search.fit_fewer(naming.best.effects))
+    return decision() if again.best is None else again
+
+
+def _over_pairs(search: Search) -> Naming:
+    return _enough_of(search, _possible_pairs(search), decided)
+
+
+def _possible_pairs(search: Search) -> list[Names]:
+    return [names for names, candidate in search.tried.items() if len(names) == 2 and search.is_possible(candidate)]
+
+
+def _enough(search: Search, stage: Sequence[Names]) -> Naming:
+    return _enough_of(search, stage, _settled)
+
+
+def _enough_of(
+    search: Search, stage: Sequence[Names], decision: Callable[[Search, Sequence[Names]], Naming]
+) -> Naming:
+    """A decision over a stage, or where nothing explains the recordings, that over what nearly does."""
+    naming = decision(search, stage)
+    return _sufficing(search, stage) if naming.best is None else naming
+
+
+def _settled(search: Search, stage: Sequence[Names]) -> Naming:
+    sets = [names for names in stage if len(names) <= MOST_NEARLY and not search.is_padded(names)]
+    competing, tried = [search.tried[names] for names in sets], tuple(search.tried.values())
+
+    def hopeful(candidate: Candidate) -> bool:
+        most = explained(candidate, search.tried[()]) > MOST
+        return is_near_floor(candidate.fitted_test) and most and search.counts(candidate)
+
+    naming = settled_on_everything(competing, tried, search.bench, hopeful, search.is_possible)
+    return with_distances(naming, competing, search.bench, search.is_possible)
+
+
+def _sufficing(search: Search, stage: Sequence[Names]) -> Naming:
+    return _among(search, stage, lambda c: _nearly_explains(search, c))
+
+
+def _nearly_explains(search: Search, candidate: Candidate) -> bool:
+    return suffices(candidate, search.tried[()]) and search.counts(candidate)
+
+
+def _among(search: Search, stage: Sequence[Names], good: Callable[[Candidate], bool]) -> Naming:
+    competing = [names for names in stage if not search.is_padded(names)]  # to know that may take fits
+    return search.decision([search.tried[names] for names in competing], good)

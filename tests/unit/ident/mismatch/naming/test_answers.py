@@ -1,0 +1,168 @@
+"""What a search answers, where residuals of given sizes are left by what was tried."""
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from deatwin.ident.mismatch.naming.answers import decided, decided_surely, nearly, settled, shown_first
+from deatwin.ident.mismatch.naming.decide import Naming
+from deatwin.ident.mismatch.naming.sets import Search
+from deatwin.ident.mismatch.naming.worth import suffices
+
+
+def test_what_keeps_a_limit_by_luck_does_not_lead_what_is_likelier_by_far(candidate, search_over, monkeypatch):
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.with_distances", lambda naming, *_: naming)
+    base, lucky = candidate(rms=9.0), candidate("delay", rms=2.3)
+    # leaves 1.25 µm of the fitted part, the floor is 1.2; less than the other one on both parts taken together
+    likelier = candidate("sensor_drift", rms=2.36, unseen=1.9)
+    assert lucky.adequate
+    assert not likelier.adequate
+    led = decided(search_over(base, lucky, likelier), [("delay",), ("sensor_drift",)])
+    assert led.best is likelier
+    assert led.rivals == (lucky,)
+    # of a small mismatch it leaves too much of the unseen part, 1.66 of 2.2 µm: that is no answer, however likely it is
+    base, bad = candidate(rms=3.0), candidate("sensor_drift", rms=2.0, unseen=2.6)
+    assert bad.evidence - lucky.evidence > np.log(20)
+    assert not suffices(bad, base)
+    naming = decided(search_over(base, lucky, bad), [("delay",), ("sensor_drift",)])
+    assert naming.best is lucky
+    assert naming.rivals == (bad,)
+
+
+@pytest.mark.parametrize(("nats", "leads"), [(3.1, True), (2.9, False)])  # ln 20 = 3.0 are strong
+def test_what_is_likelier_by_far_is_so_by_what_the_two_differ_in(candidate, search_over, monkeypatch, nats, leads):
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.with_distances", lambda naming, *_: naming)
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.answers.advantage", lambda one, other: nats)
+    lucky, likelier = candidate("delay", rms=2.3), candidate("sensor_drift", rms=2.36, unseen=1.9)
+    found = decided(search_over(candidate(rms=9.0), lucky, likelier), [("delay",), ("sensor_drift",)])
+    assert (found.best is likelier) is leads
+
+
+@pytest.mark.parametrize(
+    ("seen", "left", "lead"),
+    [
+        ({"creep"}, 2.2, "creep"),
+        ({"creep", "thermal_stiffness"}, 2.2, "thermal_stiffness"),  # its cycle was recorded
+        (set(), 2.2, "thermal_stiffness"),  # the other one's was not, either
+        ({"creep"}, 4.0, "thermal_stiffness"),  # the other one does not suffice
+    ],
+)  # fmt: skip
+def test_a_cycle_that_was_hardly_recorded_does_not_lead(candidate, search_over, monkeypatch, seen, left, lead):
+    """As a rule it is the likeliest: with a period and a phase that are free it is any slow curve."""
+    shows = "deatwin.ident.mismatch.naming.answers.shows_its_cycles"
+    monkeypatch.setattr(shows, lambda candidate, parts: set(candidate.effects) <= seen)
+    swing, creep, base = candidate("thermal_stiffness", rms=2.05), candidate("creep", rms=left), candidate(rms=9.0)
+    likely = {swing.effects: 0.9, creep.effects: 0.1}
+    naming = Naming(candidates=(base, swing, creep), best=swing, rivals=(creep,), probabilities=likely, noise=2.0)
+    found = shown_first(search_over(base, swing, creep), naming)
+    assert found.best.effects == (lead,)
+    assert {c.effects for c in (found.best, *found.rivals)} == {swing.effects, creep.effects}
+    assert found.probabilities == likely
+
+
+def test_a_pair_gives_way_to_one_effect_whose_rough_fit_was_far_from_its_minimum(candidate, search_over, monkeypatch):
+    base, drift, stuck = candidate(rms=5.7), candidate("permittivity_drift", rms=4.0), candidate("creep", rms=3.6)
+    pair, settled = candidate("creep", "permittivity_drift", rms=2.05), candidate("creep", rms=2.07)
+    search = search_over(base, drift, stuck, pair)
+    assert decided(search, [pair.effects]).best is pair
+
+    def fit(full, rest):
+        assert full == pair.effects
+        if rest == ("creep",):
+            search.tried[rest] = settled
+
+    monkeypatch.setattr(search, "fit_from", fit)
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.with_distances", lambda naming, *_: naming)
+    assert decided_surely(search, [pair.effects]).best is settled
+    search.tried[("creep",)], settled = stuck, stuck  # where the second look finds nothing better, both stay
+    assert decided_surely(search, [pair.effects]).best is pair
+
+
+def test_an_idle_second_effect_does_not_become_a_cause(candidate, search_over):
+    base, drift = candidate(rms=5.2), candidate("sensor_drift", rms=4.0)
+    creep = candidate("creep", rms=2.2, unseen=3.1)
+    pair = candidate("creep", "sensor_drift", rms=2.25)
+    search = search_over(base, creep, drift, pair)
+    # the second effect saves 6.27 - 5.06 = 1.21 of 5.2² - 2² = 23: less than 1.2²
+    assert decided(search, [pair.effects]).best is None
+    # alone, creep leaves 2.37 on the unseen part, twice the model error, and takes away 81 % of the energy
+    assert nearly(search).best is None
+    better = candidate("creep", rms=2.3, unseen=2.6)
+    # 2.6² - 2² = 1.66²: it takes away 94 % of the energy and leaves 1.4 times the model error
+    assert nearly(search_over(base, better, drift)).best is better
+
+
+@pytest.mark.parametrize("alone, answer", [(2.34, [("creep", "delay"), ("delay",)]), (2.22, [])])
+def test_a_pair_of_which_one_effect_counts_for_less_than_the_floor_is_doubted(
+    candidate, search_over, monkeypatch, alone, answer
+):
+    """Nothing else explains the recordings: it is better than no answer, and the other effect alone stays possible."""
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.with_distances", lambda naming, *_: naming)
+    base, creep, delay = candidate(rms=3.2), candidate("creep", rms=2.9), candidate("delay", rms=alone)
+    # 1.2² is 1.44. Without creep 2.34² - 2.06² = 1.23 return, or 0.68 of 2.22²: less than half
+    pair = candidate("creep", "delay", rms=2.06)
+    search = search_over(base, creep, delay, pair)
+    monkeypatch.setattr(Search, "fit_from", lambda *_: None)
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.answers.suffices", lambda *_: False)
+    naming = nearly(search)
+    found = [] if naming.best is None else [naming.best.effects, *(c.effects for c in naming.rivals)]
+    assert found == answer
+    assert [naming.probabilities[effects] for effects in answer] == [0.5] * len(answer)
+
+
+def test_a_second_effect_that_is_a_trifle_of_the_mismatch_is_none_whatever_it_counts_for(
+    candidate, search_over, monkeypatch
+):
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.with_distances", lambda naming, *_: naming)
+    monkeypatch.setattr(Search, "fit_from", lambda *_: None)
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.answers.suffices", lambda *_: False)
+    # without creep 4.18² - 2.3² = 12.2 return, eight times 1.2², but of 22² - 2² a fortieth
+    base, creep, delay = candidate(rms=22.0), candidate("creep", rms=20.0), candidate("delay", rms=4.18)
+    search = search_over(base, creep, delay, candidate("creep", "delay", rms=2.3))
+    assert nearly(search).best is None
+
+
+@pytest.mark.parametrize("late, hope", [(4.3, True), (4.4, False)])
+def test_what_may_settle_takes_most_of_the_unseen_part_too(candidate, search_over, monkeypatch, late, hope):
+    """Of 5.7² - 2² - 1.2² = 27.1 beyond noise and floor, 4.3 µm leave 13.1 and 4.4 µm 13.9, where half is 13.5."""
+    asked = []
+    settling = "deatwin.ident.mismatch.naming.answers.settled_on_everything"
+    monkeypatch.setattr(settling, lambda *given: asked.extend(given))
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.answers.with_distances", lambda naming, *_: naming)
+    slow = candidate("dielectric_absorption", rms=2.1, unseen=late)
+    settled(search_over(candidate(rms=5.7), slow), [slow.effects])
+    *_, hopeful, _ = asked
+    assert hopeful(slow) is hope
+
+
+@pytest.mark.parametrize("alone, answer", [(2.3, ("creep",)), (3.6, ("creep", "delay"))])
+def test_of_two_that_settle_none_is_named_where_one_is_enough(
+    candidate, search_over, nothing, monkeypatch, alone, answer
+):
+    """A pair mends the tail of a slow law: 2.3² - 2² is 1.14², within 1.2²; of 3.6 µm 3.0 are left."""
+    both = candidate("creep", "delay", rms=2.05, unseen=2.9)
+    search = search_over(candidate(rms=5.7), candidate("creep", rms=4.0), candidate("delay", rms=5.0), both)
+
+    def fit(full, rest):
+        if rest == ("creep",):
+            search.tried[rest] = candidate("creep", rms=alone)
+
+    monkeypatch.setattr(search, "fit_from", fit)
+    found = replace(nothing, best=both)
+    settling = "deatwin.ident.mismatch.naming.answers._settled"
+    monkeypatch.setattr(settling, lambda search, stage: found if both.effects in stage else nothing)
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.with_distances", lambda naming, *_: naming)
+    assert settled(search, [both.effects]).best.effects == answer
+
+
+def test_three_effects_must_explain_to_the_plants_own_error(candidate, search_over):
+    base, sizes = candidate(rms=9.0), {"creep": 8.0, "delay": 7.0, "mullins": 6.0}
+    pairs = [candidate(*pair, rms=5.0) for pair in itertools.combinations(sizes, 2)]
+    three = candidate(*sizes, rms=2.6)  # 1.7 beyond the noise, 1.4 times the plant's own error, of 8.8: 96 %
+    assert suffices(three, base)
+    tried = [candidate(name, rms=rms) for name, rms in sizes.items()]
+    assert nearly(search_over(base, *tried, *pairs, three)).best is None
+    two = candidate("creep", "delay", rms=2.6)
+    assert nearly(search_over(base, *tried, two)).best is two
