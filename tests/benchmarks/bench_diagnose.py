@@ -27,7 +27,8 @@ from pathlib import Path
 
 from joblib.externals.loky import get_reusable_executor
 
-from deatwin.ident.greybox.fit import Calibration, Part, calibrate
+from deatwin.ident.greybox.fit import Calibration, calibrate
+from deatwin.ident.greybox.parts import Part
 from deatwin.ident.mismatch import Diagnosis, diagnose
 from deatwin.plant import Experiment, Plant, Recording
 from deatwin.plant.files import read_recording

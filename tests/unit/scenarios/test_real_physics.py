@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from deatwin.ident.greybox.fit import Part, calibrate
+from deatwin.ident.greybox.fit import calibrate
+from deatwin.ident.greybox.parts import Part
 from deatwin.plant import Experiment, Plant, Recording
 from deatwin.scenarios.real_physics import bouc_wen, cascaded_tanks, emps, silverbox
 from deatwin.scenarios.real_physics.signals import derivatives, held

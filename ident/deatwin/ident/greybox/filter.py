@@ -29,7 +29,7 @@ from scipy.optimize import minimize
 from deatwin.ident.greybox.filter_floor import Floor
 from deatwin.ident.greybox.filter_linear import Linear, linearise
 from deatwin.ident.greybox.filter_openings import Opening, places
-from deatwin.ident.greybox.fit import Part
+from deatwin.ident.greybox.parts import Part
 from deatwin.ident.kalman import Filtered, StateSpace, kalman_filter, kalman_smoother
 from deatwin.plant.errors import ModelError
 from deatwin.plant.model import Plant

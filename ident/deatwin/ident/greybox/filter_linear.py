@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from deatwin.ident.greybox.filter_openings import STATE, Opening, places
 from deatwin.ident.greybox.filter_step import LinearStep, held_ghost, linear_step, start_ghost
-from deatwin.ident.greybox.fit import Part
+from deatwin.ident.greybox.parts import Part
 from deatwin.plant.effects.base import Place
 from deatwin.plant.equations import Equations
 from deatwin.plant.model import Plant

@@ -9,165 +9,18 @@ from typing import Any
 import numpy as np
 
 from deatwin.ident.greybox.minimum import EVALUATIONS, TOLERANCE, minimise
+from deatwin.ident.greybox.parts import Part
 from deatwin.ident.greybox.status import FitStatus
 from deatwin.ident.greybox.tangent import linearised_rms
 from deatwin.plant.datasets import dataset
-from deatwin.plant.errors import DataError
 from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter
-from deatwin.plant.recording import Experiment
-from deatwin.plant.timeline import Timeline
 
-__all__ = ["Calibration", "Part", "Problem", "calibrate", "free_run_residuals", "simulated"]
+__all__ = ["Calibration", "Problem", "calibrate"]
 
 NOTHING = 1e-100
 """Length of a Jacobian's column below which its parameter does nothing: a variance is the square of its reciprocal,
 which must be a number."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Part:
-    """Which samples of which experiment count.
-
-    Parameters
-    ----------
-    experiment : Experiment
-        Recordings on one clock.
-    masks : tuple of ndarray of bool
-        For each recording, the samples that count.
-    """
-
-    experiment: Experiment
-    masks: tuple[np.ndarray, ...]
-
-    def __post_init__(self) -> None:
-        sizes = [r.n_samples for r in self.experiment.recordings]
-        if [m.size for m in self.masks] != sizes:
-            raise DataError(f"masks have {[m.size for m in self.masks]} samples, the recordings {sizes}")
-
-    @classmethod
-    def whole(cls, experiment: Experiment) -> Part:
-        """All samples of an experiment.
-
-        Parameters
-        ----------
-        experiment : Experiment
-            Recordings on one clock.
-
-        Returns
-        -------
-        Part
-        """
-        masks = tuple(np.ones(r.n_samples, dtype=bool) for r in experiment.recordings)
-        return cls(experiment=experiment, masks=masks)
-
-    def until_last(self) -> Part:
-        """The same samples, of an experiment that ends with the last of them."""
-        last = max(k for k, mask in enumerate(self.masks) if mask.any())
-        end = int(np.flatnonzero(self.masks[last])[-1]) + 1
-        records = self.experiment.recordings
-        kept = (*records[:last], records[last].section(0, end))
-        return Part(experiment=Experiment(recordings=kept), masks=(*self.masks[:last], self.masks[last][:end]))
-
-    @property
-    def size(self) -> int:
-        """Number of samples that count."""
-        return sum(int(mask.sum()) for mask in self.masks)
-
-    @property
-    def timepts(self) -> np.ndarray:
-        """Clock times of the samples that count, one after another, shape (n,), s."""
-        return np.concatenate([r.timepts[m] for r, m in zip(self.experiment.recordings, self.masks, strict=True)])
-
-    def counted(self, timeline: Timeline) -> np.ndarray:
-        """Samples of a simulation at whose ends the readings that count were taken, shape (n,).
-
-        Parameters
-        ----------
-        timeline : Timeline
-            Of the experiment.
-
-        Returns
-        -------
-        ndarray of int, shape (n,)
-        """
-        return np.concatenate([r[m] for r, m in zip(timeline.readings, self.masks, strict=True)])
-
-    @property
-    def commands(self) -> np.ndarray:
-        """Commands at the samples that count, one after another, shape (n,), in their unit."""
-        records = zip(self.experiment.recordings, self.masks, strict=True)
-        return np.concatenate([r.inputs[0, m] for r, m in records])
-
-    @property
-    def measured(self) -> np.ndarray:
-        """Readings that count, one after another, shape (n,), SI."""
-        records = zip(self.experiment.recordings, self.masks, strict=True)
-        return np.concatenate([r.outputs[0, m] for r, m in records])
-
-
-def reading_times(plant: Plant, parts: Sequence[Part]) -> np.ndarray:
-    """Clock times at which a plant has the readings that count.
-
-    Parameters
-    ----------
-    plant : Plant
-        Its rig says when in its row a reading is taken.
-    parts : sequence of Part
-        Which samples.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        s, one after another.
-    """
-    timelines = [plant.timeline(part.experiment) for part in parts]
-    return np.concatenate(
-        [t.start + (part.counted(t) + 1) * t.sample_time for t, part in zip(timelines, parts, strict=True)]
-    )
-
-
-def simulated(plant: Plant, parts: Sequence[Part]) -> np.ndarray | None:
-    """Free-run readings of a plant at the samples that count.
-
-    Parameters
-    ----------
-    plant : Plant
-        Simulated from rest.
-    parts : sequence of Part
-        Which samples.
-
-    Returns
-    -------
-    ndarray, shape (n,), or None
-        SI, one after another; None if the plant fails.
-    """
-    pieces = []
-    for part in parts:
-        simulation = plant.simulate(part.experiment)
-        if not simulation.status.ok:
-            return None
-        pieces += [y[0, m] for y, m in zip(simulation.outputs, part.masks, strict=True)]
-    return np.concatenate(pieces)
-
-
-def free_run_residuals(plant: Plant, parts: Sequence[Part]) -> np.ndarray | None:
-    """Measured minus simulated at the samples that count.
-
-    Parameters
-    ----------
-    plant : Plant
-        Simulated from rest.
-    parts : sequence of Part
-        Which samples.
-
-    Returns
-    -------
-    ndarray, shape (n,), or None
-        SI; None if the plant fails.
-    """
-    readings = simulated(plant, parts)
-    return None if readings is None else np.concatenate([part.measured for part in parts]) - readings
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from deatwin.ident.greybox.fit import Part
+from deatwin.ident.greybox.parts import Part
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.model import Plant
 

@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Calibration, free_run_residuals
+from deatwin.ident.greybox.fit import Calibration
+from deatwin.ident.greybox.parts import free_run_residuals
 from deatwin.ident.mismatch.advise.advise import advise
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.conclude import Findings, conclude

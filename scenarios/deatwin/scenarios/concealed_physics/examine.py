@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Calibration, Part, calibrate, free_run_residuals
+from deatwin.ident.greybox.fit import Calibration, calibrate
+from deatwin.ident.greybox.parts import Part, free_run_residuals
 from deatwin.ident.mismatch import Diagnosis, diagnose
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.errors import DeatwinError, SimulationError

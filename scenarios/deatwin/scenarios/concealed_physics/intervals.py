@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Part, calibrate
+from deatwin.ident.greybox.fit import calibrate
+from deatwin.ident.greybox.parts import Part
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.effects.catalogue import catalogue, effect_named
 from deatwin.plant.errors import SimulationError

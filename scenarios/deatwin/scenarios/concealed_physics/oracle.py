@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import product
 
-from deatwin.ident.greybox.fit import Calibration, Part
+from deatwin.ident.greybox.fit import Calibration
+from deatwin.ident.greybox.parts import Part
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.screen import footprints, leads
 from deatwin.ident.mismatch.refit.search import at_its_time, finish, search

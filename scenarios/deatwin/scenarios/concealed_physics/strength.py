@@ -9,7 +9,8 @@ from typing import Self
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Calibration, Part, calibrate, simulated
+from deatwin.ident.greybox.fit import Calibration, calibrate
+from deatwin.ident.greybox.parts import Part, simulated
 from deatwin.ident.greybox.tangent import taken_off, tangent_basis
 from deatwin.plant.errors import SimulationError
 from deatwin.plant.model import Plant

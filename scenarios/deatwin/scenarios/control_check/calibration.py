@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Part, calibrate
+from deatwin.ident.greybox.fit import calibrate
+from deatwin.ident.greybox.parts import Part
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.fleet import specification
 from deatwin.plant.recording import Experiment, Recording

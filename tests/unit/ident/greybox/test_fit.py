@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from deatwin.ident.greybox import FitStatus, Part, calibrate
-from deatwin.ident.greybox.fit import Problem, _covariance, reading_times, simulated
+from deatwin.ident.greybox.fit import Problem, _covariance
+from deatwin.ident.greybox.parts import reading_times, simulated
 from deatwin.plant import DataError, Diaphragm, Experiment, Plant, ReadingTime, Recording, SensorJump
 from deatwin.plant.simulate import Simulator
 

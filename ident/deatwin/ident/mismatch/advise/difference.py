@@ -33,7 +33,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Part
+from deatwin.ident.greybox.parts import Part
 from deatwin.ident.mismatch.losses import BLOCK_SAMPLES
 from deatwin.plant.model import Plant
 

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Calibration, free_run_residuals
+from deatwin.ident.greybox.fit import Calibration
+from deatwin.ident.greybox.parts import free_run_residuals
 from deatwin.ident.mismatch.detect.law import LEVEL, Law
 from deatwin.ident.mismatch.detect.leftover import Leftover, leftover_of
 from deatwin.ident.mismatch.detect.origin import Origin, OriginEvidence, origin_of

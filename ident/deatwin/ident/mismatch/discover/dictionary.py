@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.greybox.fit import Part
+from deatwin.ident.greybox.parts import Part
 from deatwin.plant.effects.primitives import (
     DeadBand,
     Largest,

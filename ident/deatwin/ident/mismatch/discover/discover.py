@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.greybox.filter import Floor, Latent, Linear, Opening, linearise, open_place, smoothed
-from deatwin.ident.greybox.fit import Calibration, Part, Problem, calibrate, free_run_residuals
+from deatwin.ident.greybox.fit import Calibration, Problem, calibrate
+from deatwin.ident.greybox.parts import Part, free_run_residuals
 from deatwin.ident.greybox.tangent import taken_off, tangent_basis
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.discover.dictionary import POSITION, RATE, dictionary, evaluated, signals_along

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Part
+from deatwin.ident.greybox.parts import Part
 from deatwin.ident.mismatch.datasets import samples
 from deatwin.ident.mismatch.gate import suspects
 from deatwin.ident.soundness import noise_of_bends, resolution

@@ -8,7 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Calibration, Part, free_run_residuals
+from deatwin.ident.greybox.fit import Calibration
+from deatwin.ident.greybox.parts import Part, free_run_residuals
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.excess import Excess, excess_over_floor
 from deatwin.ident.mismatch.floor import with_model_error

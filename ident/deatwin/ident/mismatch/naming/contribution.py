@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Calibration, Part, simulated
+from deatwin.ident.greybox.fit import Calibration
+from deatwin.ident.greybox.parts import Part, simulated
 from deatwin.ident.mismatch.bench import Bench
 
 __all__ = ["contribution", "readings_of_fit"]

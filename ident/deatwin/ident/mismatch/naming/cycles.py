@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from deatwin.ident.greybox.fit import Part
+from deatwin.ident.greybox.parts import Part
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.refit.fitted import fitted_effect
 

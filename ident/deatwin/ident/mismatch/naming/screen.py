@@ -9,7 +9,8 @@ from functools import partial
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Calibration, Part, reading_times, simulated
+from deatwin.ident.greybox.fit import Calibration
+from deatwin.ident.greybox.parts import Part, reading_times, simulated
 from deatwin.ident.greybox.tangent import taken_off, tangent_basis
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.contribution import readings_of_fit

@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Calibration, reading_times
+from deatwin.ident.greybox.fit import Calibration
+from deatwin.ident.greybox.parts import reading_times
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.floor import floor_of
 from deatwin.ident.mismatch.naming.candidate import Candidate, noise_seen

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Part, calibrate
+from deatwin.ident.greybox.fit import calibrate
+from deatwin.ident.greybox.parts import Part
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.screen import Lead
 from deatwin.ident.mismatch.refit.search import ROUGH, opening

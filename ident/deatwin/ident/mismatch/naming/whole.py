@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Part, calibrate
+from deatwin.ident.greybox.fit import calibrate
+from deatwin.ident.greybox.parts import Part
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import STRONG, Naming, cannot_rule_out, decide, is_as_likely, normalised

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Calibration, Part, free_run_residuals
+from deatwin.ident.greybox.fit import Calibration
+from deatwin.ident.greybox.parts import Part, free_run_residuals
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.candidate import Candidate, judge, noise_seen
 from deatwin.ident.mismatch.refit.search import (

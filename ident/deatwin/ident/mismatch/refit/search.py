@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Calibration, Part, calibrate, free_run_residuals, reading_times
+from deatwin.ident.greybox.fit import Calibration, calibrate
+from deatwin.ident.greybox.parts import Part, free_run_residuals, reading_times
 from deatwin.plant.model import Plant
 
 __all__ = [

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import stdtrit
 
-from deatwin.ident.greybox.fit import Calibration, Part
+from deatwin.ident.greybox.fit import Calibration
+from deatwin.ident.greybox.parts import Part
 from deatwin.ident.greybox.tangent import taken_off, tangent_basis
 
 __all__ = ["Constancy", "constancies"]

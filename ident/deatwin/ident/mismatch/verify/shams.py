@@ -13,7 +13,8 @@ from enum import Enum
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Calibration, Part, Problem
+from deatwin.ident.greybox.fit import Calibration, Problem
+from deatwin.ident.greybox.parts import Part
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from deatwin.ident.greybox.fit import Part, Problem, calibrate
+from deatwin.ident.greybox.fit import Problem, calibrate
+from deatwin.ident.greybox.parts import Part
 from deatwin.ident.mismatch.advise import distance, question
 from deatwin.ident.mismatch.advise.advise import SCREENED, _labels, _needed, advise
 from deatwin.ident.mismatch.advise.waveforms import BIPOLAR, REPERTOIRE, Limits, bears, limits_of, safe_limits, waveform

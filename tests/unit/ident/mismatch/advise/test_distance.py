@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from deatwin.ident.greybox.fit import Calibration, Part, calibrate, simulated
+from deatwin.ident.greybox.fit import Calibration, calibrate
+from deatwin.ident.greybox.parts import Part, simulated
 from deatwin.ident.mismatch.advise.difference import Difference
 from deatwin.ident.mismatch.advise.distance import Memory, confusion, distance_squared, separation
 from deatwin.plant import (

@@ -9,7 +9,8 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import kstwobign
 
-from deatwin.ident.greybox.fit import Part, calibrate
+from deatwin.ident.greybox.fit import calibrate
+from deatwin.ident.greybox.parts import Part
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.detect import Leftover, Origin, detect, detect_in, leftover_of, origin_of
 from deatwin.ident.mismatch.detect.law import LEVEL, Law

@@ -10,7 +10,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from deatwin.ident.greybox.fit import Part, calibrate
+from deatwin.ident.greybox.fit import calibrate
+from deatwin.ident.greybox.parts import Part
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.discover.dictionary import dictionary, evaluated, signals_along
 from deatwin.ident.mismatch.discover.discover import Discovery, discover

@@ -7,7 +7,8 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
-from deatwin.ident.greybox.fit import Part, calibrate
+from deatwin.ident.greybox.fit import calibrate
+from deatwin.ident.greybox.parts import Part
 from deatwin.ident.mismatch.naming.contribution import contribution
 from deatwin.ident.mismatch.naming.siblings import siblings
 from deatwin.plant import (

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from deatwin.ident.greybox import Part, calibrate
-from deatwin.ident.greybox.fit import simulated
+from deatwin.ident.greybox.parts import simulated
 from deatwin.ident.mismatch.refit import search
 from deatwin.ident.mismatch.refit.search import in_its_gap
 from deatwin.plant import Diaphragm, Experiment, Plant, ReadingTime, Recording, SensorJump

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from deatwin.ident.greybox.fit import Part, calibrate
+from deatwin.ident.greybox.fit import calibrate
+from deatwin.ident.greybox.parts import Part
 from deatwin.ident.mismatch.verify.constancy import SURELY, Constancy, constancies
 from deatwin.plant import Delay, Diaphragm, Experiment, Plant, Recording
 from deatwin.plant.excitation import band_limited_noise
