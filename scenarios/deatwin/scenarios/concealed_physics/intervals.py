@@ -106,7 +106,7 @@ def cover(spec: IntervalSpec) -> dict[str, Any]:
     -------
     dict
         Plain data: the effect's parameters with truth and interval, SI. The time of an event is left out: only a
-        sample or two know of it, so it is searched for and has no interval.
+        sample or two know of it, so it is searched for, and the interval by its derivative is not what that leaves.
 
     Raises
     ------

@@ -5,11 +5,12 @@ Sets that suffice only as far as anybody knows the plant's own error are left fo
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.cycles import shows_its_cycles
-from deatwin.ident.mismatch.naming.decide import STRONG, Naming, with_distances
+from deatwin.ident.mismatch.naming.decide import STRONG, Naming, cannot_rule_out, with_distances
 from deatwin.ident.mismatch.naming.limits import with_limits
 from deatwin.ident.mismatch.naming.overlap import with_overlap
 from deatwin.ident.mismatch.naming.pairs import barely
@@ -128,10 +129,10 @@ def settled(search: Search, stage: Sequence[Names]) -> Naming:
     return _surely(search, lambda: _settled(search, stage), _enough)
 
 
-def on_everything(search: Search, naming: Naming) -> Naming:
-    """A decision with the rivals that all recordings together bring back.
+def on_everything(search: Search, naming: Naming) -> Iterator[Naming]:
+    """A decision with the rivals that all recordings together bring back, for each order in which it may be verified.
 
-    And those that the best one has become, and those that may do what two effects have in common.
+    And with those that its best one has become, and those that may do what two effects have in common.
 
     Parameters
     ----------
@@ -140,12 +141,15 @@ def on_everything(search: Search, naming: Naming) -> Naming:
     naming : Naming
         The decision over the fitted part.
 
-    Returns
-    -------
+    Yields
+    ------
     Naming
+        As `shown_first` has it; then, where that is another order, as the evidence has it.
     """
     judged = judged_on_everything(naming, search.bench, search.is_possible)
-    return shown_first(search, with_overlap(with_limits(judged, search.is_possible), search.is_possible))
+    shown = shown_first(search, judged)
+    for answer in (judged,) if shown is judged else (shown, judged):
+        yield with_overlap(with_limits(answer, search.is_possible), search.is_possible)
 
 
 def shown_first(search: Search, naming: Naming) -> Naming:
@@ -161,13 +165,21 @@ def shown_first(search: Search, naming: Naming) -> Naming:
     Returns
     -------
     Naming
+        Also with the rivals that its new best one cannot rule out.
     """
     everything = search.bench.everything
     if naming.best is None or shows_its_cycles(naming.best, everything):
         return naming
-    shown = [c for c in naming.rivals if shows_its_cycles(c, everything)]
+    shown = [c for c in naming.rivals if search.is_own(c) and shows_its_cycles(c, everything)]
     enough = [c for c in shown if _nearly_explains(search, c)]
-    return naming.led_by(likeliest(enough)) if enough else naming
+    if not enough:
+        return naming
+    first = likeliest(enough)
+    led = naming.led_by(first)
+    kept = {first.effects, *(rival.effects for rival in led.rivals)}
+    beside = [c for c in naming.candidates if c.effects in naming.probabilities and c.effects not in kept]
+    near = [c for c in beside if search.is_own(c) and search.is_possible(c) and cannot_rule_out(c, first)]
+    return replace(led, rivals=(*led.rivals, *near))
 
 
 def _surely(
@@ -182,7 +194,8 @@ def _surely(
 
 
 def _over_pairs(search: Search) -> Naming:
-    return _enough_of(search, _possible_pairs(search), decided)
+    naming = decided(search, _possible_pairs(search))
+    return _sufficing(search, _possible_pairs(search)) if naming.best is None else naming
 
 
 def _possible_pairs(search: Search) -> list[Names]:
@@ -190,14 +203,7 @@ def _possible_pairs(search: Search) -> list[Names]:
 
 
 def _enough(search: Search, stage: Sequence[Names]) -> Naming:
-    return _enough_of(search, stage, _settled)
-
-
-def _enough_of(
-    search: Search, stage: Sequence[Names], decision: Callable[[Search, Sequence[Names]], Naming]
-) -> Naming:
-    """A decision over a stage, or where nothing explains the recordings, that over what nearly does."""
-    naming = decision(search, stage)
+    naming = _settled(search, stage)
     return _sufficing(search, stage) if naming.best is None else naming
 
 

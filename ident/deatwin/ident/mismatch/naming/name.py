@@ -22,6 +22,8 @@ __all__ = ["explanations", "name_causes"]
 
 MOST_CAUSES = 3
 """More effects at once are not told apart."""
+_InForm = tuple[Search, list[Names], Naming]
+"""A search in one form of the plant, the single effects that were tried there, and the decision over them."""
 
 
 def name_causes(
@@ -89,7 +91,8 @@ def explanations(
     Yields
     ------
     Naming
-        At most two; the second one without a best where nothing else explains the recordings.
+        At most two, each in two orders where an effect leads that was hardly recorded; the last one without a best
+        where nothing else explains the recordings.
     """
 
     def tell(number: int, share: float) -> None:
@@ -100,28 +103,33 @@ def explanations(
     stage = search.beside((), partial(tell, 0))
     search.judge_by_the_best(stage)
     naming = decided(search, stage)
-    own, taken = (search, stage), (search, stage, naming)
+    own = taken = search, stage, naming
     misread = [rival for rival in rivals if search.may_be_misread(stage, naming, rival)]
     if misread:
-        taken = _best_form([own, *(in_form(search, rival, stage) for rival in misread)])
+        taken = _best_form([own, *(_decided_in_form(search, rival, stage) for rival in misread)])
     search, naming = _with_more(taken, own, tell)
     fit = search.tried[()].calibration
     others = [form for form in (base, *rivals) if form.calibration is not fit]
     naming = with_a_second(search, naming)
     simplest, first = with_fewer(search, naming, others)
-    yield _final(simplest, first)
+    yield from _final(simplest, first)
     if simplest is not search and naming.best is not None:
-        yield _final(search, naming)
+        yield from _final(search, naming)
     elif first.best is not None and len(first.best.effects) == 1:
-        yield _final(simplest, of_two(simplest))
+        yield from _final(simplest, of_two(simplest))
 
 
-def _final(search: Search, naming: Naming) -> Naming:
-    return replace(on_everything(search, naming), failed=tuple(search.failed))
+def _final(search: Search, naming: Naming) -> Iterator[Naming]:
+    return (replace(answer, failed=tuple(search.failed)) for answer in on_everything(search, naming))
+
+
+def _decided_in_form(search: Search, rival: Candidate, stage: Sequence[Names]) -> _InForm:
+    other, found = in_form(search, rival, stage)
+    return other, found, decided(other, found)
 
 
 def _with_more(
-    taken: tuple[Search, list[Names], Naming], own: tuple[Search, list[Names]], tell: Callable[[int, float], None]
+    taken: _InForm, own: _InForm, tell: Callable[[int, float], None]
 ) -> tuple[Search, Naming]:
     """The decision over one effect or more in the form that was `taken`; where there is none, in the rig file's `own`.
 
@@ -129,9 +137,9 @@ def _with_more(
     only is what that other reading does.
     """
     search, naming = taken[0], _beside_each_other(*taken, tell)
-    first, alone = own
+    first, alone, _ = own
     if naming.best is None and search is not first and first.one_takes_most(alone):
-        again = _beside_each_other(first, alone, decided(first, alone), lambda number, share: None)
+        again = _beside_each_other(*own, lambda number, share: None)
         if again.best is not None and len(again.best.effects) > 1:
             return first, again
     return search, naming
@@ -155,7 +163,7 @@ def _beside_each_other(
     return nearly(search) if naming.best is None else naming
 
 
-def _best_form(forms: Sequence[tuple[Search, list[Names]]]) -> tuple[Search, list[Names], Naming]:
+def _best_form(forms: Sequence[_InForm]) -> _InForm:
     """The form in which one effect suffices with the most evidence, or else leaves clearly less.
 
     Or else one that by itself leaves hardly more than the first form does with an effect: another reading of the rig
@@ -163,23 +171,22 @@ def _best_form(forms: Sequence[tuple[Search, list[Names]]]) -> tuple[Search, lis
     same effects only where the plant's error could not have made it. What suffices in other forms and cannot be ruled
     out is a rival.
     """
-    answers = [(search, stage, decided(search, stage)) for search, stage in forms]
-    sufficing = [(naming.best, k) for k, (_, _, naming) in enumerate(answers) if naming.best is not None]
+    sufficing = [(naming.best, k) for k, (_, _, naming) in enumerate(forms) if naming.best is not None]
     if not sufficing:
-        least = [search.least(stage) for search, stage in forms]
+        least = [search.least(stage) for search, stage, _ in forms]
         lowest = int(np.argmin(least))
         if least[lowest] < CLEARLY_BETTER * least[0]:
-            return answers[lowest]
-        missing = [search.missing([()]) for search, _ in forms]
+            return forms[lowest]
+        missing = [search.missing([()]) for search, _, _ in forms]
         simplest = int(np.argmin(missing))
-        return answers[simplest if CLEARLY_BETTER * missing[simplest] < forms[0][0].missing(forms[0][1]) else 0]
+        return forms[simplest if CLEARLY_BETTER * missing[simplest] < forms[0][0].missing(forms[0][1]) else 0]
     best, number = max(sufficing, key=lambda pair: pair[0].evidence)
     first, k = sufficing[0]
     may_lead = cannot_rule_out if first.effects == best.effects else is_as_likely
     if k == 0 and may_lead(first, best):
         best, number = first, 0
-    search, stage, naming = answers[number]
-    elsewhere = [c for _, _, n in answers if n is not naming and n.best is not None for c in (n.best, *n.rivals)]
+    search, stage, naming = forms[number]
+    elsewhere = [c for _, _, n in forms if n is not naming and n.best is not None for c in (n.best, *n.rivals)]
     seen = {best.effects, *(rival.effects for rival in naming.rivals)}
     further = [c for c in elsewhere if c.effects not in seen and cannot_rule_out(c, best)]
     return search, stage, naming.beside(further)

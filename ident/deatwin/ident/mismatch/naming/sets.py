@@ -290,6 +290,11 @@ class Search:
         for names in stage:
             self.tried[names] = self.tried[names].with_floor(error)
 
+    def is_own(self, candidate: Candidate) -> bool:
+        """Whether a candidate was fitted in this search, in this form of the plant."""
+        known = self.tried.get(candidate.effects)
+        return known is not None and known.calibration is candidate.calibration
+
     def counts(self, candidate: Candidate) -> bool:
         """Whether a candidate takes away most of the mismatch, and its effects do, in a plant within its ranges."""
         return self.is_possible(candidate) and acts(candidate, self.tried[()])

@@ -45,6 +45,8 @@ EVENT_STEP = 0.02
 FINEST = 1 / 8
 """and of a sample, from which on it is moved no more: the noise of a jump that is six times as large leaves 0.17 of its
 time, since one sample knows of it, whose reading rises by the jump within a sample."""
+SAME = 1e-6
+"""Of a sample: nearer to a time that was tried an event is not tried again."""
 AROUND = 4
 """Samples on either side of a least squared residual, each of which may hide a lesser one: noise roughens it."""
 PROMISING = 1.3
@@ -267,10 +269,13 @@ def _moved(plant: Plant, name: str, parts: Sequence[Part], within: tuple[float, 
     first, last = max(times.min(), known.lower, within[0]), min(times.max(), known.upper, within[1])
     step, best, least = min(EVENT_STEP * float(np.ptp(times)), (last - first) / 2), plant, _squares(plant, parts)
     around = [side * k * sample for k in range(1, AROUND + 1) for side in (-1, 1)]
+    seen = [known.value]
     while True:
-        at = best.parameters[name].value
         offsets = (-step, step) if step > FINEST * sample else around
-        tried = [best.with_values({name: at + offset}) for offset in offsets if first < at + offset < last]
+        places = [best.parameters[name].value + offset for offset in offsets]
+        new = [at for at in places if first < at < last and np.abs(np.subtract(seen, at)).min() > SAME * sample]
+        seen += new  # what was seen before leaves no less than the best does
+        tried = [best.with_values({name: at}) for at in new]
         losses = [_squares(other, parts) for other in tried]
         if losses and min(losses) < least:
             least, best = min(losses), tried[int(np.argmin(losses))]

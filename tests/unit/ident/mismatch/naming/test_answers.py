@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deatwin.ident.mismatch.naming.answers import decided, decided_surely, nearly, settled, shown_first
+from deatwin.ident.mismatch.naming.answers import decided, decided_surely, nearly, on_everything, settled, shown_first
 from deatwin.ident.mismatch.naming.decide import Naming
 from deatwin.ident.mismatch.naming.sets import Search
 from deatwin.ident.mismatch.naming.worth import suffices
@@ -40,6 +40,17 @@ def test_what_is_likelier_by_far_is_so_by_what_the_two_differ_in(candidate, sear
     assert (found.best is likelier) is leads
 
 
+@pytest.fixture
+def shown(monkeypatch):
+    """``shown(*names)``: of these effects enough was recorded."""
+
+    def only(*names: str) -> None:
+        shows = "deatwin.ident.mismatch.naming.answers.shows_its_cycles"
+        monkeypatch.setattr(shows, lambda candidate, parts: {*candidate.effects} <= {*names})
+
+    return only
+
+
 @pytest.mark.parametrize(
     ("seen", "left", "lead"),
     [
@@ -49,10 +60,9 @@ def test_what_is_likelier_by_far_is_so_by_what_the_two_differ_in(candidate, sear
         ({"creep"}, 4.0, "thermal_stiffness"),  # the other one does not suffice
     ],
 )  # fmt: skip
-def test_a_cycle_that_was_hardly_recorded_does_not_lead(candidate, search_over, monkeypatch, seen, left, lead):
+def test_a_cycle_that_was_hardly_recorded_does_not_lead(candidate, search_over, shown, seen, left, lead):
     """As a rule it is the likeliest: with a period and a phase that are free it is any slow curve."""
-    shows = "deatwin.ident.mismatch.naming.answers.shows_its_cycles"
-    monkeypatch.setattr(shows, lambda candidate, parts: set(candidate.effects) <= seen)
+    shown(*seen)
     swing, creep, base = candidate("thermal_stiffness", rms=2.05), candidate("creep", rms=left), candidate(rms=9.0)
     likely = {swing.effects: 0.9, creep.effects: 0.1}
     naming = Naming(candidates=(base, swing, creep), best=swing, rivals=(creep,), probabilities=likely, noise=2.0)
@@ -60,6 +70,47 @@ def test_a_cycle_that_was_hardly_recorded_does_not_lead(candidate, search_over, 
     assert found.best.effects == (lead,)
     assert {c.effects for c in (found.best, *found.rivals)} == {swing.effects, creep.effects}
     assert found.probabilities == likely
+
+
+@pytest.fixture
+def led_by_a_swing(candidate, search_over):
+    """A search, and its decision: a swing, and a creep that a drift comes nearer to than to the swing."""
+    base, swing, creep = candidate(rms=9.0), candidate("thermal_stiffness", rms=2.0), candidate("creep", rms=2.1)
+    drift, delay = candidate("sensor_drift", rms=2.15), candidate("delay", rms=4.0)
+    search = search_over(base, swing, creep, drift, delay)
+    likely = {c.effects: p for c, p in ((swing, 0.9), (creep, 0.08), (drift, 0.02), (delay, 0.0))}
+    tried = tuple(search.tried.values())
+    return search, Naming(candidates=tried, best=swing, rivals=(creep,), probabilities=likely, noise=2.0)
+
+
+def test_what_leads_instead_brings_its_own_rivals(led_by_a_swing, shown):
+    """Against the swing the drift has 100 ln(2.15/2.0) = 7.2 nats, against the creep 2.4: less than ln 20."""
+    search, naming = led_by_a_swing
+    shown("creep", "sensor_drift")
+    found = shown_first(search, naming)
+    assert found.best.effects == ("creep",)
+    assert [c.effects for c in found.rivals] == [("thermal_stiffness",), ("sensor_drift",)]
+
+
+def test_what_was_fitted_in_another_form_does_not_lead(led_by_a_swing, candidate, shown):
+    """It would be judged against this form without effects, and its reading of the rig would count for it."""
+    search, naming = led_by_a_swing
+    elsewhere = replace(naming, rivals=(candidate("creep", rms=2.1),))
+    shown("creep")
+    assert shown_first(search, elsewhere) is elsewhere
+
+
+@pytest.mark.parametrize(("seen", "orders"), [
+    (("creep",), [("creep",), ("thermal_stiffness",)]),
+    (("creep", "thermal_stiffness"), [("thermal_stiffness",)]),
+])  # fmt: skip
+def test_what_the_evidence_has_first_comes_after_what_was_shown(led_by_a_swing, shown, monkeypatch, seen, orders):
+    """Were the one that leads refuted, nobody would have asked the likelier one."""
+    search, naming = led_by_a_swing
+    shown(*seen)
+    for step in ("judged_on_everything", "with_limits", "with_overlap"):
+        monkeypatch.setattr(f"deatwin.ident.mismatch.naming.answers.{step}", lambda naming, *_: naming)
+    assert [answer.best.effects for answer in on_everything(search, naming)] == orders
 
 
 def test_a_pair_gives_way_to_one_effect_whose_rough_fit_was_far_from_its_minimum(candidate, search_over, monkeypatch):

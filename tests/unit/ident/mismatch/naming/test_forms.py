@@ -20,43 +20,30 @@ from deatwin.ident.mismatch.refit.base import _preferred
 
 
 @pytest.fixture
-def known_answers(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Answers are the search's own, as `form` and `scripted` give them."""
-    name = "deatwin.ident.mismatch.naming.name"
-    for asked in ("decided", "decided_surely", "settled"):
-        monkeypatch.setattr(f"{name}.{asked}", lambda search, stage, asked=asked: getattr(search, asked)(stage))
-    monkeypatch.setattr(f"{name}.nearly", lambda search: search.nearly())
-
-
-@pytest.fixture
-def form(
-    noise: float, is_adequate: Callable[[Candidate], bool], known_answers: None
-) -> Callable[..., tuple[Any, list[Any]]]:
+def form(noise: float, is_adequate: Callable[[Candidate], bool]) -> Callable[..., tuple[Any, list[Any], Naming]]:
     """``form(*explanations, least=1.0)``: a search in one form of the rig, and what it decided."""
 
     def make(*explanations: Candidate, least: float = 1.0):
-        naming = decide(explanations, explanations, noise, is_adequate, is_adequate)
-        return SimpleNamespace(
-            decided=lambda stage: naming, least=lambda stage: least,
-            missing=lambda stage: 9.0 if stage == [()] else least,
-        ), []  # fmt: skip
+        search = SimpleNamespace(least=lambda stage: least, missing=lambda stage: 9.0 if stage == [()] else least)
+        return search, [], decide(explanations, explanations, noise, is_adequate, is_adequate)
 
     return make
 
 
 @pytest.fixture
-def scripted(nothing: Naming, known_answers: None) -> Callable[..., tuple[Any, list[Any]]]:
+def scripted(nothing: Naming, monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[Any, list[Any], Naming]]:
     """``scripted(stages, most=True)``: a search whose decisions over one effect, two and three are given."""
 
     def make(stages: list[Naming], most: bool = True):
-        left = iter(stages[1:])
         search = SimpleNamespace(
-            decided=lambda stage: stages[0], settled=lambda stage: nothing,
-            with_one_more=lambda stage, told: [("a", "b")], decided_surely=lambda stage: next(left),
-            nearly=lambda: nothing, one_takes_most=lambda stage: most,
-        )  # fmt: skip
-        return search, [("a",)]
+            with_one_more=lambda stage, told: [("a", "b")], one_takes_most=lambda stage: most, left=iter(stages[1:])
+        )
+        return search, [("a",)], stages[0]
 
+    name = "deatwin.ident.mismatch.naming.name"
+    monkeypatch.setattr(f"{name}.decided_surely", lambda search, stage: next(search.left))
+    monkeypatch.setattr(f"{name}.settled", lambda search, stage: nothing)
+    monkeypatch.setattr(f"{name}.nearly", lambda search: nothing)
     return make
 
 
@@ -142,10 +129,15 @@ def test_where_nothing_suffices_a_form_must_leave_clearly_less(candidate, form, 
 @pytest.mark.parametrize("bare, taken", [(3.0, 1), (3.2, 0)])
 def test_another_reading_of_the_rig_costs_less_than_an_effect_that_does_as_much(candidate, search_over, bare, taken):
     """A delay of a sample, where the readings were taken at the start of their rows, and something else is missing."""
+
+    def of(base, single):
+        search = search_over(base, single)
+        return search, [single.effects], decided(search, [single.effects])
+
     delayed = candidate("delay", rms=2.9)  # 4.4 beyond the noise; 5.0 and 6.2 of the other form: 1.25 times are 5.5
-    nominal = search_over(candidate(rms=18.0), delayed), [delayed.effects]
+    nominal = of(candidate(rms=18.0), delayed)
     jumped = candidate("sensor_jump", rms=2.8)
-    other = search_over(candidate(rms=bare), jumped), [jumped.effects]
+    other = of(candidate(rms=bare), jumped)
     search, _, naming = _best_form([nominal, other])
     assert naming.best is None
     assert search is (nominal, other)[taken][0]
@@ -162,7 +154,7 @@ def test_what_another_form_cannot_explain_is_looked_for_in_the_rig_files_own(
     """A sensor that lags by a sample, say, beside an end stop: rows read a sample early would be the lag."""
     both = replace(nothing, best=candidate(*found, rms=2.05))
     own, other = scripted([nothing, both], most), scripted([nothing, nothing, nothing])
-    search, naming = _with_more((*other, nothing), own, lambda number, share: None)
+    search, naming = _with_more(other, own, lambda number, share: None)
     assert (naming.best and naming.best.effects) == answer
     assert search is (own if answer else other)[0]
 

@@ -199,7 +199,7 @@ def explained_alone(leaving, monkeypatch):
     monkeypatch.setattr(name, "Search", lambda *_: search)
     monkeypatch.setattr(search, "judge_by_the_best", lambda stage: None)
     monkeypatch.setattr(name, "decided", lambda search, stage: alone)
-    monkeypatch.setattr(name, "on_everything", lambda search, naming: naming)
+    monkeypatch.setattr(name, "on_everything", lambda search, naming: [naming])
     monkeypatch.setattr(name, "_with_more", lambda *_: (search, alone))
     monkeypatch.setattr(name, "with_fewer", lambda search, naming, forms: (search, naming))
     return search, alone

@@ -83,7 +83,14 @@ def rough(monkeypatch) -> Callable[[Callable[[float], float]], float]:
     """``rough(loss)``: where the search puts an event at 10 s, one sample being a second, by the loss at each time."""
 
     def placed(loss: Callable[[float], float]) -> float:
-        monkeypatch.setattr(search, "_squares", lambda plant, parts: loss(plant.at))
+        tried: list[float] = []
+
+        def squares(plant, parts):
+            assert plant.at not in tried  # each costs a simulation
+            tried.append(plant.at)
+            return loss(plant.at)
+
+        monkeypatch.setattr(search, "_squares", squares)
         monkeypatch.setattr(search, "reading_times", lambda plant, parts: np.arange(0.0, 101.0))
         return search._moved(_Timed(10.0), AT, []).at
 
