@@ -307,7 +307,7 @@ class Search:
         return takes_most(candidate, self.tried[()])
 
     def is_padded(self, names: Names) -> bool:
-        """Whether what would be an explanation has an effect that adds nothing to it."""
+        """Whether what would be an explanation, the effects `names`, has one that adds nothing to it."""
         return len(names) > 1 and self._takes_most(self.tried[names]) and not self.each_counts(names)
 
     def decision(self, competing: Sequence[Candidate], good: Callable[[Candidate], bool]) -> Naming:
