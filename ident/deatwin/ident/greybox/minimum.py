@@ -21,7 +21,8 @@ TOLERANCE = 1e-4
 """Relative change of the squared residual at which a fit has settled: with 10,000 samples of white noise it
 changes the log-likelihood by a half."""
 LOOKS = 2
-"""Points from which the linearised minimum is looked at before a fit is given up: from far away the first may err."""
+"""Points, each better than all before, from which the linearised minimum is looked at before a fit is given up: from
+far away the first may err, and a trial point that is taken back may be farther still."""
 SAME = 1e-6
 """Distance of two points in coordinates, of which one is about the logarithm of a value."""
 
@@ -73,7 +74,7 @@ def minimise(
         Relative change of the squared residual at which the fit has settled.
     hopeless : float
         Rms residual, SI: where the linearised problem's minimum is above it at each of the first `LOOKS` points, the
-        fit is given up.
+        fit is given up; points that are no better than one before are not looked at.
 
     Returns
     -------
@@ -135,7 +136,7 @@ class _Memory:
         self.problem, self.hopeless = problem, hopeless
         self._smooth, self._start = problem.smooth(), problem.start()
         self.evaluations = 0
-        self._looks: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
+        self._looks: list[np.ndarray] = []
         self._last: tuple[np.ndarray, tuple[np.ndarray, np.ndarray] | None] | None = None
         self._lowest: tuple[np.ndarray, tuple[np.ndarray, np.ndarray]] | None = None
         self._before: np.ndarray | None = None
@@ -159,7 +160,7 @@ class _Memory:
             self._before = found[0]
             if self._lowest is None or found[0] @ found[0] < self._lowest[1][0] @ self._lowest[1][0]:
                 self._lowest = x.copy(), found
-            self._look(x, *found)
+                self._look(x, *found)
         return found
 
     def _look(self, x: np.ndarray, residuals: np.ndarray, jacobian: np.ndarray) -> None:
@@ -170,10 +171,10 @@ class _Memory:
             self.hopeless = np.inf  # it stays worth its simulations
             return
         # A start on a bound is moved off it by a hair: that is no other point.
-        if not any(np.allclose(x, seen, rtol=0.0, atol=SAME) for seen, *_ in self._looks):
-            self._looks.append((x.copy(), residuals, jacobian))
+        if not any(np.allclose(x, seen, rtol=0.0, atol=SAME) for seen in self._looks):
+            self._looks.append(x.copy())
         if len(self._looks) == LOOKS:
-            raise _GivenUp(*min(self._looks, key=lambda look: float(look[1] @ look[1])))
+            raise _GivenUp(x.copy(), residuals, jacobian)
 
     def residuals(self, x: np.ndarray) -> np.ndarray:
         found = self(x)

@@ -86,6 +86,31 @@ def test_a_start_on_a_bound_counts_as_one_look():
     assert lost.coordinates == pytest.approx(0.4, abs=0.5)
 
 
+class Saturating(Bowl):
+    """Away from 30 the reading hardly answers, so that a full step goes to where it answers less still."""
+
+    def __init__(self):
+        super().__init__([33.0], lambda x: False)
+        self.seen = []
+
+    def bounds(self):
+        return np.array([0.0]), np.array([100.0])
+
+    def evaluate(self, x):
+        away = x[0] - 30.0
+        self.seen.append(float(np.arctan(away) ** 2 + 1e-4))
+        return np.array([-np.arctan(away), 0.01]), np.array([[1 / (1 + away**2)], [0.0]])
+
+
+def test_a_step_that_is_taken_back_is_no_reason_to_give_up():
+    """A full step from 33 ends at 33 - 10 arctan 3 = 20.5, where more is left: two points, and nothing learned."""
+    lost = minimise(Saturating(), hopeless=0.005)  # a residual of 0.01 stays, to first order and in truth
+    first = minimise(problem := Saturating(), evaluations=2)
+    assert problem.seen[1] > problem.seen[0] and first.coordinates == pytest.approx([33.0])
+    assert lost.status is FitStatus.GIVEN_UP and lost.evaluations > LOOKS
+    assert lost.residuals @ lost.residuals < problem.seen[0]
+
+
 class Notch(Bowl):
     """A narrow valley beside the way: trial points in it are worse than where they come from, and are taken back."""
 

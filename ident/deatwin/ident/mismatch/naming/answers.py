@@ -13,7 +13,7 @@ from deatwin.ident.mismatch.naming.cycles import shows_its_cycles
 from deatwin.ident.mismatch.naming.decide import STRONG, Naming, cannot_rule_out, with_distances
 from deatwin.ident.mismatch.naming.limits import with_limits
 from deatwin.ident.mismatch.naming.overlap import with_overlap
-from deatwin.ident.mismatch.naming.pairs import barely
+from deatwin.ident.mismatch.naming.pairs import barely, mostly_one
 from deatwin.ident.mismatch.naming.sets import Names, Search
 from deatwin.ident.mismatch.naming.versus import advantage, likeliest
 from deatwin.ident.mismatch.naming.whole import judged_on_everything, settled_on_everything
@@ -83,11 +83,7 @@ def of_two(search: Search) -> Naming:
     best = search.best_that_counts(_possible_pairs(search))
     if best is not None:
         search.replacing(best, best)
-    naming = _over_pairs(search)
-    if naming.best is None:
-        return naming
-    search.fit_fewer(naming.best.effects)  # a rough fit of one alone says little of what the other one does
-    return _over_pairs(search)
+    return _surely(search, lambda: _over_pairs(search), _of_none)
 
 
 def nearly(search: Search) -> Naming:
@@ -107,6 +103,7 @@ def nearly(search: Search) -> Naming:
         if naming.best is not None:
             return naming
     found = _surely(search, lambda: barely(search), _sufficing)
+    found = mostly_one(search) if found.best is None else found
     return naming if found.best is None else found
 
 
@@ -185,12 +182,24 @@ def shown_first(search: Search, naming: Naming) -> Naming:
 def _surely(
     search: Search, decision: Callable[[], Naming], over: Callable[[Search, Sequence[Names]], Naming]
 ) -> Naming:
-    """A decision, or the one over fewer effects than its best has, if one of these explains the recordings by now."""
-    naming = decision()
-    if naming.best is None:
-        return naming
-    again = over(search, search.fit_fewer(naming.best.effects))
-    return decision() if again.best is None else again
+    """A decision, or the one over fewer effects than its best has, if one of these explains the recordings by now.
+
+    A rough fit of one effect alone says little of what another one does beside it: what is decided for is fitted once
+    without each of its effects, and decided on again.
+    """
+    naming, sure = decision(), set[Names]()
+    while naming.best is not None and naming.best.effects not in sure:
+        sure.add(naming.best.effects)
+        again = over(search, search.fit_fewer(naming.best.effects))
+        if again.best is not None:
+            return again
+        naming = decision()
+    return naming
+
+
+def _of_none(search: Search, stage: Sequence[Names]) -> Naming:
+    """No decision over fewer effects: those were refuted."""
+    return search.decision((), lambda candidate: False)
 
 
 def _over_pairs(search: Search) -> Naming:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 __all__ = ["joint_trials"]
 
 FIRST = 3
-"""So many of the pairs that promise most are tried, where they were not yet."""
+"""So many of the pairs that were not tried and promise most are."""
 
 
 def joint_trials(search: Search) -> list[Trial]:
@@ -33,14 +33,18 @@ def joint_trials(search: Search) -> list[Trial]:
     Returns
     -------
     list of Trial
-        The most promising first, without pairs that were tried: none where a step from the best has found them.
+        Of pairs that were not tried the most promising, the first one first, as far as they promise more than the best
+        pair that was tried has kept.
     """
     given = frozenset(search.bench.nominal.effect_names)
     tried = {frozenset(names) | given for names in search.tried}
+    kept = search.least_rms([names for names in search.tried if len(names) == 2]) ** 2
     promising: dict[frozenset[str], Trial] = {}
-    for _, trial in sorted(_of_all(search), key=lambda found: found[0]):
-        promising.setdefault(frozenset(trial.start.effect_names), trial)
-    return [promising[names] for names in list(promising)[:FIRST] if names not in tried]
+    for left, trial in sorted(_of_all(search), key=lambda found: found[0]):
+        names = frozenset(trial.start.effect_names)
+        if left < kept and names not in tried:
+            promising.setdefault(names, trial)
+    return list(promising.values())[:FIRST]
 
 
 def _of_all(search: Search) -> Iterator[tuple[float, Trial]]:

@@ -19,7 +19,7 @@ from deatwin.ident.mismatch.naming.onsets import event_leads
 from deatwin.ident.mismatch.naming.screen import Footprint, Lead, footprints, leads, most_promising
 from deatwin.ident.mismatch.naming.shortlist import shortlist
 from deatwin.ident.mismatch.naming.siblings import siblings
-from deatwin.ident.mismatch.naming.trial import Fitted, Trial, run_trials, trials_of, unbent_like
+from deatwin.ident.mismatch.naming.trial import Fitted, Trial, refitted, run_trials, trials_of, unbent_like
 from deatwin.ident.mismatch.naming.worth import TRIFLE, acts, explained, gained, held_back_by, takes_most
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant.model import Plant
@@ -323,12 +323,16 @@ class Search:
         What is returned are the sets that could be fitted.
         """
         found = run_trials(self.bench, trials, self.noise, finished, self.fitted, rival)
+        self._know(found, [self._names(t) for t in trials])
+        return [candidate.effects for candidate in found]
+
+    def _know(self, found: Sequence[Candidate], asked: Sequence[Names]) -> None:
+        """Keep what was `found` of the sets that were `asked` for."""
         self.tried.update({candidate.effects: candidate for candidate in found})
-        self.lost += ["+".join(self._names(t)) for t in trials if self._names(t) not in self.tried]
+        self.lost += ["+".join(names) for names in asked if names not in self.tried]
         # What a wrong plant leaves at the top of the spectrum is no noise: the best explanation shows the least.
         noise = min([self.noise, *(noise_seen(c.calibration, self.bench.fitted) for c in found)])
         self.tried = {names: replace(candidate, noise=noise) for names, candidate in self.tried.items()}
-        return [candidate.effects for candidate in found]
 
     def _fit_some(self, full: Names, rest: Names) -> None:
         """Fit some of the effects of a candidate."""
@@ -340,16 +344,18 @@ class Search:
 
         A fit of fewer effects that was given up or left rough may have been far from its minimum.
         """
-        for rest in each_without_one(full):
-            self.fit_from(full, rest)
-        return [rest for rest in each_without_one(full) if rest in self.tried]
+        fewer = each_without_one(full)
+        self.fit_from(full, fewer)
+        return [rest for rest in fewer if rest in self.tried]
 
-    def fit_from(self, full: Names, rest: Names) -> None:
-        """Fit `rest`, some of the effects of the set `full`, from the values of that, and keep the better fit."""
-        before, less = self.tried.get(rest), self.plant_of(full, rest)
-        self.attempt([Trial(start=less, bent=less, without=self.tried[()].calibration)])
-        if before is not None and before.calibration.rms <= self.tried[rest].calibration.rms:
-            self.tried[rest] = replace(before, noise=self.noise)
+    def fit_from(self, full: Names, several: Sequence[Names]) -> None:
+        """Fit `several` sets of effects of the set `full` from the values of that, and keep the better fits."""
+        before = {rest: self.tried[rest] for rest in several if rest in self.tried}
+        plants = [self.plant_of(full, rest) for rest in several]
+        self._know(refitted(self.bench, plants, self.noise, self.fitted), several)
+        for rest, known in before.items():
+            if known.calibration.rms <= self.tried[rest].calibration.rms:
+                self.tried[rest] = replace(known, noise=self.noise)
 
     def plant_of(self, full: Names, rest: Names) -> Plant:
         """The plant of the set `full` with the effects of `rest` only, not fitted anew."""

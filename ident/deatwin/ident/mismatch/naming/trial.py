@@ -16,7 +16,7 @@ from deatwin.ident.mismatch.refit.search import ROUGH, at_its_time, finish, in_i
 from deatwin.ident.parallel import run_jobs, stream_jobs
 from deatwin.plant.model import Plant
 
-__all__ = ["Fitted", "Trial", "run_trials", "trials_of", "unbent_like", "with_fitted"]
+__all__ = ["Fitted", "Trial", "refitted", "run_trials", "trials_of", "unbent_like", "with_fitted"]
 
 FAILED_SEARCH = 1.02
 """A fit that leaves more than was promised, by more than this ratio of the rms, has lost its way."""
@@ -33,7 +33,7 @@ MOSTLY = 0.5
 FIRST = 2
 """Trials that are made before the others, which must come near to the best of them."""
 OTHERWISE = (-1.0, 0.1, 1e-3)
-"""Shares of the strength of the last effect with which a fit begins, where it cannot with all of it."""
+"""Shares of the strength of the new effect with which a fit begins, where it cannot with all of it."""
 Fitted = Callable[[Calibration, np.ndarray | None], None]
 
 
@@ -137,6 +137,31 @@ def run_trials(
     finished_fits = run_jobs(_finished, [(bench, fits[k]) for k in near], workers=bench.jobs)
     for k, fit in zip(near, finished_fits, strict=True):
         fits[k] = fit
+    return _judged(bench, fits, noise, fitted)
+
+
+def refitted(bench: Bench, plants: Sequence[Plant], noise: float, fitted: Fitted | None = None) -> list[Candidate]:
+    """Fit plants from where they are, to the end, and judge them.
+
+    Parameters
+    ----------
+    bench : Bench
+        Recordings and number of workers.
+    plants : sequence of Plant
+        With effects, and values from another fit.
+    noise, fitted
+        As for `run_trials`.
+
+    Returns
+    -------
+    list of Candidate
+        In their order, without those that cannot be simulated.
+    """
+    fits = run_jobs(_from_there, [(bench, plant) for plant in plants], workers=bench.jobs)
+    return _judged(bench, [fit for fit in fits if fit.status.ok], noise, fitted)
+
+
+def _judged(bench: Bench, fits: Sequence[Calibration], noise: float, fitted: Fitted | None) -> list[Candidate]:
     judged = run_jobs(judge, [(bench, fit, noise) for fit in fits], workers=bench.jobs)
     candidates = [candidate for candidate in judged if candidate is not None]
     if fitted is not None:
@@ -190,7 +215,7 @@ def _tried(bench: Bench, trial: Trial, hopeless: float) -> Calibration:
     a little of it does not.
     """
     found = search(trial.start, bench.fitted, hopeless)
-    if trial.share > 0.0 and found.given_up and found.rms**2 < MOSTLY * trial.without.rms**2:
+    if found.given_up and found.rms**2 < MOSTLY * trial.without.rms**2:
         found = _better(found, roughly(found.plant, bench.fitted))  # from afar the linearised minimum errs most
     # The plant without the effect is a special case of the one with it: a worse fit is a failed search.
     if not found.status.ok or found.rms > FAILED_SEARCH * trial.promised:
@@ -198,11 +223,18 @@ def _tried(bench: Bench, trial: Trial, hopeless: float) -> Calibration:
         if again.status is FitStatus.STOPPED and _better(found, again) is again:
             again = _better(again, roughly(again.plant, bench.fitted, hopeless))
         found = _better(found, again)
-    for start in _otherwise(trial.start):
+    for start in _otherwise(trial):
         if found.status.ok:
             break
         found = search(start, bench.fitted, hopeless)
     return at_its_time(found, bench.fitted, hopeless) if found.status.ok else found
+
+
+def _from_there(bench: Bench, plant: Plant) -> Calibration:
+    """A plant fitted from its values; from far away where these cannot be simulated without what else was there."""
+    found = roughly(plant, bench.fitted)
+    found = found if found.status.ok else search(plant, bench.fitted)
+    return _finished(bench, at_its_time(found, bench.fitted)) if found.status.ok else found
 
 
 def _finished(bench: Bench, fit: Calibration) -> Calibration:
@@ -215,10 +247,11 @@ def _better(one: Calibration, other: Calibration) -> Calibration:
     return other if other.status.ok and (not one.status.ok or other.rms < one.rms) else one
 
 
-def _otherwise(plant: Plant) -> Iterator[Plant]:
-    """The same with other strengths of its last effect, as far as they are in its range."""
-    last = plant.effects[-1]
-    strength = plant.parameters[f"{last.name}.{last.strength}"]
+def _otherwise(trial: Trial) -> Iterator[Plant]:
+    """The plant with other strengths of the effects that are new in it, as far as they are in their ranges."""
+    plant, before = trial.start, trial.without.plant.effect_names
+    new = [plant.parameters[f"{e.name}.{e.strength}"] for e in plant.effects if e.name not in before]
     for share in OTHERWISE:
-        if strength.lower <= share * strength.value <= strength.upper:
-            yield plant.with_values({strength.name: share * strength.value})
+        moved = {p.name: share * p.value for p in new if p.lower <= share * p.value <= p.upper}
+        if moved:
+            yield plant.with_values(moved)

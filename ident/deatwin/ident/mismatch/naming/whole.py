@@ -184,5 +184,5 @@ def _settles(whole: Candidate, base: Candidate) -> bool:
 
 
 def _holds(candidate: Candidate, base: Candidate) -> bool:
-    """Whether a fit to the fitted part takes away most of what the base plant leaves of the unseen one."""
-    return share_explained(candidate.unseen_test, base.unseen_test) > MOST
+    """Whether a fit to the fitted part takes away most of what the base plant leaves of the unseen one, if it does."""
+    return not base.unseen_test.mismatch or share_explained(candidate.unseen_test, base.unseen_test) > MOST

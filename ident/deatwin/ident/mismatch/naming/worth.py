@@ -139,6 +139,8 @@ def share_explained(after: Excess, before: Excess) -> float:
 def explained(candidate: Candidate, base: Candidate) -> float:
     """Share of the explainable energy of the mismatch that a candidate takes away, on the part where it takes less.
 
+    A part on which the base plant leaves no certain mismatch has nothing to explain, and is passed over.
+
     Parameters
     ----------
     candidate, base : Candidate
@@ -149,10 +151,9 @@ def explained(candidate: Candidate, base: Candidate) -> float:
     float
         As `share_explained`.
     """
-    return min(
-        share_explained(candidate.fitted_test, base.fitted_test),
-        share_explained(candidate.unseen_test, base.unseen_test),
-    )
+    parts = [(candidate.fitted_test, base.fitted_test), (candidate.unseen_test, base.unseen_test)]
+    asked = [(after, before) for after, before in parts if before.mismatch] or parts
+    return min(share_explained(after, before) for after, before in asked)
 
 
 def suffices(candidate: Candidate, base: Candidate) -> bool:

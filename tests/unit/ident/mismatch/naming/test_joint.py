@@ -43,6 +43,7 @@ def search_with(*sets) -> SimpleNamespace:
     tried = {tuple(e.name for e in effects): fit_of(*effects) for effects in sets}
     return SimpleNamespace(
         tried=tried,
+        least_rms=lambda names: min((tried[n].calibration.rms for n in names), default=np.inf),
         known=lambda: known,
         event_leads=lambda *several: [() for _ in several],
         bench=SimpleNamespace(nominal=PLANT),
@@ -85,11 +86,30 @@ def test_what_the_own_parameters_of_a_fit_that_was_given_up_would_take_is_no_pro
 
 
 def test_pairs_that_were_tried_are_not_tried_again():
-    pair = (SensorDrift(), Creep())
-    anew = [names_of(trial) for trial in joint_trials(search_with((Hysteresis(),), (Creep(),)))]
-    again = [names_of(trial) for trial in joint_trials(search_with((Hysteresis(),), (Creep(),), pair))]
-    assert again == anew[1:]
+    alone, pair = ((Hysteresis(),), (Creep(),)), (Delay(), Creep())
+    anew = [names_of(trial) for trial in joint_trials(search_with(*alone))]
+    assert anew[0] == {"creep", "sensor_drift"}
+    again = [names_of(trial) for trial in joint_trials(search_with(*alone, pair))]
+    assert again == [names for names in anew if names != {"creep", "delay"}]
     assert joint_trials(search_with(pair)) == []  # nothing was tried alone
+
+
+def test_what_was_tried_takes_no_place_from_what_was_not():
+    """Three pairs that promise most were tried: as many are made of the others that promise more than these kept."""
+    alone = ((Hysteresis(),), (Creep(),), (Delay(),))
+    first = joint_trials(search_with(*alone))
+    assert len(first) == 3
+    poor = fit_of(Delay(), ElectrodeRC())
+    search = search_with(*alone)
+    search.tried.update({tuple(trial.start.effect_names): poor for trial in first})  # their fits ended badly
+    found = joint_trials(search)
+    assert found and not {frozenset(names_of(t)) for t in found} & {frozenset(names_of(t)) for t in first}
+    assert all(trial.promised < poor.calibration.rms for trial in found)
+
+
+def test_what_promises_less_than_a_pair_has_kept_is_not_tried():
+    search = search_with((Hysteresis(),), (Creep(),), (SensorDrift(),), (Creep(), SensorDrift()))
+    assert joint_trials(search) == []  # that one leaves next to nothing
 
 
 def test_effects_of_the_plant_itself_belong_to_no_pair():

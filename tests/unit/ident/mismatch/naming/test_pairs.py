@@ -46,9 +46,9 @@ class Known(Search):
         self.asked += 1
         return [PAIR]
 
-    def fit_from(self, full, rest):
+    def fit_from(self, full, several):
         assert full == self.pair
-        self.tried[rest] = self.better.get(rest, self.tried[rest])
+        self.tried.update({rest: self.better.get(rest, self.tried[rest]) for rest in several if rest in self.tried})
 
     def replacing(self, before, best):
         assert (before, best) == (CLIP, self.pair)

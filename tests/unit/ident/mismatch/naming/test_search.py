@@ -271,3 +271,27 @@ def test_what_promises_more_from_before_an_event_is_what_an_effect_promises(cand
     for names in ((), ("delay",)):
         assert search._leads(names) == (seen, slow)
     assert asked == [((),), (("delay",),)]
+
+
+def test_some_effects_of_a_set_are_fitted_from_its_values_and_the_better_fits_stay(candidate, search_over, monkeypatch):
+    """That of the creep ends worse than before, that of the delay better, and that of the tone cannot be had."""
+    full = ("creep", "delay", "periodic_disturbance")
+    known = [candidate("creep", "delay", rms=3.0), candidate("delay", "periodic_disturbance", rms=4.0)]
+    search, asked = search_over(candidate(rms=9.0), *known, candidate(*full, rms=2.1)), []
+    search.bench.fitted = ()
+    found = {("creep", "delay"): 3.1, ("delay", "periodic_disturbance"): 2.5}
+    monkeypatch.setattr(search, "plant_of", lambda full, rest: rest)
+
+    def refitted(bench, plants, noise, fitted):
+        asked.append(plants)
+        return [candidate(*names, rms=rms) for names, rms in found.items()]
+
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.refitted", refitted)
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.noise_seen", lambda *_: 1.9)
+    fewer = search.fit_fewer(full)
+    assert len(asked) == 1 and set(asked[0]) == {*found, ("creep", "periodic_disturbance")}  # all at once
+    assert set(fewer) == set(found)
+    assert search.lost == ["creep+periodic_disturbance"]
+    left = {names: search.tried[names].calibration.rms for names in found}
+    assert left == {("creep", "delay"): pytest.approx(3.0), ("delay", "periodic_disturbance"): pytest.approx(2.5)}
+    assert {c.noise for c in search.tried.values()} == {1.9}  # whichever fit it is, it is judged by the same

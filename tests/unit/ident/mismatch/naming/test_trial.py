@@ -7,14 +7,16 @@ import pytest
 
 from deatwin.ident.greybox import Calibration, FitStatus
 from deatwin.ident.mismatch.naming import trial
-from deatwin.ident.mismatch.naming.trial import Trial, _otherwise, _tried, run_trials
+from deatwin.ident.mismatch.naming.trial import Trial, _otherwise, _tried, refitted, run_trials
 from deatwin.plant import Creep, CubicStiffness, Diaphragm, Plant
+from deatwin.plant.effects import Effect
 
 PLANT = Plant(rig=Diaphragm()).with_effects(Creep())
 
 
-def fit_of(rms: float) -> SimpleNamespace:
-    return SimpleNamespace(status=FitStatus.SETTLED, rms=rms, given_up=False)
+def fit_of(rms: float, plant: Plant | None = None) -> SimpleNamespace:
+    """A settled fit, by default of the rig alone."""
+    return SimpleNamespace(status=FitStatus.SETTLED, rms=rms, given_up=False, plant=plant or Plant(rig=Diaphragm()))
 
 
 @pytest.mark.parametrize(
@@ -77,8 +79,49 @@ def test_what_ran_out_of_simulations_on_its_way_to_the_best_is_carried_to_the_en
     assert finished == [fits["best"], fits["on its way"], fits["beside"]]
 
 
+def strengths(plant: Plant, *before: Effect) -> list[dict[str, float]]:
+    """With what strengths a fit begins where it cannot with those of `plant`, which had the effects `before`."""
+    task = Trial(start=plant, bent=plant, without=fit_of(6.4, Plant(rig=Diaphragm()).with_effects(*before)))
+    names = ("cubic_stiffness.stiffness", "creep.modulus", "amplifier_saturation.voltage")
+    return [{n: p.parameters[n].value for n in names if n in p.parameters} for p in _otherwise(task)]
+
+
 def test_a_fit_begins_with_an_effect_the_other_way_or_weaker_where_it_must():
-    plant = Plant(rig=Diaphragm()).with_effects(Creep(), CubicStiffness(stiffness=-2e7))
-    assert [p.parameters["cubic_stiffness.stiffness"].value for p in _otherwise(plant)] == [2e7, -2e6, -2e4]
-    one_sided = Plant(rig=Diaphragm()).with_effects(Creep(modulus=1e5))  # negative moduli are out of range
-    assert [p.parameters["creep.modulus"].value for p in _otherwise(one_sided)] == pytest.approx([1e4, 1e2])
+    spring, creep = CubicStiffness(stiffness=-2e7), Creep(modulus=1e5)
+    plant = Plant(rig=Diaphragm()).with_effects(creep, spring)
+    beside_creep = [{"creep.modulus": 1e5, "cubic_stiffness.stiffness": value} for value in (2e7, -2e6, -2e4)]
+    assert strengths(plant, creep) == beside_creep
+    one_sided = Plant(rig=Diaphragm()).with_effects(creep)  # negative moduli are out of range
+    assert [found["creep.modulus"] for found in strengths(one_sided)] == pytest.approx([1e4, 1e2])
+
+
+def test_what_begins_otherwise_is_what_is_new_wherever_its_name_stands():
+    """Effects are kept in the order of the alphabet: what was fitted before may be the last, and stays as it is."""
+    spring, creep = CubicStiffness(stiffness=-2e7), Creep(modulus=1e5)
+    plant = Plant(rig=Diaphragm()).with_effects(creep, spring)
+    assert plant.effect_names[-1] == "cubic_stiffness"
+    found = strengths(plant, spring)
+    assert [one["cubic_stiffness.stiffness"] for one in found] == [-2e7, -2e7]
+    assert [one["creep.modulus"] for one in found] == pytest.approx([1e4, 1e2])
+    both = strengths(plant)  # where both are new, those go that can
+    assert [one["cubic_stiffness.stiffness"] for one in both] == [2e7, -2e6, -2e4]
+    assert [one["creep.modulus"] for one in both] == pytest.approx([1e5, 1e4, 1e2])
+
+
+@pytest.mark.parametrize(("near", "far", "ended"), [
+    (FitStatus.SETTLED, FitStatus.SETTLED, [3.0]),
+    (FitStatus.IMPOSSIBLE, FitStatus.SETTLED, [2.0]),  # with the values it had beside another effect it snaps through
+    (FitStatus.IMPOSSIBLE, FitStatus.IMPOSSIBLE, []),
+])  # fmt: skip
+def test_what_is_fitted_again_begins_from_where_it_is_and_from_afar_only_where_it_must(monkeypatch, near, far, ended):
+    fit = {"near": SimpleNamespace(status=near, rms=3.0), "far": SimpleNamespace(status=far, rms=2.0)}
+    finished = []
+    monkeypatch.setattr(trial, "roughly", lambda plant, parts: fit["near"])
+    monkeypatch.setattr(trial, "search", lambda plant, parts: fit["far"])
+    monkeypatch.setattr(trial, "at_its_time", lambda found, *_: found)
+    monkeypatch.setattr(trial, "_finished", lambda bench, found: finished.append(found) or found)
+    monkeypatch.setattr(trial, "judge", lambda bench, found, noise: SimpleNamespace(calibration=found, unseen=None))
+    seen = []
+    found = refitted(SimpleNamespace(jobs=1, fitted=()), [PLANT], 0.5, lambda found, _: seen.append(found))
+    assert [one.calibration.rms for one in found] == ended
+    assert [one.calibration for one in found] == finished == seen

@@ -8,7 +8,7 @@ import pytest
 
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming, decide
-from deatwin.ident.mismatch.naming.whole import _of_the_fitted_part, judged_on_everything, settled_on_everything
+from deatwin.ident.mismatch.naming.whole import _holds, _of_the_fitted_part, judged_on_everything, settled_on_everything
 
 NOISE = 2.0
 FAILS = -1.0
@@ -316,3 +316,11 @@ def test_what_the_ranges_of_the_plant_hold_back_does_not_come_back_as_one_that_s
     held = "deatwin.ident.mismatch.naming.whole.held_back_by"
     monkeypatch.setattr(held, lambda c: ("damping",) if c.effects == ("creep",) else ())
     assert settled_beside_what_strays(together, 2.1, 2.2).rivals == ()
+
+
+@pytest.mark.parametrize(("unseen", "left", "holds"), [
+    (9.0, 3.0, True), (9.0, 8.9, False),
+    (2.1, 2.15, True),  # nothing is missing there: there is nothing to take away
+])  # fmt: skip
+def test_what_holds_takes_most_of_what_is_missing_in_the_unseen_part(unseen, left, holds):
+    assert _holds(candidate("creep", 2.1, left), candidate("base", 9.0, unseen)) is holds

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from deatwin.ident.mismatch.naming.candidate import Candidate
-from deatwin.ident.mismatch.naming.worth import held_back_by, suffices
+from deatwin.ident.mismatch.naming.worth import explained, held_back_by, suffices
 from deatwin.plant.parameters import Parameter, Scale
 
 
@@ -75,3 +75,15 @@ def test_what_is_held_back_is_neither_an_answer_nor_a_rival_though_it_would_suff
     naming = search.decision([alike, one], lambda c: c is alike)
     assert naming.best is alike
     assert naming.rivals == (one,) * possible
+
+
+def test_a_part_in_which_nothing_is_missing_has_nothing_to_explain(candidate):
+    """A clip that only the fitted part reaches: 2.2² - 2² of the unseen one is less than 1.2², with and without it."""
+    base, clip = candidate(rms=5.0, unseen=2.2), candidate("amplifier_saturation", rms=2.6, unseen=2.2)
+    # of 5² - 2² - 1.2² = 19.56 it leaves 2.6² - 2² - 1.2² = 1.32
+    assert explained(clip, base) == pytest.approx(1.0 - 1.32 / 19.56, rel=1e-6)
+    late_base, late = candidate(rms=2.2, unseen=5.0), candidate("amplifier_saturation", rms=2.2, unseen=2.6)
+    assert explained(late, late_base) == pytest.approx(explained(clip, base))
+    both = candidate(rms=5.0, unseen=5.0)  # where it is missing in both, the part counts that is explained less
+    assert explained(candidate("creep", rms=2.1, unseen=2.6), both) == pytest.approx(explained(clip, base))
+    assert explained(candidate("creep", rms=5.0, unseen=2.1), both) < 0.1
