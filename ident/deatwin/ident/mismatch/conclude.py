@@ -90,6 +90,12 @@ class Findings:
         return bool(self.answer.effects)
 
     @property
+    def calibrated(self) -> Calibration:
+        """The base plant as it is reported: fitted to all recordings where that took up what seemed to be missing."""
+        taken_up = self.detection.taken_up
+        return self.base.chosen.calibration if taken_up is None else taken_up
+
+    @property
     def unit(self) -> tuple[str, float]:
         """Unit of amplitudes, and its SI size."""
         return amplitude_unit(self.final.plant.rig.output_unit)
@@ -146,7 +152,7 @@ def conclude(findings: Findings) -> Diagnosis:
         ),
         verification=findings.verification.to_dict() if findings.verification.ablations else None,
         faults=faults_of(findings.checked),
-        parameters=fitted_parameters(findings.bench.nominal, base.chosen.calibration),
+        parameters=fitted_parameters(findings.bench.nominal, findings.calibrated),
         model=model,
         evidence=_evidence(findings, model),
     )
@@ -169,9 +175,20 @@ def _held_back(findings: Findings) -> Iterator[str]:
 
 def _left(findings: Findings) -> float:
     """Rms of what the final plant gets wrong on unseen data, SI."""
-    if findings.discovery is None:
-        return findings.answer.unseen_test.size
-    return float(np.sqrt(max(findings.discovery.after**2 - findings.base.noise**2, 0.0)))
+    if findings.discovery is not None:
+        return _beyond(findings.discovery.after, findings.base.noise)
+    return findings.answer.unseen_test.size if findings.named else _base_error(findings)
+
+
+def _base_error(findings: Findings) -> float:
+    """Rms of what the base plant as it is reported gets wrong, SI: on the unseen part, if any is unseen by now."""
+    taken_up = findings.detection.taken_up
+    unseen = findings.base.chosen.unseen_test.size
+    return unseen if taken_up is None else _beyond(taken_up.rms, findings.base.noise)
+
+
+def _beyond(rms: float, noise: float) -> float:
+    return float(np.sqrt(max(rms**2 - noise**2, 0.0)))
 
 
 def _indistinguishable(findings: Findings) -> tuple[dict[str, Any], ...]:
@@ -257,7 +274,7 @@ def _places(findings: Findings) -> list[dict[str, Any]]:
 
 def _evidence(findings: Findings, model: CalibratedPlant) -> Evidence:
     base, experiments = findings.base, findings.checked.experiments
-    calibration = base.chosen.calibration
+    calibration = findings.calibrated
     apart = {pair.effects[1]: pair.d2 for pair in findings.naming.distances}
     return Evidence(
         experiments=experiments,
@@ -273,7 +290,7 @@ def _evidence(findings: Findings, model: CalibratedPlant) -> Evidence:
         noise=base.noise,
         model_error=calibration.plant.rig.model_error,
         base_model=CalibratedPlant(
-            plant=calibration.plant, noise=base.noise, model_error=base.chosen.unseen_test.size,
+            plant=calibration.plant, noise=base.noise, model_error=_base_error(findings),
             names=calibration.names, covariance=calibration.covariance,
         ),
         at_bound=calibration.at_bound, noise_source=findings.detection.sensor.source.value, checked=findings.checked,

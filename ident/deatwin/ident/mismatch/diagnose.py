@@ -24,7 +24,7 @@ from deatwin.ident.mismatch.naming.decide import Naming, nothing_tried
 from deatwin.ident.mismatch.naming.name import explanations
 from deatwin.ident.mismatch.naming.screen import Footprint, footprints
 from deatwin.ident.mismatch.naming.worth import held_back_by, takes_most
-from deatwin.ident.mismatch.refit.base import Base, calibrate_base
+from deatwin.ident.mismatch.refit.base import Base, beside_rivals, calibrate_base
 from deatwin.ident.mismatch.refit.search import refit
 from deatwin.ident.mismatch.steps import Step, base_step, fit_step, found_step, gate_step
 from deatwin.ident.mismatch.verify.verify import Verification, verify
@@ -102,9 +102,9 @@ def diagnose(
     tell(0.25, "looking for a mismatch")
     known, detection = _looked_into(bench, base.chosen, for_detection)
     if detection.mismatch and checked.soundness is Soundness.SOUND:
-        filed, (known, detection) = _as_filed(bench, base, (known, detection), for_detection)
-        if filed is not base:
-            base = filed
+        before, base = base, beside_rivals(bench, base)
+        base, (known, detection) = _as_filed(bench, base, (known, detection), for_detection)
+        if base is not before:
             keep(base_step(bench, base))
     keep(found_step("detect", detection))
     location = locate(base.chosen, bench, checked, for_location) if detection.mismatch else None
@@ -152,9 +152,9 @@ def _calibrated(plant: Plant, checked: Gate, effects: Sequence[Effect], jobs: in
     bench = _bench(plant, checked, effects, jobs)
     base = calibrate_base(bench)
     onset = _late_onset(base, checked)
-    if onset is not None:
-        bench = _bench(plant, checked, effects, jobs, onset)
-        base = calibrate_base(bench)
+    later = bench if onset is None else _bench(plant, checked, effects, jobs, onset)
+    if not _same_parts(later, bench):
+        bench, base = later, calibrate_base(later)
     error = floor_of(base.chosen.calibration.plant, bench)
     rivals = tuple(rival.with_floor(error) for rival in base.rivals)
     return (
@@ -170,15 +170,13 @@ def _looked_into(bench: Bench, base: Candidate, rng: np.random.Generator) -> _Se
 
 
 def _as_filed(bench: Bench, base: Base, seen: _Seen, rng: np.random.Generator) -> tuple[Base, _Seen]:
-    """The base plant in the rig file's own form, if something is missing there, too; what was `seen` in the other one.
+    """The base plant in the rig file's own form, and what is seen there; `seen` was a mismatch in the form chosen.
 
-    What is missing may be all that another reading of the file did, and badly: it is looked for from the file's on.
+    What is missing may be all that another reading of the file did, and badly: it is looked for from the file's on. And
+    if nothing is missing there, nothing is: another reading is no better for leaving something.
     """
     filed = base.as_filed(bench.nominal.rig)
-    if filed is base:
-        return base, seen
-    again = _looked_into(bench, filed.chosen, rng)
-    return (filed, again) if again[1].mismatch else (base, seen)
+    return (base, seen) if filed is base else (filed, _looked_into(bench, filed.chosen, rng))
 
 
 def _bench(
@@ -191,6 +189,12 @@ def _bench(
         effects=tuple(e for e in effects if plant.accepts(e)), fitted=fitted, unseen=unseen,
         everything=everything, jobs=jobs,
     )  # fmt: skip
+
+
+def _same_parts(one: Bench, other: Bench) -> bool:
+    """Whether the same samples are fitted."""
+    masks = [[mask for part in bench.fitted for mask in part.masks] for bench in (one, other)]
+    return len(masks[0]) == len(masks[1]) and all(map(np.array_equal, *masks))
 
 
 def _motion(checked: Gate) -> float:

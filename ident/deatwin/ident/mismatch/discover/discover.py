@@ -187,12 +187,12 @@ class _Fit:
 
     @property
     def weakest(self) -> int | None:
-        """The term that the fit needs least, if it may well be nothing and there are others."""
+        """The term that the fit needs least, if it may well be nothing."""
         fit = self.calibration
         own = [fit.names.index(f"{FreeForm.name}.coefficient_{k + 1}") for k in range(len(self.stable))]
         deviations = np.sqrt(np.maximum(np.diag(fit.covariance)[own], 1e-300))
         ratios = np.abs(self.form.coefficients) / deviations
-        return int(np.argmin(ratios)) if len(ratios) > 1 and ratios.min() < SIGNIFICANT else None
+        return int(np.argmin(ratios)) if ratios.min() < SIGNIFICANT else None
 
     def without(self, number: int, parts: Sequence[Part]) -> _Fit:
         """Fitted again without a term."""
@@ -211,6 +211,8 @@ def _fitted(search: _Search, stable: tuple[Stable, ...], base: Candidate, bench:
     fit = calibrate(start, bench.fitted, evaluations=EVALUATIONS, tolerance=TOLERANCE)
     found = _Fit(calibration=fit, stable=stable, site=search.site)
     while found.calibration.status.ok and (number := found.weakest) is not None:
+        if len(found.stable) == 1:
+            return None
         found = found.without(number, bench.fitted)
     return found if found.calibration.status.ok and found.calibration.rms < base.calibration.rms else None
 
@@ -245,11 +247,11 @@ def _rms_on(plant: Plant, parts: Sequence[Part]) -> float:
 def _kept(fit: _Fit, base: Candidate, bench: Bench, rng: np.random.Generator) -> Discovery | None:
     """The discovery, if the error on the unseen part falls far enough, and certainly."""
     plant, form = fit.calibration.plant, fit.form
-    unseen = free_run_residuals(plant, bench.unseen)
+    unseen, plain = free_run_residuals(plant, bench.unseen), _left_without(fit, base, bench)
     if unseen is None:
         return None
-    before, after = (float(np.sqrt(np.mean(r**2))) for r in (base.unseen, unseen))
-    gain_low = bootstrap_gain(block_losses(base.unseen), block_losses(unseen), rng)
+    before, after = (float(np.sqrt(np.mean(r**2))) for r in (plain, unseen))
+    gain_low = bootstrap_gain(block_losses(plain), block_losses(unseen), rng)
     if after > (1 - LEAST_GAIN) * before or gain_low <= 0:
         return None
     along = [signals_along(plant, part, fit.site.position) for part in bench.fitted]
@@ -263,6 +265,20 @@ def _kept(fit: _Fit, base: Candidate, bench: Bench, rng: np.random.Generator) ->
         entering=form.size * pieces.sum(axis=1),
         latent=_latent(plant.without_effects(form.name), bench.fitted, fit.site.opening, base.noise),
     )  # fmt: skip
+
+
+def _left_without(fit: _Fit, base: Candidate, bench: Bench) -> Array:
+    """Residuals of the unseen part without the form: of the base plant, or of it fitted again from where it is by now.
+
+    Beside a form the plant's own parameters may come to where they are better off without it, too. The one counts that
+    leaves less of the fitted part.
+    """
+    plant = fit.calibration.plant.without_effects(fit.form.name)
+    again = calibrate(plant, bench.fitted, evaluations=EVALUATIONS, tolerance=TOLERANCE)
+    if not again.status.ok or again.rms >= base.calibration.rms:
+        return base.unseen
+    unseen = free_run_residuals(again.plant, bench.unseen)
+    return base.unseen if unseen is None else unseen
 
 
 def _found(form: FreeForm, number: int, inclusion: float, plant: Plant) -> FoundTerm:

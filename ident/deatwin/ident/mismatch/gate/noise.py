@@ -151,7 +151,10 @@ def _white(pieces: Sequence[np.ndarray], above: float) -> float:
 
     powers, weights = [], []
     for piece in [piece for piece in pieces if piece.size >= FEWEST_OF_A_PIECE] or [np.concatenate(pieces)]:
-        frequency, density = welch(piece, 1.0, nperseg=min(SEGMENT_SAMPLES, piece.size), average="median")
+        length = min(SEGMENT_SAMPLES, piece.size)
+        frequency, density = welch(piece, 1.0, nperseg=length, average="median")
+        if length % 2 == 0:
+            density[-1] *= 2.0  # the only line of a one-sided density with no counterpart at a negative frequency
         asked = density[1:][frequency[1:] >= above * frequency[-1]]
         powers.append(np.median(asked) * frequency[-1])
         weights.append(piece.size)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -29,7 +29,7 @@ from deatwin.plant.rigs.base import Rig
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Base", "calibrate_base", "differences"]
+__all__ = ["Base", "beside_rivals", "calibrate_base", "differences"]
 
 OPENS_AS_WELL = 1.2
 """Largest ratio of rms residuals on the openings of the experiments for a form to be fitted to all of them; by its
@@ -132,21 +132,35 @@ def calibrate_base(bench: Bench) -> Base:
     first = _fitted_well(bench, bench.nominal)
     if first is not None and first.adequate:
         return Base(chosen=first, rivals=(), noise=first.noise)
-    forms = [bench.nominal.with_rig(rig) for rig in bench.nominal.rig.rivals()]
-    near = run_jobs(approach, [(form, bench.fitted) for form in forms], workers=bench.jobs)
-    limit = np.inf if first is None else OPENS_AS_WELL * _opening_rms(first.calibration.plant, bench)
-    running = [fit.plant for fit in near if fit.status.ok and fit.within_reach < limit]
-    floor = bench.nominal.rig.noise if first is None else first.noise
-    fits = run_jobs(settle, [(form, bench.fitted, floor) for form in running], workers=bench.jobs)
-    known = [first, *(_judged(bench, fit) for fit in fits)]
+    known = [first, *_other_forms(bench, first)]
     usable = [candidate for candidate in known if candidate is not None]
     if not usable:
         raise _cannot_simulate(bench.nominal, bench.everything)
     noise = min(candidate.noise for candidate in usable)
     usable = [replace(candidate, noise=noise) for candidate in usable]
     chosen = _preferred(usable)
-    rivals = sorted((c for c in usable if c is not chosen), key=lambda c: -c.evidence)
-    return Base(chosen=chosen, rivals=tuple(rivals), noise=noise)
+    return Base(chosen=chosen, rivals=_ranked(c for c in usable if c is not chosen), noise=noise)
+
+
+def beside_rivals(bench: Bench, base: Base) -> Base:
+    """The base plant with its rival forms, where none was asked because the first one was good enough.
+
+    Parameters
+    ----------
+    bench : Bench
+        Plant and recordings.
+    base : Base
+        In which something is missing all the same.
+
+    Returns
+    -------
+    Base
+        The same one chosen, and judged by the same noise.
+    """
+    if base.rivals:
+        return base
+    rivals = [replace(c, noise=base.noise) for c in _other_forms(bench, base.chosen)]
+    return replace(base, rivals=_ranked(rivals)) if rivals else base
 
 
 def differences(rigs: Sequence[Rig]) -> tuple[dict[str, Any], ...]:
@@ -165,6 +179,21 @@ def differences(rigs: Sequence[Rig]) -> tuple[dict[str, Any], ...]:
     stated = [replace(rig, model_error=rigs[0].model_error).to_dict() for rig in rigs]
     names = [name for name, value in stated[0].items() if any(other[name] != value for other in stated)]
     return tuple({name: each[name] for name in names} for each in stated)
+
+
+def _other_forms(bench: Bench, first: Candidate | None) -> list[Candidate]:
+    """The rival forms of the rig that could be simulated, and open as well as the file's own, if that can be."""
+    forms = [bench.nominal.with_rig(rig) for rig in bench.nominal.rig.rivals()]
+    near = run_jobs(approach, [(form, bench.fitted) for form in forms], workers=bench.jobs)
+    limit = np.inf if first is None else OPENS_AS_WELL * _opening_rms(first.calibration.plant, bench)
+    running = [fit.plant for fit in near if fit.status.ok and fit.within_reach < limit]
+    floor = bench.nominal.rig.noise if first is None else first.noise
+    fits = run_jobs(settle, [(form, bench.fitted, floor) for form in running], workers=bench.jobs)
+    return [candidate for candidate in (_judged(bench, fit) for fit in fits) if candidate is not None]
+
+
+def _ranked(forms: Iterable[Candidate]) -> tuple[Candidate, ...]:
+    return tuple(sorted(forms, key=lambda c: -c.evidence))
 
 
 def _fitted_well(bench: Bench, form: Plant) -> Candidate | None:

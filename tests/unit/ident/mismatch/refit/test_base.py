@@ -76,3 +76,22 @@ def test_the_other_starts_have_other_parameters_but_events_at_their_time():
     for other in others:
         assert other.parameters["sensor_jump.at"].value == 52.0
         assert other.parameters["sensor_jump.change"].value != 30e-6
+
+
+def test_the_rival_forms_are_asked_where_something_is_missing_in_one_that_was_good_enough(monkeypatch):
+    """A small mismatch of the unseen part only is none to the calibration; the other reading may be all that it is."""
+    early, bonded = fitted(Diaphragm(reading=ReadingTime.START_OF_HOLD)), fitted(Diaphragm(ball="bonded"))
+    early.evidence, bonded.evidence, asked = 5.0, 9.0, []
+    monkeypatch.setattr(base, "_other_forms", lambda bench, first: asked.append(first) or [early, bonded])
+    monkeypatch.setattr(base, "replace", lambda thing, **new: (
+        SimpleNamespace(**vars(thing) | new) if isinstance(thing, SimpleNamespace) else replace(thing, **new)
+    ))  # fmt: skip
+    chosen = fitted(Diaphragm())
+    alone = base.Base(chosen=chosen, rivals=(), noise=3e-6)
+    found = base.beside_rivals(None, alone)
+    assert asked == [chosen] and found.chosen is chosen
+    assert [form.evidence for form in found.rivals] == [9.0, 5.0]
+    assert {form.noise for form in found.rivals} == {3e-6}  # they are judged by the same
+    assert base.beside_rivals(None, found) is found
+    monkeypatch.setattr(base, "_other_forms", lambda bench, first: [])
+    assert base.beside_rivals(None, alone) is alone
