@@ -53,7 +53,8 @@ def with_fewer(search: Search, naming: Naming, forms: Sequence[Candidate]) -> tu
     """The search and its answer, or those in another form that needs one effect less, or has an answer at all.
 
     A reading that is taken a sample early is a delay beside any other effect, too. Where two effects leave too much,
-    they may explain the recordings in a form that neither shows by itself.
+    they may explain the recordings in a form that neither shows by itself; of three that do, one may be all that the
+    other form is.
 
     Parameters
     ----------
@@ -81,10 +82,10 @@ def with_fewer(search: Search, naming: Naming, forms: Sequence[Candidate]) -> tu
 
 
 def _several(search: Search, naming: Naming) -> list[Names]:
-    """Explanations of several effects, the best first; where there is no explanation, the best pair."""
+    """Explanations of several effects, the best first; where there is no explanation, the best pair and three."""
     if naming.best is None:
-        best = search.best_of([names for names in search.tried if len(names) == 2])
-        return [] if best is None else [best]
+        best = [search.best_of([names for names in search.tried if len(names) == number]) for number in (2, 3)]
+        return [names for names in best if names is not None]
     found = [candidate.effects for candidate in (naming.best, *naming.rivals)]
     return [names for names in found if len(names) > 1] if len(found[0]) > 1 else []
 
@@ -105,8 +106,11 @@ def _in_its_place(search: Search, full: Sequence[Names], form: Candidate) -> tup
 
 
 def _explained(search: Search, full: Sequence[Names], form: Candidate) -> tuple[Search, Naming]:
-    """The decision in another form over a pair and each of its effects, where this form has none."""
-    pair = full[0]
+    """The decision in another form over a pair and each of its effects, or over two of three, where this form has none.
+
+    `full` holds the pair first.
+    """
+    pair, *threes = full
     other, rms = _begun(search, form), search.tried[pair].calibration.rms
     singles = other.attempt([_trial(search, pair, form, rest) for rest in each_without_one(pair)], rival=rms)
     other.judge_by_the_best(singles)
@@ -114,6 +118,12 @@ def _explained(search: Search, full: Sequence[Names], form: Candidate) -> tuple[
     if naming.best is not None:
         return other, naming
     pairs = other.attempt([_trial(search, pair, form, pair)], rival=rms)
+    other.judge_by_the_best([*singles, *pairs])
+    naming = decided_surely(other, pairs)
+    if naming.best is not None or not threes:
+        return other, naming
+    left = {rest: three for three in threes for rest in each_without_one(three) if rest != pair}
+    pairs += other.attempt([_trial(search, three, form, rest) for rest, three in left.items()], rival=rms)
     other.judge_by_the_best([*singles, *pairs])
     return other, decided_surely(other, pairs)
 

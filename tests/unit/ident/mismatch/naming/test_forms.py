@@ -60,7 +60,11 @@ def elsewhere(search_over: Callable[..., Search], monkeypatch: pytest.MonkeyPatc
                 other.tried.update(found)
                 return list(found)
 
-            for name, does in (("attempt", attempt), ("judge_by_the_best", len), ("fit_from", lambda *_: None)):
+            fakes = {
+                "attempt": attempt, "judge_by_the_best": len, "fit_from": lambda *_: None,
+                "_fit_some": lambda full, rest: attempt([rest], np.inf),
+            }  # fmt: skip
+            for name, does in fakes.items():
                 monkeypatch.setattr(other, name, does)
             return other
 
@@ -267,6 +271,27 @@ def test_two_effects_may_explain_in_another_form_what_they_do_not_in_the_first(
     nothing = decided(search, [both.effects])
     assert nothing.best is None
     elsewhere(candidate("creep", rms=single), candidate("delay", rms=4.2), candidate("creep", "delay", rms=pair))
+    taken, naming = with_fewer(search, nothing, [candidate(rms=5.5)])
+    assert (naming.best and naming.best.effects) == answer
+    assert (taken is search) is (answer is None)
+
+
+@pytest.mark.parametrize(("there", "answer"), [(2.1, ("creep", "end_stop")), (2.9, None)])
+def test_of_three_that_leave_too_much_one_may_be_all_that_another_form_is(
+    candidate, search_over, elsewhere, there, answer
+):
+    """A reading that is taken a sample early hides two effects behind a lag, which is in every pair that is good."""
+    three, lagged = candidate("creep", "end_stop", "sensor_lag", rms=2.8), candidate("end_stop", "sensor_lag", rms=3.4)
+    alone = [candidate("sensor_lag", rms=4.2), candidate("end_stop", rms=4.6), candidate("creep", rms=4.9)]
+    here = [lagged, candidate("creep", "sensor_lag", rms=3.6), candidate("creep", "end_stop", rms=4.4)]
+    search = search_over(candidate(rms=5.7), *alone, *here, three)
+    nothing = decided(search, [three.effects])
+    assert nothing.best is None
+    elsewhere(
+        candidate("creep", rms=3.9), candidate("end_stop", rms=4.0), candidate("sensor_lag", rms=5.4),
+        candidate("end_stop", "sensor_lag", rms=3.4), candidate("creep", "sensor_lag", rms=3.8),
+        candidate("creep", "end_stop", rms=there),
+    )  # fmt: skip
     taken, naming = with_fewer(search, nothing, [candidate(rms=5.5)])
     assert (naming.best and naming.best.effects) == answer
     assert (taken is search) is (answer is None)
