@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,10 @@ __all__ = ["Calibration", "Problem", "calibrate"]
 NOTHING = 1e-100
 """Length of a Jacobian's column below which its parameter does nothing: a variance is the square of its reciprocal,
 which must be a number."""
+RANK = 1e-12
+"""Of the squares of singular values, over the largest one: a direction in which the readings change less is none."""
+INVOLVED = 1e-8
+"""Share of a parameter's square in such directions, far above rounding, from which it may go anywhere along them."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -71,6 +76,15 @@ class Calibration:
         """The Jacobian of what a refit may move, shape (m, k), SI: without parameters that ended on a bound."""
         return self.jacobian[:, [k for k, name in enumerate(self.names) if name not in self.at_bound]]
 
+    @cached_property
+    def undetermined(self) -> frozenset[str]:
+        """Parameters of which the readings say nothing, by themselves or because others do the same."""
+        scaled, _ = _scaled(self.jacobian)
+        squares, axes = np.linalg.eigh(scaled.T @ scaled)
+        idle = axes[:, squares <= RANK * squares.max(initial=0.0)]
+        shares = (idle**2).sum(axis=1)
+        return frozenset(name for name, share in zip(self.names, shares, strict=True) if share > INVOLVED)
+
     @property
     def given_up(self) -> bool:
         """Whether it ends where it was seen to be no rival of a better fit: short of its own minimum."""
@@ -89,10 +103,12 @@ class Calibration:
         Returns
         -------
         tuple of float
-            Lower and upper end, SI.
+            Lower and upper end, SI; the whole range of a parameter that is undetermined.
         """
         k = self.names.index(name)
         parameter = self.plant.parameters[name]
+        if name in self.undetermined:
+            return parameter.lower, parameter.upper
         half = deviations * float(np.sqrt(self.covariance[k, k]))
         scale = parameter.scale
         centre = scale.to_coordinate(parameter.value)
@@ -262,12 +278,10 @@ def _covariance(residuals: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
     The variance is taken at zero frequency over lags up to the square root of the record (Newey-West), which
     model errors need: they are slow, and white-noise formulas would make the intervals far too narrow. That estimate
     is noisy and, since the fit has taken the slowest part out of the residuals, low; so no parameter's variance is
-    taken to be less than under white noise.
+    taken to be less than under white noise. In directions that are undetermined there is none: nothing moves there.
     """
-    scale = np.linalg.norm(jacobian, axis=0)
-    scale[scale < NOTHING] = 1.0
-    scaled = jacobian / scale
-    bread = np.linalg.pinv(scaled.T @ scaled, rcond=1e-12)
+    scaled, scale = _scaled(jacobian)
+    bread = np.linalg.pinv(scaled.T @ scaled, rcond=RANK)
     scores = scaled * residuals[:, None]
     # Weights that fall linearly with the lag are those of overlapping windows: the sum over all lags is one product.
     window = int(np.sqrt(residuals.size)) + 1
@@ -282,6 +296,13 @@ def _covariance(residuals: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
     own = np.diag(robust)
     widen = np.sqrt(np.divide(np.maximum(own, white), own, out=np.ones_like(own), where=own > 0))
     return robust * np.outer(widen, widen) / np.outer(scale, scale)
+
+
+def _scaled(jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The Jacobian with columns of length 1, and their lengths; 1 of one that is none."""
+    scale = np.linalg.norm(jacobian, axis=0)
+    scale[scale < NOTHING] = 1.0
+    return jacobian / scale, scale
 
 
 def _impossible(problem: Problem) -> Calibration:

@@ -1,14 +1,16 @@
 """Calibration against known truths, on a rig that solves in milliseconds."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from deatwin.ident.greybox import FitStatus, Part, calibrate
+from deatwin.ident.greybox import Calibration, FitStatus, Part, calibrate
 from deatwin.ident.greybox.fit import Problem, _covariance
 from deatwin.ident.greybox.parts import reading_times, simulated
 from deatwin.plant import DataError, Diaphragm, Experiment, Plant, ReadingTime, Recording, SensorJump
+from deatwin.plant.parameters import Parameter, Scale
 from deatwin.plant.simulate import Simulator
 
 TRUTH = {"mass": 1.3, "damping": 2.6, "stiffness": 520.0}
@@ -184,3 +186,35 @@ def test_a_covariance_of_parameters_that_are_all_but_one_has_no_negative_eigenva
     rounding = 3000 * np.finfo(float).eps
     np.testing.assert_allclose(scaled, scaled.T, rtol=0, atol=rounding)
     assert np.linalg.eigvalsh(scaled).min() > -rounding
+
+
+def fit_with(*columns: np.ndarray) -> Calibration:
+    """Of parameters between 1 and 100 whose readings change so, with white noise left."""
+    names = tuple("abcd"[: len(columns)])
+    kind = {"value": 10.0, "unit": "1", "lower": 1.0, "upper": 100.0, "scale": Scale.LOGARITHMIC}
+    parameters = {name: Parameter(name=name, **kind) for name in names}
+    jacobian, residuals = np.column_stack(columns), np.random.default_rng(2).standard_normal(500)
+    return Calibration(
+        plant=SimpleNamespace(parameters=parameters), names=names, covariance=_covariance(residuals, jacobian),
+        residuals=residuals, jacobian=jacobian, status=FitStatus.SETTLED, at_bound=(), evaluations=1,
+    )  # fmt: skip
+
+
+def test_a_parameter_that_the_readings_do_not_show_may_be_anywhere_in_its_range():
+    one, other = 10.0 * np.random.default_rng(1).standard_normal((2, 500))
+    found = fit_with(one, other, np.zeros(500))
+    assert found.undetermined == {"c"}
+    assert found.interval("c") == (1.0, 100.0)
+    low, high = found.interval("a")
+    # the logarithm of ten scatters by 1 / |column|, 1 / (10 root 500)
+    assert np.log(high / low) == pytest.approx(2 * 1.96 / (10 * np.sqrt(500)), rel=0.3)
+
+
+def test_two_that_do_the_same_are_both_undetermined_and_the_others_are_not():
+    one, other = 10.0 * np.random.default_rng(1).standard_normal((2, 500))
+    found = fit_with(one, other, 1e-6 * one)
+    assert found.undetermined == {"a", "c"}
+    assert found.interval("a") == found.interval("c") == (1.0, 100.0)
+    assert found.interval("b") == pytest.approx(fit_with(other).interval("a"), rel=0.01)
+    # what can be told apart, if badly, is
+    assert not fit_with(one, other, one + 1e-4 * other[::-1]).undetermined
