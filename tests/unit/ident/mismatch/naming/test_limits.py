@@ -25,7 +25,7 @@ def candidate(
     names = tuple(plant.parameters.free)
     calibration = Calibration(
         plant=plant, at_bound=at_bound, residuals=np.ones(100), names=names,
-        covariance=deviation**2 * np.eye(len(names)), jacobian=np.zeros((100, len(names))),
+        covariance=deviation**2 * np.eye(len(names)), jacobian=np.eye(100, len(names)),
         status=FitStatus.SETTLED, evaluations=1,
     )  # fmt: skip
     added = tuple(effect.name for effect in effects[there:])
