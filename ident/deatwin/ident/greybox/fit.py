@@ -78,9 +78,12 @@ class Calibration:
 
     @cached_property
     def undetermined(self) -> frozenset[str]:
-        """Parameters of which the readings say nothing, by themselves or because others do the same."""
-        scaled, _ = _scaled(self.jacobian)
-        squares, axes = np.linalg.eigh(scaled.T @ scaled)
+        """Parameters of which the readings say nothing, by themselves or because others do the same.
+
+        What counts is how the readings change when they go through their ranges.
+        """
+        changes = self.jacobian * [_width(self.plant.parameters[name]) for name in self.names]
+        squares, axes = np.linalg.eigh(changes.T @ changes)
         idle = axes[:, squares <= RANK * squares.max(initial=0.0)]
         shares = (idle**2).sum(axis=1)
         return frozenset(name for name, share in zip(self.names, shares, strict=True) if share > INVOLVED)
@@ -296,6 +299,12 @@ def _covariance(residuals: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
     own = np.diag(robust)
     widen = np.sqrt(np.divide(np.maximum(own, white), own, out=np.ones_like(own), where=own > 0))
     return robust * np.outer(widen, widen) / np.outer(scale, scale)
+
+
+def _width(parameter: Parameter) -> float:
+    """Of a parameter's range, in its coordinate; 1 of a range without ends."""
+    ends = [parameter.scale.to_coordinate(end) for end in (parameter.lower, parameter.upper)]
+    return abs(ends[1] - ends[0]) if np.isfinite(ends).all() else 1.0
 
 
 def _scaled(jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -173,10 +173,15 @@ def _as_filed(bench: Bench, base: Base, seen: _Seen, rng: np.random.Generator) -
     """The base plant in the rig file's own form, and what is seen there; `seen` was a mismatch in the form chosen.
 
     What is missing may be all that another reading of the file did, and badly: it is looked for from the file's on. And
-    if nothing is missing there, nothing is: another reading is no better for leaving something.
+    if nothing is missing there, nothing is: another reading is no better for leaving something. Only where the plain
+    test of the calibration is certain that something is, and detection is not, the other one stays.
     """
     filed = base.as_filed(bench.nominal.rig)
-    return (base, seen) if filed is base else (filed, _looked_into(bench, filed.chosen, rng))
+    if filed is base:
+        return base, seen
+    again = _looked_into(bench, filed.chosen, rng)
+    in_doubt = filed.chosen.mismatch and not again[1].mismatch and again[1].taken_up is None
+    return (base, seen) if in_doubt else (filed, again)
 
 
 def _bench(

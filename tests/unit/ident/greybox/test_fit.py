@@ -212,9 +212,11 @@ def test_a_parameter_that_the_readings_do_not_show_may_be_anywhere_in_its_range(
 
 def test_two_that_do_the_same_are_both_undetermined_and_the_others_are_not():
     one, other = 10.0 * np.random.default_rng(1).standard_normal((2, 500))
-    found = fit_with(one, other, 1e-6 * one)
+    found = fit_with(one, other, 0.1 * one)
     assert found.undetermined == {"a", "c"}
     assert found.interval("a") == found.interval("c") == (1.0, 100.0)
     assert found.interval("b") == pytest.approx(fit_with(other).interval("a"), rel=0.01)
+    # one that does nothing over its whole range takes nothing from the other, though their columns are alike
+    assert fit_with(one, other, 1e-7 * one).undetermined == {"c"}
     # what can be told apart, if badly, is
     assert not fit_with(one, other, one + 1e-4 * other[::-1]).undetermined

@@ -148,14 +148,21 @@ def test_a_lag_is_named_though_readings_taken_a_sample_early_would_leave_little(
     assert time.low < 0.017 < time.high
 
 
-@pytest.mark.parametrize("there", [True, False])
-def test_the_form_of_the_rig_file_is_gone_on_with_whether_something_is_missing_there_or_not(monkeypatch, there):
+@pytest.mark.parametrize(("there", "certain", "taken_up", "taken"), [
+    (True, True, None, True), (False, False, None, True), (False, True, "the refit", True),
+    (False, True, None, False),  # one test is certain that something is missing, the other is not
+])  # fmt: skip
+def test_the_form_of_the_rig_file_is_gone_on_with_whether_something_is_missing_there_or_not(
+    monkeypatch, there, certain, taken_up, taken
+):
     """Where nothing is, nothing is missing: another reading is no better for what it leaves."""
     module = importlib.import_module("deatwin.ident.mismatch.diagnose")
-    filed, again = SimpleNamespace(chosen="as filed"), ("known there", SimpleNamespace(mismatch=there))
-    monkeypatch.setattr(module, "_looked_into", lambda bench, base, rng: again if base == "as filed" else None)
+    filed = SimpleNamespace(chosen=SimpleNamespace(mismatch=certain))
+    again = ("known there", SimpleNamespace(mismatch=there, taken_up=taken_up))
+    monkeypatch.setattr(module, "_looked_into", lambda bench, base, rng: again if base is filed.chosen else None)
     bench, base = SimpleNamespace(nominal=NOMINAL), SimpleNamespace(as_filed=lambda rig: filed)
-    assert module._as_filed(bench, base, ("known", SimpleNamespace(mismatch=True)), None) == (filed, again)
+    seen = ("known", SimpleNamespace(mismatch=True))
+    assert module._as_filed(bench, base, seen, None) == ((filed, again) if taken else (base, seen))
 
 
 def test_what_was_seen_in_the_form_of_the_rig_file_is_not_looked_into_twice():

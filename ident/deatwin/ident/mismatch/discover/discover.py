@@ -191,7 +191,8 @@ class _Fit:
         fit = self.calibration
         own = [fit.names.index(f"{FreeForm.name}.coefficient_{k + 1}") for k in range(len(self.stable))]
         deviations = np.sqrt(np.maximum(np.diag(fit.covariance)[own], 1e-300))
-        ratios = np.abs(self.form.coefficients) / deviations
+        said = [fit.names[k] not in fit.undetermined for k in own]
+        ratios = np.abs(self.form.coefficients) / deviations * said
         return int(np.argmin(ratios)) if ratios.min() < SIGNIFICANT else None
 
     def without(self, number: int, parts: Sequence[Part]) -> _Fit:
@@ -247,11 +248,12 @@ def _rms_on(plant: Plant, parts: Sequence[Part]) -> float:
 def _kept(fit: _Fit, base: Candidate, bench: Bench, rng: np.random.Generator) -> Discovery | None:
     """The discovery, if the error on the unseen part falls far enough, and certainly."""
     plant, form = fit.calibration.plant, fit.form
-    unseen, plain = free_run_residuals(plant, bench.unseen), _left_without(fit, base, bench)
+    unseen = free_run_residuals(plant, bench.unseen)
     if unseen is None:
         return None
-    before, after = (float(np.sqrt(np.mean(r**2))) for r in (plain, unseen))
-    gain_low = bootstrap_gain(block_losses(plain), block_losses(unseen), rng)
+    after, losses = float(np.sqrt(np.mean(unseen**2))), block_losses(unseen)
+    plain = min(base.unseen, _left_without(fit, base, bench), key=lambda residuals: float(np.mean(residuals**2)))
+    before, gain_low = float(np.sqrt(np.mean(plain**2))), bootstrap_gain(block_losses(plain), losses, rng)
     if after > (1 - LEAST_GAIN) * before or gain_low <= 0:
         return None
     along = [signals_along(plant, part, fit.site.position) for part in bench.fitted]
@@ -268,16 +270,13 @@ def _kept(fit: _Fit, base: Candidate, bench: Bench, rng: np.random.Generator) ->
 
 
 def _left_without(fit: _Fit, base: Candidate, bench: Bench) -> Array:
-    """Residuals of the unseen part without the form: of the base plant, or of it fitted again from where it is by now.
+    """Residuals of the unseen part without the form, of the plant fitted again from where it is beside it.
 
-    Beside a form the plant's own parameters may come to where they are better off without it, too. The one counts that
-    leaves less of the fitted part.
+    Beside a form the plant's own parameters may come to where they are better off without it, too.
     """
     plant = fit.calibration.plant.without_effects(fit.form.name)
     again = calibrate(plant, bench.fitted, evaluations=EVALUATIONS, tolerance=TOLERANCE)
-    if not again.status.ok or again.rms >= base.calibration.rms:
-        return base.unseen
-    unseen = free_run_residuals(again.plant, bench.unseen)
+    unseen = free_run_residuals(again.plant, bench.unseen) if again.status.ok else None
     return base.unseen if unseen is None else unseen
 
 

@@ -151,11 +151,10 @@ def _white(pieces: Sequence[np.ndarray], above: float) -> float:
 
     powers, weights = [], []
     for piece in [piece for piece in pieces if piece.size >= FEWEST_OF_A_PIECE] or [np.concatenate(pieces)]:
-        length = min(SEGMENT_SAMPLES, piece.size)
-        frequency, density = welch(piece, 1.0, nperseg=length, average="median")
-        if length % 2 == 0:
-            density[-1] *= 2.0  # the only line of a one-sided density with no counterpart at a negative frequency
+        frequency, density = welch(piece, 1.0, nperseg=min(SEGMENT_SAMPLES, piece.size), average="median")
         asked = density[1:][frequency[1:] >= above * frequency[-1]]
-        powers.append(np.median(asked) * frequency[-1])
+        # At half the sample rate the one-sided density is but half of the others', and has another median.
+        asked = asked[:-1] if frequency[-1] == 0.5 and asked.size > 1 else asked
+        powers.append(np.median(asked) / 2.0)
         weights.append(piece.size)
     return float(np.sqrt(np.average(powers, weights=weights)))

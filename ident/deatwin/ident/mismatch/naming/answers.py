@@ -7,13 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.cycles import shows_its_cycles
 from deatwin.ident.mismatch.naming.decide import STRONG, Naming, cannot_rule_out, with_distances
 from deatwin.ident.mismatch.naming.limits import with_limits
 from deatwin.ident.mismatch.naming.overlap import with_overlap
-from deatwin.ident.mismatch.naming.pairs import barely, mostly_one
+from deatwin.ident.mismatch.naming.pairs import barely
 from deatwin.ident.mismatch.naming.sets import Names, Search
 from deatwin.ident.mismatch.naming.versus import advantage, likeliest
 from deatwin.ident.mismatch.naming.whole import judged_on_everything, settled_on_everything
@@ -98,13 +99,18 @@ def nearly(search: Search) -> Naming:
     -------
     Naming
     """
-    for size in range(1, MOST_NEARLY + 1):
-        naming = _sufficing(search, [names for names in search.tried if len(names) == size])
+    alone = _sufficing(search, [names for names in search.tried if len(names) == 1])
+    if alone.best is not None:
+        return alone
+
+    def of_two() -> Naming:
+        return _sufficing(search, [names for names in search.tried if len(names) == MOST_NEARLY])
+
+    for decision in (of_two, partial(barely, search)):
+        naming = _surely(search, decision, _sufficing)
         if naming.best is not None:
             return naming
-    found = _surely(search, lambda: barely(search), _sufficing)
-    found = mostly_one(search) if found.best is None else found
-    return naming if found.best is None else found
+    return alone
 
 
 def settled(search: Search, stage: Sequence[Names]) -> Naming:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from deatwin.ident.greybox.tangent import linearised_rms
 from deatwin.ident.mismatch.naming.screen import leads, most_promising
-from deatwin.ident.mismatch.naming.trial import Trial, trials_of, unbent_like
+from deatwin.ident.mismatch.naming.trial import NEAR, Trial, trials_of, unbent_like
 
 if TYPE_CHECKING:
     from deatwin.ident.mismatch.naming.sets import Search
@@ -33,16 +33,17 @@ def joint_trials(search: Search) -> list[Trial]:
     Returns
     -------
     list of Trial
-        Of pairs that were not tried the most promising, the first one first, as far as they promise more than the best
-        pair that was tried has kept.
+        Of pairs that were not tried the most promising, the first one first, as far as they promise nearly as much as
+        the best possible pair that was tried has kept.
     """
     given = frozenset(search.bench.nominal.effect_names)
     tried = {frozenset(names) | given for names in search.tried}
-    kept = search.least_rms([names for names in search.tried if len(names) == 2]) ** 2
+    kept = [names for names, c in search.tried.items() if len(names) == 2 and search.is_possible(c)]
+    least = (NEAR * search.least_rms(kept)) ** 2
     promising: dict[frozenset[str], Trial] = {}
     for left, trial in sorted(_of_all(search), key=lambda found: found[0]):
         names = frozenset(trial.start.effect_names)
-        if left < kept and names not in tried:
+        if left < least and names not in tried:
             promising.setdefault(names, trial)
     return list(promising.values())[:FIRST]
 

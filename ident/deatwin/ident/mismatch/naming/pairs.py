@@ -11,7 +11,7 @@ from deatwin.ident.mismatch.naming.overlap import have_most_in_common
 from deatwin.ident.mismatch.naming.sets import Names, Search
 from deatwin.ident.mismatch.naming.worth import TRIFLE, gained, held_back_by, suffices
 
-__all__ = ["barely", "mostly_one", "with_a_second"]
+__all__ = ["barely", "with_a_second"]
 
 BARELY = 0.5
 """Of the model error's power: a second effect that counts for less is none, and for certain one from the whole on."""
@@ -37,34 +37,6 @@ def barely(search: Search) -> Naming:
     """
     pairs = [names for names, c in search.tried.items() if len(names) == 2 and c.adequate and search.counts(c)]
     return _doubted(search, [names for names in pairs if _each_takes(search, names, TRIFLE)])
-
-
-def mostly_one(search: Search) -> Naming:
-    """The decision over single effects of which a pair explains the recordings, and which leave a trifle without it.
-
-    Of a large mismatch that may be several times the plant's own error: too much for one law, as far as anybody knows,
-    and too little of the whole for a second name. The pair stays a rival, as likely.
-
-    Parameters
-    ----------
-    search : Search
-        With what was tried.
-
-    Returns
-    -------
-    Naming
-    """
-    pairs = [names for names, c in search.tried.items() if len(names) == 2 and c.adequate and search.counts(c)]
-    best = next((names for names in search.ranked(pairs) if _each_is_more_than_error(search, names)), None)
-    alone = [] if best is None else list(search.without_one(best))
-    enough = [less for less in alone if search.leaves_a_trifle(less.effects) and search.counts(less)]
-    naming = search.decision(enough, lambda _: True)
-    return naming if best is None else naming.as_likely([search.tried[best]])
-
-
-def _each_is_more_than_error(search: Search, names: Names) -> bool:
-    """Whether what returns when any effect of a set is taken out is more than the plant's own error."""
-    return all(gained(search.tried[names], less) >= search.floor_power(names) for less in search.without_one(names))
 
 
 def with_a_second(search: Search, naming: Naming) -> Naming:

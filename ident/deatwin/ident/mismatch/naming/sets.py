@@ -352,7 +352,8 @@ class Search:
         """Fit `several` sets of effects of the set `full` from the values of that, and keep the better fits."""
         before = {rest: self.tried[rest] for rest in several if rest in self.tried}
         plants = [self.plant_of(full, rest) for rest in several]
-        self._know(refitted(self.bench, plants, self.noise, self.fitted), several)
+        # What cannot begin from there may from elsewhere: it is not lost yet.
+        self._know(refitted(self.bench, plants, self.noise, self.fitted), ())
         for rest, known in before.items():
             if known.calibration.rms <= self.tried[rest].calibration.rms:
                 self.tried[rest] = replace(known, noise=self.noise)

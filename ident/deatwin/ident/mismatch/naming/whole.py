@@ -185,4 +185,5 @@ def _settles(whole: Candidate, base: Candidate) -> bool:
 
 def _holds(candidate: Candidate, base: Candidate) -> bool:
     """Whether a fit to the fitted part takes away most of what the base plant leaves of the unseen one, if it does."""
-    return not base.unseen_test.mismatch or share_explained(candidate.unseen_test, base.unseen_test) > MOST
+    before, after = base.unseen_test, candidate.unseen_test
+    return not (before.mismatch or after.mismatch) or share_explained(after, before) > MOST

@@ -139,7 +139,7 @@ def share_explained(after: Excess, before: Excess) -> float:
 def explained(candidate: Candidate, base: Candidate) -> float:
     """Share of the explainable energy of the mismatch that a candidate takes away, on the part where it takes less.
 
-    A part on which the base plant leaves no certain mismatch has nothing to explain, and is passed over.
+    A part on which neither leaves a certain mismatch has nothing to explain, and is passed over.
 
     Parameters
     ----------
@@ -152,7 +152,7 @@ def explained(candidate: Candidate, base: Candidate) -> float:
         As `share_explained`.
     """
     parts = [(candidate.fitted_test, base.fitted_test), (candidate.unseen_test, base.unseen_test)]
-    asked = [(after, before) for after, before in parts if before.mismatch] or parts
+    asked = [(after, before) for after, before in parts if before.mismatch or after.mismatch] or parts
     return min(share_explained(after, before) for after, before in asked)
 
 

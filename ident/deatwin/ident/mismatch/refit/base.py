@@ -159,7 +159,8 @@ def beside_rivals(bench: Bench, base: Base) -> Base:
     """
     if base.rivals:
         return base
-    rivals = [replace(c, noise=base.noise) for c in _other_forms(bench, base.chosen)]
+    others = [form for form in _other_forms(bench, base.chosen) if not _same_form(form, base.chosen)]
+    rivals = [replace(form, noise=base.noise) for form in others]
     return replace(base, rivals=_ranked(rivals)) if rivals else base
 
 

@@ -1,5 +1,6 @@
 """A free form of physics that no catalogue has, on a plant that conceals it: a mass, a spring, a damper, a force."""
 
+import importlib
 import json
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -240,8 +241,9 @@ def test_clean_recordings_have_no_free_form():
     assert discover(bench, base, np.random.default_rng(0)) is None
 
 
-def test_what_the_plant_does_as_well_without_a_form_is_no_gain():
+def test_what_the_plant_does_as_well_without_a_form_is_no_gain(monkeypatch):
     """A fit of the base plant that had not come to its minimum: beside any form its own parameters go on to it."""
+    module = importlib.import_module("deatwin.ident.mismatch.discover.discover")
     bench, base = benched(Mass(), recorded(Plant(rig=Mass(), values=TRUE), 5))
     far = judge(bench, calibrate(Plant(rig=Mass(), values=TRUE | {"damping": 6.0}), bench.fitted, evaluations=1), NOISE)
     assert far.mismatch and not base.mismatch
@@ -257,6 +259,10 @@ def test_what_the_plant_does_as_well_without_a_form_is_no_gain():
     assert _kept(fit, far, bench, np.random.default_rng(0)) is None
     left = _left_without(fit, far, bench)
     assert np.sqrt(np.mean(left**2)) == pytest.approx(rms["near"], rel=1e-3)
+    # nor is it one where the fit without has gone astray on the unseen part, but the base plant has not
+    with monkeypatch.context() as patch:
+        patch.setattr(module, "_left_without", lambda *_: 3.0 * far.unseen)
+        assert _kept(fit, base, bench, np.random.default_rng(0)) is None
 
 
 def test_a_single_term_that_may_be_nothing_is_none():

@@ -77,11 +77,12 @@ def test_a_piece_of_a_few_samples_says_nothing():
     assert np.isfinite(noise_level([whole[:3], whole[:5]], 0.02, 0.0).level)
 
 
-def test_the_line_at_the_nyquist_frequency_has_its_whole_power():
-    """Its density is half of the others' in a one-sided spectrum: of few lines the median would be pulled down.
+@pytest.mark.parametrize(("samples", "median"), [(16, 1.0), (17, 1.0)])
+def test_the_line_at_half_the_sample_rate_pulls_nothing_down(samples, median):
+    """Its density is half of the others' in a one-sided spectrum; an odd number of samples has none there.
 
-    Of sixteen samples the lines of 7/8 and 8/8 are above four fifths: the mean of a density over two degrees of freedom
-    and of one over one scatters by the root of 3/4, over 2000 records by 2 %. With half of the power it would be 0.75.
+    Of sixteen samples 7/8 and 8/8 are above four fifths, of which 7/8 counts; of seventeen 14/17 and 16/17. The density
+    of one line scatters by itself, over 2000 records by 2 %.
     """
-    pieces = list(NOISE * np.random.default_rng(6).standard_normal((2000, 16)))
-    assert (noise_level(pieces, 0.02, 0.0).level / NOISE) ** 2 == pytest.approx(1.0, abs=0.06)
+    pieces = list(NOISE * np.random.default_rng(6).standard_normal((2000, samples)))
+    assert (noise_level(pieces, 0.02, 0.0).level / NOISE) ** 2 == pytest.approx(median, abs=0.06)

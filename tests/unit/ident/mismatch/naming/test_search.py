@@ -291,7 +291,7 @@ def test_some_effects_of_a_set_are_fitted_from_its_values_and_the_better_fits_st
     fewer = search.fit_fewer(full)
     assert len(asked) == 1 and set(asked[0]) == {*found, ("creep", "periodic_disturbance")}  # all at once
     assert set(fewer) == set(found)
-    assert search.lost == ["creep+periodic_disturbance"]
+    assert search.lost == []  # it may yet begin from elsewhere
     left = {names: search.tried[names].calibration.rms for names in found}
     assert left == {("creep", "delay"): pytest.approx(3.0), ("delay", "periodic_disturbance"): pytest.approx(2.5)}
     assert {c.noise for c in search.tried.values()} == {1.9}  # whichever fit it is, it is judged by the same

@@ -321,6 +321,7 @@ def test_what_the_ranges_of_the_plant_hold_back_does_not_come_back_as_one_that_s
 @pytest.mark.parametrize(("unseen", "left", "holds"), [
     (9.0, 3.0, True), (9.0, 8.9, False),
     (2.1, 2.15, True),  # nothing is missing there: there is nothing to take away
+    (2.1, 4.5, False),  # but what goes wrong there with it does not hold
 ])  # fmt: skip
 def test_what_holds_takes_most_of_what_is_missing_in_the_unseen_part(unseen, left, holds):
     assert _holds(candidate("creep", 2.1, left), candidate("base", 9.0, unseen)) is holds

@@ -87,3 +87,7 @@ def test_a_part_in_which_nothing_is_missing_has_nothing_to_explain(candidate):
     both = candidate(rms=5.0, unseen=5.0)  # where it is missing in both, the part counts that is explained less
     assert explained(candidate("creep", rms=2.1, unseen=2.6), both) == pytest.approx(explained(clip, base))
     assert explained(candidate("creep", rms=5.0, unseen=2.1), both) < 0.1
+    astray = candidate("creep", rms=2.1, unseen=4.5)  # what goes wrong there by the effect is no explanation
+    assert astray.unseen_test.mismatch and explained(astray, base) == 0.0
+    small = candidate(rms=2.2)  # of what is certain nowhere all counts
+    assert explained(candidate("creep", rms=2.1), small) == 0.0

@@ -82,7 +82,8 @@ def test_the_rival_forms_are_asked_where_something_is_missing_in_one_that_was_go
     """A small mismatch of the unseen part only is none to the calibration; the other reading may be all that it is."""
     early, bonded = fitted(Diaphragm(reading=ReadingTime.START_OF_HOLD)), fitted(Diaphragm(ball="bonded"))
     early.evidence, bonded.evidence, asked = 5.0, 9.0, []
-    monkeypatch.setattr(base, "_other_forms", lambda bench, first: asked.append(first) or [early, bonded])
+    found = [early, fitted(Diaphragm()), bonded]  # the same form fitted once more is no rival
+    monkeypatch.setattr(base, "_other_forms", lambda bench, first: asked.append(first) or found)
     monkeypatch.setattr(base, "replace", lambda thing, **new: (
         SimpleNamespace(**vars(thing) | new) if isinstance(thing, SimpleNamespace) else replace(thing, **new)
     ))  # fmt: skip
