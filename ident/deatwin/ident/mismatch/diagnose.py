@@ -104,6 +104,7 @@ def diagnose(
     if detection.mismatch and checked.soundness is Soundness.SOUND:
         before, base = base, beside_rivals(bench, base)
         base, (known, detection) = _as_filed(bench, base, (known, detection), for_detection)
+        base, (known, detection) = _in_a_form_that_lacks_nothing(bench, base, (known, detection), for_detection)
         if base is not before:
             keep(base_step(bench, base))
     keep(found_step("detect", detection))
@@ -182,6 +183,23 @@ def _as_filed(bench: Bench, base: Base, seen: _Seen, rng: np.random.Generator) -
     again = _looked_into(bench, filed.chosen, rng)
     in_doubt = filed.chosen.mismatch and not again[1].mismatch and again[1].taken_up is None
     return (base, seen) if in_doubt else (filed, again)
+
+
+def _in_a_form_that_lacks_nothing(
+    bench: Bench, base: Base, seen: _Seen, rng: np.random.Generator
+) -> tuple[Base, _Seen]:
+    """The base plant in a rival form in which nothing is missing, where something was `seen` to be in the chosen one.
+
+    A mismatch that is too small for the calibration to be certain of it does not make it take another form; but what
+    another reading of the rig file does is no missing physics, however small it is.
+    """
+    if not seen[1].mismatch:
+        return base, seen
+    for rival in (form for form in base.rivals if form.adequate):
+        again = _looked_into(bench, rival, rng)
+        if not again[1].mismatch and again[1].taken_up is None:
+            return base.in_form_of(rival), again
+    return base, seen
 
 
 def _bench(

@@ -165,6 +165,25 @@ def test_the_form_of_the_rig_file_is_gone_on_with_whether_something_is_missing_t
     assert module._as_filed(bench, base, seen, None) == ((filed, again) if taken else (base, seen))
 
 
+@pytest.mark.parametrize(("rivals", "taken"), [
+    ({"bonded": (True, True), "early": (True, False)}, "early"),
+    ({"bonded": (True, True), "early": (False, False)}, None),  # it leaves too much, whatever chance allows
+    ({}, None),
+])  # fmt: skip
+def test_what_another_reading_of_the_rig_file_does_is_not_missing(monkeypatch, rivals, taken):
+    """Each form is adequate or not, and something is seen to be missing in it or not."""
+    module = importlib.import_module("deatwin.ident.mismatch.diagnose")
+    forms = tuple(SimpleNamespace(name=name, adequate=adequate) for name, (adequate, _) in rivals.items())
+    detections = {n: SimpleNamespace(mismatch=missing, taken_up=None) for n, (_, missing) in rivals.items()}
+    monkeypatch.setattr(module, "_looked_into", lambda bench, form, rng: (form.name, detections[form.name]))
+    base = SimpleNamespace(rivals=forms, in_form_of=lambda form: form.name)
+    seen = ("known", SimpleNamespace(mismatch=True))
+    found = module._in_a_form_that_lacks_nothing(None, base, seen, None)
+    assert found == ((taken, (taken, detections[taken])) if taken else (base, seen))
+    nothing = ("known", SimpleNamespace(mismatch=False))
+    assert module._in_a_form_that_lacks_nothing(None, base, nothing, None) == (base, nothing)
+
+
 def test_what_was_seen_in_the_form_of_the_rig_file_is_not_looked_into_twice():
     base, seen = SimpleNamespace(), ("known", SimpleNamespace(mismatch=True))
     base.as_filed = lambda rig: base
