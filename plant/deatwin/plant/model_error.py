@@ -223,8 +223,7 @@ class _Refit:
         """Target minus readings after the fit, shape (n,), SI."""
         from scipy.optimize import least_squares  # not needed to simulate
 
-        ends = np.array([[p.scale.to_coordinate(end) for end in (p.lower, p.upper)] for p in self._free])
-        lower, upper = ends.min(axis=1), ends.max(axis=1)
+        lower, upper = np.array([p.ends for p in self._free]).T
         margin = 1e-9 * (upper - lower)
         found = least_squares(
             self.residuals, np.clip(self.start, lower + margin, upper - margin), jac=self._jacobian,

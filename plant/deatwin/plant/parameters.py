@@ -116,6 +116,12 @@ class Parameter:
             raise RigError(f"parameter {self.name} moves as {self.scale.value}: its lower bound must be above 0")
 
     @property
+    def ends(self) -> tuple[float, float]:
+        """Lower and upper end of the range in the coordinate in which a fit moves the value."""
+        one, other = map(self.scale.to_coordinate, (self.lower, self.upper))
+        return min(one, other), max(one, other)
+
+    @property
     def is_low(self) -> bool:
         """Whether the value is nearer to the lower end of its range than to the upper one, as a fit moves it."""
         value, lower, upper = map(self.scale.to_coordinate, (self.value, self.lower, self.upper))

@@ -115,9 +115,9 @@ class Calibration:
         half = deviations * float(np.sqrt(self.covariance[k, k]))
         scale = parameter.scale
         centre = scale.to_coordinate(parameter.value)
-        limits = sorted(scale.to_coordinate(end) for end in (parameter.lower, parameter.upper))
-        ends = sorted(scale.to_value(min(max(centre + side * half, limits[0]), limits[1])) for side in (-1, 1))
-        return ends[0], ends[1]
+        least, most = parameter.ends
+        low, high = sorted(scale.to_value(min(max(centre + side * half, least), most)) for side in (-1, 1))
+        return low, high
 
     def to_xarray(self) -> Any:
         """Return fitted values with 95 % intervals, covariance, residuals and Jacobian as an `xarray.Dataset`; SI."""
@@ -165,8 +165,8 @@ class Problem:
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """Lower and upper coordinates of the physical range, shape (n,) each."""
-        ends = np.array([[p.scale.to_coordinate(end) for end in (p.lower, p.upper)] for p in self._fitted])
-        return ends.min(axis=1), ends.max(axis=1)
+        lower, upper = np.array([p.ends for p in self._fitted]).reshape(-1, 2).T
+        return lower, upper
 
     def smooth(self) -> np.ndarray:
         """Which of the coordinates the readings follow smoothly, bool, shape (n,): all but the times of events."""
@@ -303,8 +303,8 @@ def _covariance(residuals: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
 
 def _width(parameter: Parameter) -> float:
     """Of a parameter's range, in its coordinate; 1 of a range without ends."""
-    ends = [parameter.scale.to_coordinate(end) for end in (parameter.lower, parameter.upper)]
-    return abs(ends[1] - ends[0]) if np.isfinite(ends).all() else 1.0
+    least, most = parameter.ends
+    return most - least if np.isfinite([least, most]).all() else 1.0
 
 
 def _scaled(jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -151,10 +151,10 @@ def _drawn(effect: Effect, rng: np.random.Generator) -> Plant:
 
 def _moved(parameter: Parameter, by: float) -> float:
     """Its value times the exponential, kept clear of the bounds of its range."""
-    ends = sorted(parameter.scale.to_coordinate(end) for end in (parameter.lower, parameter.upper))
-    room = 0.02 * (ends[1] - ends[0]) if parameter.scale is not Scale.LINEAR else 0.0
+    least, most = parameter.ends
+    room = 0.02 * (most - least) if parameter.scale is not Scale.LINEAR else 0.0
     at = parameter.scale.to_coordinate(parameter.value * float(np.exp(by)))
-    return parameter.scale.to_value(min(max(at, ends[0] + room), ends[1] - room))
+    return parameter.scale.to_value(min(max(at, least + room), most - room))
 
 
 def _commands(rng: np.random.Generator, sample_time: float) -> Experiment:

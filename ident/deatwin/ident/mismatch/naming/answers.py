@@ -103,10 +103,10 @@ def nearly(search: Search) -> Naming:
     if alone.best is not None:
         return alone
 
-    def of_two() -> Naming:
+    def over_pairs() -> Naming:
         return _sufficing(search, [names for names in search.tried if len(names) == MOST_NEARLY])
 
-    for decision in (of_two, partial(barely, search)):
+    for decision in (over_pairs, partial(barely, search)):
         naming = _surely(search, decision, _sufficing)
         if naming.best is not None:
             return naming

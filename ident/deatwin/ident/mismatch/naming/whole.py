@@ -13,7 +13,7 @@ from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import STRONG, Naming, cannot_rule_out, decide, is_as_likely, normalised
 from deatwin.ident.mismatch.naming.versus import advantage, likeliest
-from deatwin.ident.mismatch.naming.worth import MOST, SUFFICIENT, held_back_by, is_near_floor, share_explained
+from deatwin.ident.mismatch.naming.worth import MOST, SUFFICIENT, asks, held_back_by, is_near_floor, share_explained
 from deatwin.ident.mismatch.refit.search import DECIDING
 from deatwin.ident.parallel import run_jobs
 
@@ -186,4 +186,4 @@ def _settles(whole: Candidate, base: Candidate) -> bool:
 def _holds(candidate: Candidate, base: Candidate) -> bool:
     """Whether a fit to the fitted part takes away most of what the base plant leaves of the unseen one, if it does."""
     before, after = base.unseen_test, candidate.unseen_test
-    return not (before.mismatch or after.mismatch) or share_explained(after, before) > MOST
+    return not asks(after, before) or share_explained(after, before) > MOST

@@ -10,8 +10,8 @@ from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.plant.parameters import Parameter
 
 __all__ = [
-    "MOST", "SUFFICIENT", "TRIFLE", "acts", "explained", "gained", "held_back_by", "is_near_floor", "share_explained",
-    "suffices", "takes_most",
+    "MOST", "SUFFICIENT", "TRIFLE", "acts", "asks", "explained", "gained", "held_back_by", "is_near_floor",
+    "share_explained", "suffices", "takes_most",
 ]  # fmt: skip
 
 MOST = 0.5
@@ -136,6 +136,21 @@ def share_explained(after: Excess, before: Excess) -> float:
     return 1.0 - max(after.size**2 - error, 0.0) / (before.size**2 - error)
 
 
+def asks(after: Excess, before: Excess) -> bool:
+    """Whether a part of the recordings has anything to explain: something is missing there, with an explanation or not.
+
+    Parameters
+    ----------
+    after, before : Excess
+        Of the part, with the explanation and without.
+
+    Returns
+    -------
+    bool
+    """
+    return before.mismatch or after.mismatch
+
+
 def explained(candidate: Candidate, base: Candidate) -> float:
     """Share of the explainable energy of the mismatch that a candidate takes away, on the part where it takes less.
 
@@ -152,7 +167,7 @@ def explained(candidate: Candidate, base: Candidate) -> float:
         As `share_explained`.
     """
     parts = [(candidate.fitted_test, base.fitted_test), (candidate.unseen_test, base.unseen_test)]
-    asked = [(after, before) for after, before in parts if before.mismatch or after.mismatch] or parts
+    asked = [(after, before) for after, before in parts if asks(after, before)] or parts
     return min(share_explained(after, before) for after, before in asked)
 
 
