@@ -53,8 +53,8 @@ class Sham:
         How it was spoilt.
     share : float or None
         Gain of the sham in squared residual, to first order, relative to that of the effect itself: likewise to first
-        order, but the opposite sign, which cannot gain where the effect does, relative to what the refit gained. None
-        if it was skipped.
+        order, but the opposite sign, which cannot gain where the effect does, relative to what the refit gained, and
+        random phases, which no refit would better, relative to the greater of the two. None if it was skipped.
     expected : float or None
         The same if the effect is the truth: what the sham has in common with it.
     skipped : str
@@ -131,14 +131,26 @@ class _Case:
         share = self.court.gain(-self.named, self.mismatch) / self.gain
         return Sham(effect=self.name, kind=ShamKind.OPPOSITE, share=share, expected=0.0)
 
-    def compare(self, kind: ShamKind, changes: Sequence[np.ndarray]) -> Sham:
-        """The best of several shams of a kind, of those that differ from the effect."""
+    def backwards(self, change: np.ndarray) -> Sham:
+        """The effect on commands that run backwards, relative to the effect to first order: both might be refitted."""
+        return self._best(ShamKind.BACKWARDS, [change], at_least=0.0)
+
+    def random_phases(self, changes: Sequence[np.ndarray]) -> Sham:
+        """Signals of the effect's spectrum, relative to what the refit gained too: none of them has more to give.
+
+        They are added to the readings, so that to first order is all there is; the effect is not.
+        """
+        return self._best(ShamKind.RANDOM_PHASES, changes, at_least=self.gain)
+
+    def _best(self, kind: ShamKind, changes: Sequence[np.ndarray], at_least: float) -> Sham:
+        """The best of several shams, of those that differ from the effect, which gains `at_least` so much, SI."""
         own, whole = (self.court.gain(self.named, of) for of in (self.mismatch, self.named))
         if own < NEARLY_LINEAR * self.gain:
             return self.skipped(kind, "the readings are too far from linear in the effect")
-        shams = [self.court.left(change) for change in changes]
+        shams, against = [self.court.left(change) for change in changes], max(own, at_least)
         pairs = [
-            (self.court.gain(sham, self.mismatch) / own, self.court.gain(sham, self.named) / whole) for sham in shams
+            (self.court.gain(sham, self.mismatch) / against, self.court.gain(sham, self.named) / whole)
+            for sham in shams
         ]
         distinct = [pair for pair in pairs if pair[1] <= DISTINCT]
         if 2 * len(distinct) <= len(pairs):
@@ -202,9 +214,9 @@ def sham_effects(
     return (
         case.skipped(ShamKind.BACKWARDS, "the plant cannot be simulated on the commands backwards")
         if turned is None
-        else case.compare(ShamKind.BACKWARDS, [_counted(_forwards(turned), everything)]),
+        else case.backwards(_counted(_forwards(turned), everything)),
         case.opposite(),
-        case.compare(ShamKind.RANDOM_PHASES, [_counted(each, everything) for each in drawn]),
+        case.random_phases([_counted(each, everything) for each in drawn]),
     )
 
 
