@@ -14,7 +14,7 @@ from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.gate.gate import gate, split
 from deatwin.ident.mismatch.naming.candidate import Candidate, judge
 from deatwin.ident.mismatch.verify.constancy import Constancy
-from deatwin.ident.mismatch.verify.shams import ShamKind, _Court, backwards, phase_randomised, sham_effects
+from deatwin.ident.mismatch.verify.shams import ShamKind, _Case, _Court, backwards, phase_randomised, sham_effects
 from deatwin.ident.mismatch.verify.transfer import Transfer
 from deatwin.ident.mismatch.verify.verify import (
     Ablation,
@@ -141,30 +141,63 @@ def test_an_effect_without_memory_has_no_backward_sham():
     assert shams[ShamKind.BACKWARDS].rejected  # a sham that says nothing speaks against nobody
 
 
-@needs_compiler
-def test_what_happened_backwards_is_not_the_effect():
-    """The readings hold half of the effect and all of its own sham: the sham must win."""
+def spoilt_hysteresis(sham_of):
+    """Shams of a hysteresis where the readings hold half of it and all of a sham that is made of its change."""
     effect = effect_named("hysteresis")
-    bench = bench_of(seed=0)
+    experiment = bench_of(seed=0).everything[0].experiment
     plant = NOMINAL.with_values(VALUES)
-    experiment = bench.everything[0].experiment
 
     def change(of):
         pairs = zip(plant.with_effects(effect).simulate(of).outputs, plant.simulate(of).outputs, strict=True)
         return [a[0] - b[0] for a, b in pairs]
 
-    back = [y[::-1] for y in reversed(change(backwards(experiment)))]
+    own = change(experiment)
     spoilt = Experiment(
         recordings=tuple(
-            replace(record, outputs=record.outputs + 0.5 * own + sham)
-            for record, own, sham in zip(experiment.recordings, change(experiment), back, strict=True)
+            replace(record, outputs=record.outputs + 0.5 * half + sham)
+            for record, half, sham in zip(experiment.recordings, own, sham_of(change, experiment), strict=True)
         )
     )
     fitted, _, everything = split(gate(NOMINAL, (spoilt,)))
     base = calibrate(plant, fitted)
-    shams = {s.kind: s for s in sham_effects(base, effect, 1e-16, fitted, everything, np.random.default_rng(0))}
+    return {s.kind: s for s in sham_effects(base, effect, 1e-16, fitted, everything, np.random.default_rng(0))}
+
+
+@needs_compiler
+def test_what_happened_backwards_is_not_the_effect():
+    """The readings hold half of the effect and all of its own sham: the sham must win."""
+    shams = spoilt_hysteresis(lambda change, of: [y[::-1] for y in reversed(change(backwards(of)))])
     assert shams[ShamKind.BACKWARDS].share > 1.0
     assert not shams[ShamKind.BACKWARDS].rejected
+
+
+@needs_compiler
+def test_what_is_only_as_large_and_as_smooth_is_not_the_effect():
+    """The same with random phases, those that are drawn first."""
+
+    def drawn(change, of):
+        rng = np.random.default_rng(0)
+        return [phase_randomised(y, rng) for y in change(of)]
+
+    shams = spoilt_hysteresis(drawn)
+    assert shams[ShamKind.RANDOM_PHASES].share > 1.0
+    assert not shams[ShamKind.RANDOM_PHASES].rejected
+
+
+def test_random_phases_compete_with_the_refit_and_what_runs_backwards_with_the_first_order():
+    """A refit that gains half as much again as first order says: signals that are only added have no such reserve."""
+    rng = np.random.default_rng(0)
+    court = _Court(jacobian=rng.normal(size=(400, 2)), fitted=np.arange(400) < 250)
+    named, other = court.left(rng.normal(size=400)), court.left(rng.normal(size=400))
+    mismatch = named + 0.9 * other
+    own, gained = court.gain(named, mismatch), court.gain(other, mismatch)
+    case = _Case(court=court, name="creep", gain=1.5 * own, mismatch=mismatch, named=named)
+    assert case.backwards(other).share == pytest.approx(gained / own)
+    assert case.random_phases([other]).share == pytest.approx(gained / (1.5 * own))
+    less = replace(case, gain=0.5 * own)  # the refit fell short of what first order has
+    assert less.random_phases([other]).share == pytest.approx(gained / own)
+    nonlinear = replace(case, gain=2.5 * own)
+    assert "too far from linear" in nonlinear.random_phases([other]).skipped
 
 
 @needs_compiler
