@@ -23,10 +23,10 @@ from deatwin.ident.mismatch.locate.response import ResponseDifference
 from deatwin.ident.mismatch.locate.time import Times, Window
 from deatwin.ident.mismatch.locate.track import Track
 from deatwin.ident.mismatch.naming.decide import Distance
+from deatwin.ident.mismatch.verify import Ablation, Verification
 from deatwin.ident.mismatch.verify.constancy import Constancy
 from deatwin.ident.mismatch.verify.shams import Sham, ShamKind
 from deatwin.ident.mismatch.verify.transfer import Transfer
-from deatwin.ident.mismatch.verify.verify import Ablation, Verification
 from deatwin.ident.narx.svb import PruningStep
 from deatwin.ident.narx.terms import Term
 from deatwin.plant import Diaphragm, Parameter, Plant, ReadingTime, Recording

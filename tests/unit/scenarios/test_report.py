@@ -15,10 +15,10 @@ import pytest
 from deatwin.ident.mismatch import CandidateSummary, Cause, Diagnosis, Evidence, Interval, Verdict
 from deatwin.ident.mismatch.diagnosis import FittedParameter
 from deatwin.ident.mismatch.gate.gate import gate
+from deatwin.ident.mismatch.verify import Ablation, Verification
 from deatwin.ident.mismatch.verify.constancy import Constancy
 from deatwin.ident.mismatch.verify.shams import Sham, ShamKind
 from deatwin.ident.mismatch.verify.transfer import Transfer
-from deatwin.ident.mismatch.verify.verify import Ablation, Verification
 from deatwin.plant import Diaphragm, Experiment, Plant, Recording
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.errors import ModelError

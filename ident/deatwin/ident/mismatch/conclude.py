@@ -25,7 +25,8 @@ from deatwin.ident.mismatch.naming.worth import held_back_by, suffices, takes_mo
 from deatwin.ident.mismatch.refit.base import Base, differences
 from deatwin.ident.mismatch.refit.fitted import fitted_parameters
 from deatwin.ident.mismatch.say import say
-from deatwin.ident.mismatch.verify.verify import Verification, shares_explained
+from deatwin.ident.mismatch.verify.verification import Verification
+from deatwin.ident.mismatch.verify.verify import shares_explained
 from deatwin.plant.amplitudes import amplitude_unit
 from deatwin.plant.calibrated import CalibratedPlant
 

@@ -27,7 +27,7 @@ from deatwin.ident.mismatch.naming.worth import held_back_by, takes_most
 from deatwin.ident.mismatch.refit.base import Base, beside_rivals, calibrate_base
 from deatwin.ident.mismatch.refit.search import refit
 from deatwin.ident.mismatch.steps import Step, base_step, fit_step, found_step, gate_step
-from deatwin.ident.mismatch.verify.verify import Verification, verify
+from deatwin.ident.mismatch.verify import Verification, verify
 from deatwin.ident.parallel import spawn_generators
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.model import Plant

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from deatwin.ident.mismatch.discover.discovery import Discovery
     from deatwin.ident.mismatch.gate.gate import Gate
     from deatwin.ident.mismatch.locate import Location
-    from deatwin.ident.mismatch.verify.verify import Verification
+    from deatwin.ident.mismatch.verify import Verification
 
 __all__ = ["CandidateSummary", "Evidence"]
 

@@ -1,48 +1,25 @@
-"""Is anything missing at all, beyond chance and beyond what would matter?"""
+"""What was found out of whether anything is missing."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from deatwin.ident.greybox.fit import Calibration
-from deatwin.ident.greybox.parts import free_run_residuals
-from deatwin.ident.mismatch.detect.law import LEVEL, Law
-from deatwin.ident.mismatch.detect.leftover import Leftover, leftover_of
-from deatwin.ident.mismatch.detect.origin import Origin, OriginEvidence, origin_of
-from deatwin.ident.mismatch.detect.power import Power
-from deatwin.ident.mismatch.detect.statistics import GROUPS, Scores
-from deatwin.ident.mismatch.excess import excess_over_floor, practical_size
-from deatwin.ident.mismatch.gate.noise import NoiseFloor, noise_level
-from deatwin.ident.mismatch.gate.repeats import Repeatability, find_repeats, repeatability
-from deatwin.ident.mismatch.refit.search import refit
+from deatwin.ident.mismatch.detect.law import LEVEL
+from deatwin.ident.mismatch.detect.origin import Origin, OriginEvidence
+from deatwin.ident.mismatch.gate.noise import NoiseFloor
+from deatwin.ident.mismatch.gate.repeats import Repeatability
 from deatwin.plant.amplitudes import amplitude_unit
 from deatwin.plant.datasets import columns, dataset, squared
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from deatwin.ident.mismatch.bench import Bench
-    from deatwin.ident.mismatch.naming.candidate import Candidate
-    from deatwin.ident.mismatch.naming.screen import Footprint
-
-__all__ = ["Curves", "Detection", "Statistic", "detect", "detect_in"]
-
-DRAWS = 400
-CERTAIN = 1.25
-"""An excess this many times the practical size is looked into (of 81 clean rigs drawn for this 80 came to 0.92 at most,
-one, by the scatter of its noise that is allowed for below, to 1.3) though chance may make it with a probability of"""
-LIKELY = 0.5
-"""instead of a hundredth: rather not than so,"""
-BEYOND_CHANCE = 3.0
-"""and one of so many times whatever its probability: on some 90 clean rigs the largest was 1.8."""
-SCATTER = 3.0
-"""Standard deviations of the power of white noise that such an excess has besides: they are much in a short record."""
-POINTS = 400
-"""Of a curve that is drawn."""
+__all__ = ["Curves", "Detection", "Statistic", "counts"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -169,7 +146,7 @@ class Detection:
         Model errors are slow, so that few independent ones are in a short record, and chance allows them much. What
         the plant takes up once all recordings are fitted is not missing: its parameters were not known well enough.
         """
-        return _counts(self.p_value, self.size, self.practical, self.certain) and self.taken_up is None
+        return counts(self.p_value, self.size, self.practical, self.certain) and self.taken_up is None
 
     @property
     def testable(self) -> bool:
@@ -249,162 +226,20 @@ class Detection:
         return draw(self, ax)
 
 
-def detect(
-    base: Candidate, bench: Bench, rng: np.random.Generator, *, known: Sequence[Footprint] = ()
-) -> Detection:
-    """Test whether a calibrated plant lacks anything.
+def counts(p_value: float, size: float, practical: float, certain: bool) -> bool:
+    """Whether an excess is beyond chance and large enough, or too large for any doubt.
 
     Parameters
     ----------
-    base : Candidate
-        The calibrated plant.
-    bench : Bench
-        Recordings.
-    rng : numpy.random.Generator
-        Source of the bootstrap's draws.
-    known : sequence of Footprint
-        What each effect does to the readings of the fitted part, for the smallest size that would be seen.
+    p_value : float
+        Of all statistics together.
+    size, practical : float
+        Rms of the excess, and from which it counts, SI.
+    certain : bool
+        Whether the size alone leaves no doubt.
 
     Returns
     -------
-    Detection
+    bool
     """
-    found = detect_in(leftover_of(base, bench), rng, known=known)
-    return replace(found, taken_up=_taking_up_the_rest(base, bench)) if found.mismatch else found
-
-
-def detect_in(
-    left: Leftover, rng: np.random.Generator, *, known: Sequence[Footprint] = (), draws: int = DRAWS
-) -> Detection:
-    """Test a residual.
-
-    Parameters
-    ----------
-    left : Leftover
-        The residual, its signals and its Jacobian.
-    rng : numpy.random.Generator
-        Source of the bootstrap's draws.
-    known : sequence of Footprint
-        What each effect does to the readings of the fitted part.
-    draws : int
-        Of the bootstrap.
-
-    Returns
-    -------
-    Detection
-    """
-    law = Law(left, rng, draws)
-    scores = law.battery(left.residual[None])
-    groups = law.groups(scores)[0]
-    practical = practical_size(left.noise, left.model_error)
-    pieces = [left.residual[r] for r in left.records]
-    commands = [left.commands[r] for r in left.records]
-    repeats = find_repeats(commands, left.sample_time)
-    smallest, visible = _seen(law, left, known, practical)
-    p_value, size = law.p_value(float(groups.max())), _size(left)
-    least = practical * (CERTAIN if p_value < LIKELY else BEYOND_CHANCE)
-    certain = _is_certain(left, law.refit.white, least)
-    counts = _counts(p_value, size, practical, certain)
-    return Detection(
-        p_value=p_value, statistics=_statistics(law, left, scores, groups), size=size, practical=practical,
-        noise=left.noise, model_error=left.model_error, certain=certain,
-        sensor=noise_level(pieces, left.sample_time, left.sheet, commands, repeats),
-        repeatability=None if repeats is None else repeatability(left.residual, repeats, left.noise),
-        evidence=origin_of(left, repeats, practical) if counts else OriginEvidence.none(size),
-        moved=float(np.sqrt(np.mean(left.moved**2))), visible=visible, smallest=smallest,
-        output_unit=left.output_unit, curves=_curves(law, left, scores),
-    )  # fmt: skip
-
-
-def _taking_up_the_rest(base: Candidate, bench: Bench) -> Calibration | None:
-    """The plant fitted to all recordings, if it leaves nothing that counts of either part, as it did of the fitted one.
-
-    What the fitted part says of the parameters may carry the plant's own error far beyond it. A plant that must be bent
-    to the ends of its ranges for it takes up nothing.
-    """
-    if not base.fitted_test.within_floor:
-        return None  # to fit more than that part brings it no nearer
-    whole = refit(base.calibration, bench.everything)
-    left = [free_run_residuals(whole.plant, parts) for parts in (bench.fitted, bench.unseen)]
-    error, bent = whole.plant.rig.model_error, {*whole.at_bound} - {*base.calibration.at_bound}
-    enough = all(r is not None and excess_over_floor(r, base.noise, error).within_floor for r in left)
-    return whole if enough and not bent else None
-
-
-def _counts(p_value: float, size: float, practical: float, certain: bool) -> bool:
     return (p_value < LEVEL and size >= practical) or certain
-
-
-def _size(left: Leftover) -> float:
-    """Rms beyond the noise of the fitted or the unseen part, whichever is larger."""
-    powers = [np.mean(left.residual[p] ** 2) for p in (left.fitted, ~left.fitted) if p.any()]
-    return float(np.sqrt(max(max(powers) - left.noise**2, 0.0)))
-
-
-def _is_certain(left: Leftover, white: np.ndarray, least: float) -> bool:
-    """Whether the fitted or the unseen part is too large for any noise that the refit left or brought there."""
-    for part in (left.fitted, ~left.fitted):
-        if part.any():
-            noise = left.noise**2 * white[part].mean() * (1.0 + SCATTER * np.sqrt(2.0 / part.sum()))
-            if np.mean(left.residual[part] ** 2) > noise + least**2:
-                return True
-    return False
-
-
-def _statistics(law: Law, left: Leftover, scores: Scores, groups: np.ndarray) -> tuple[Statistic, ...]:
-    names = law.battery.names
-    ratio, linear = int(np.argmax(scores.ratios[0])), int(np.argmax(np.abs(law.correlations(scores)[0])))
-    apart = np.abs(scores.spectra[0] - law.spectrum)
-    squared = int(np.argmax(np.abs(scores.squared[0])))
-    root = np.sqrt(left.residual.size)
-    rows = (
-        (float(np.exp(scores.ratios[0, ratio])), "unseen part" if ratio else "fitted part"),
-        (float(apart.max()), f"{law.battery.frequencies[np.argmax(apart)]:.3g} Hz"),
-        (float(scores.linear[0, linear] / root), names[linear]),
-        (float(scores.squared[0, squared] / root), names[squared]),
-    )
-    return tuple(
-        Statistic(name=name, value=value, where=where, score=float(score),
-                  p_value=float((1 + np.sum(law.drawn[:, k] >= score)) / (1 + law.drawn.shape[0])))
-        for k, (name, (value, where), score) in enumerate(zip(GROUPS, rows, groups, strict=True))
-    )  # fmt: skip
-
-
-def _seen(
-    law: Law, left: Leftover, known: Sequence[Footprint], practical: float
-) -> tuple[dict[str, float | None], bool]:
-    """The smallest size of each effect, at the shape that is seen best, and whether any is physical."""
-    smallest: dict[str, float | None] = {}
-    visible, power = not known, Power(law)
-    for footprint in known:
-        effect = footprint.effect
-        smallest.setdefault(effect.name, None)
-        whole = np.zeros(left.residual.size)
-        whole[left.fitted] = footprint.change
-        rest = law.refit(whole[None])[0][left.fitted]
-        if np.linalg.norm(rest) <= 1e-6 * np.linalg.norm(whole):
-            continue
-        strength = power.smallest(rest, practical)
-        if strength is None:
-            continue
-        rms, before = float(strength * np.sqrt(np.mean(footprint.change**2))), smallest[effect.name]
-        smallest[effect.name] = rms if before is None else min(before, rms)
-        own = effect.described(effect.strength)
-        visible = visible or own.lower <= strength <= own.upper or own.lower <= -strength <= own.upper
-    return smallest, visible
-
-
-def _curves(law: Law, left: Leftover, scores: Scores) -> Curves:
-    from scipy.signal import welch
-
-    segment = min(1024, *(r.stop - r.start for r in left.records))
-    densities = [welch(left.residual[r], 1 / left.sample_time, nperseg=segment) for r in left.records]
-    weights = [r.stop - r.start for r in left.records]
-    some = np.unique(np.linspace(0, law.spectrum.size - 1, POINTS).astype(int))
-    return Curves(
-        frequency=densities[0][0][1:], spectrum=np.average([d[1:] for _, d in densities], axis=0, weights=weights),
-        noise=2 * left.sample_time * left.noise**2,
-        lines=law.battery.frequencies[some], cumulated=scores.spectra[0][some], expected=law.spectrum[some],
-        distance=law.distance, regressors=law.battery.names, correlations=law.correlations(scores)[0],
-        bound=law.correlation,
-    )  # fmt: skip

@@ -3,7 +3,8 @@
 from deatwin.ident.mismatch.verify.constancy import Constancy
 from deatwin.ident.mismatch.verify.shams import Sham, ShamKind
 from deatwin.ident.mismatch.verify.transfer import Transfer
-from deatwin.ident.mismatch.verify.verify import Ablation, Verification, verify
+from deatwin.ident.mismatch.verify.verification import Ablation, Verification
+from deatwin.ident.mismatch.verify.verify import verify
 
 __all__ = [
     "Ablation",

@@ -319,7 +319,7 @@ def test_what_the_plant_takes_up_once_it_is_fitted_to_all_recordings_is_not_miss
 def test_a_refit_that_fails_or_ends_on_a_bound_takes_nothing_up(monkeypatch, refitted):
     bench = bench_of(small_then_large(), 1, PLANT.with_values({"stretch_limit": 200.0}))
     base = judge(bench, calibrate(PLANT, bench.fitted, evaluations=20), PLANT.rig.noise)
-    module = importlib.import_module("deatwin.ident.mismatch.detect.detection")
+    module = importlib.import_module("deatwin.ident.mismatch.detect.detect")
     monkeypatch.setattr(module, "refit", refitted)
     found = detect(base, bench, np.random.default_rng(2))
     assert found.mismatch

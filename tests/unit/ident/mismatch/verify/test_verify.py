@@ -16,15 +16,8 @@ from deatwin.ident.mismatch.naming.candidate import Candidate, judge
 from deatwin.ident.mismatch.verify.constancy import Constancy
 from deatwin.ident.mismatch.verify.shams import ShamKind, _Case, _Court, backwards, phase_randomised, sham_effects
 from deatwin.ident.mismatch.verify.transfer import Transfer
-from deatwin.ident.mismatch.verify.verify import (
-    Ablation,
-    Verification,
-    _ablation,
-    _constancies,
-    _whole,
-    shares_explained,
-    verify,
-)
+from deatwin.ident.mismatch.verify.verification import Ablation, Verification
+from deatwin.ident.mismatch.verify.verify import _ablation, _constancies, _whole, shares_explained, verify
 from deatwin.plant import Creep, Delay, Diaphragm, Experiment, PermittivityDrift, Plant, Recording
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.effects.catalogue import catalogue, effect_named

@@ -1,0 +1,248 @@
+"""What was found out of whether an explanation holds."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from deatwin.ident.mismatch.datasets import table
+from deatwin.ident.mismatch.verify.constancy import Constancy
+from deatwin.ident.mismatch.verify.shams import Sham
+from deatwin.ident.mismatch.verify.transfer import Transfer
+from deatwin.plant.amplitudes import amplitude_unit, written_amplitude
+from deatwin.plant.datasets import dataset
+from deatwin.plant.drawing import axes_or_new
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from deatwin.ident.greybox.fit import Calibration
+
+__all__ = ["Ablation", "Verification"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ablation:
+    """What happens when one effect is taken out and the rest is fitted anew.
+
+    Parameters
+    ----------
+    effect : str
+        Canonical name.
+    fitted, unseen : float
+        Rms residuals without it, SI.
+    gain_low : float
+        Lower 95 % bound of how much the effect lowers the rms on the unseen part, SI.
+    share : float
+        Share of the mismatch's energy that returns, from 0 to 1.
+    counts : bool
+        Whether the error grows for certain over both parts, and on the unseen one by more than the plant's own error.
+    """
+
+    effect: str
+    fitted: float
+    unseen: float
+    gain_low: float
+    share: float
+    counts: bool = False
+
+    @property
+    def returns(self) -> bool:
+        """Whether the error comes back for certain, on unseen data too.
+
+        What acts at a few steps only is in so few blocks of the unseen part that these alone can be certain of nothing.
+        """
+        return self.gain_low > 0.0 or self.counts
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verification:
+    """An explanation on unseen data; SI.
+
+    Parameters
+    ----------
+    fitted_before, fitted_after : float
+        Rms residuals on the fitted part.
+    unseen_before, unseen_after : float
+        On the unseen part, in free run.
+    gain_low : float
+        Lower 95 % bound of the fall on the unseen part.
+    counts : bool
+        Whether the error falls for certain over both parts, and on the unseen one by more than the plant's own error
+        and by most of what is more than noise.
+    ablations : tuple of Ablation
+        One for each effect.
+    shams : tuple of Sham
+        Of each kind for each effect.
+    transfers : tuple of Transfer
+        Records, where there are several, and thirds of the amplitudes.
+    constancies : tuple of Constancy
+        One for each effect that is no event.
+    noise : float
+        Rms.
+    output_unit : str
+        SI unit of the reading.
+    whole : Calibration or None
+        The amended plant fitted to all recordings, where that was needed: whoever needs it next has it here.
+    """
+
+    fitted_before: float
+    fitted_after: float
+    unseen_before: float
+    unseen_after: float
+    gain_low: float
+    counts: bool = False
+    ablations: tuple[Ablation, ...] = ()
+    shams: tuple[Sham, ...] = ()
+    transfers: tuple[Transfer, ...] = ()
+    constancies: tuple[Constancy, ...] = ()
+    noise: float = 0.0
+    output_unit: str = ""
+    whole: Calibration | None = None
+
+    @property
+    def holds(self) -> bool:
+        """Whether nothing speaks against the explanation; see `doubted` for when it is shown all the same."""
+        return not self.failures
+
+    @property
+    def failures(self) -> tuple[str, ...]:
+        """What speaks against it, each in a clause."""
+        falls = self.gain_low > 0.0 or self.counts  # as for `Ablation.returns`
+        found = [] if falls else ["the error on unseen data does not fall for certain"]
+        found += [
+            f"without {a.effect} the error on unseen data does not return for certain"
+            for a in self.ablations
+            if not a.returns
+        ]
+        found += [f"{s.effect} {s.kind.value} does as well" for s in self.shams if not s.rejected]
+        found += [f"the error grows on unseen data: {t.part}" for t in self.transfers if t.worse]
+        found += [
+            f"the strength of {c.effect} would change by {100 * c.change:.0f} % of itself over "
+            + ("the recordings, which would take most of what is left" if c.mends else "the fitted part")
+            for c in self.constancies
+            if c.change is not None and not c.holds
+        ]
+        return tuple(found)
+
+    @property
+    def doubted(self) -> tuple[str, ...]:
+        """Effects of several without which the error on unseen data does not return for certain, though with others.
+
+        Nothing else may speak against the explanation: then it stands, and the one without that effect beside it.
+        """
+        spared = tuple(a.effect for a in self.ablations if not a.returns)
+        return spared if len(self.failures) == len(spared) < len(self.ablations) else ()
+
+    def to_dict(self) -> dict[str, Any]:
+        """The field ``verification`` of ``diagnosis.json``; amplitudes in the unit that is reported."""
+        size = amplitude_unit(self.output_unit)[1]
+        return {
+            "holds": self.holds,
+            "failures": list(self.failures),
+            "gain_low": self.gain_low / size,
+            "counts": self.counts,
+            "ablation": [
+                {
+                    "effect": a.effect, "fitted": a.fitted / size, "unseen": a.unseen / size,
+                    "gain_low": a.gain_low / size, "share": a.share, "counts": a.counts,
+                }
+                for a in self.ablations
+            ],
+            "shams": [
+                {
+                    "effect": s.effect, "sham": s.kind.value, "share": s.share, "expected": s.expected,
+                    "rejected": s.rejected if s.share is not None else None, "skipped": s.skipped,
+                }
+                for s in self.shams
+            ],
+            "transfer": [
+                {
+                    "part": t.part, "before": t.before / size, "after": t.after / size,
+                    "gain_low": t.gain_low / size, "gain_high": t.gain_high / size, "worse": t.worse,
+                }
+                for t in self.transfers
+            ],
+            "constancy": [{**asdict(c), "holds": c.holds} for c in self.constancies],
+        }  # fmt: skip
+
+    def to_xarray(self) -> Any:
+        """Return rms residuals before and after, and tables of ablations, shams and transfers, as an `xarray.Dataset`.
+
+        All is in SI.
+        """
+        unit, stages = self.output_unit, ("stage", ["before", "after"])
+        shams = [{**asdict(s), "kind": s.kind.value, "rejected": s.rejected} for s in self.shams]
+        return dataset(
+            {
+                "fitted": (stages[0], [self.fitted_before, self.fitted_after], unit, "rms residual on the fitted part"),
+                "unseen": (stages[0], [self.unseen_before, self.unseen_after], unit, "rms residual on the unseen part"),
+                "gain_low": ((), self.gain_low, unit, "lower 95 % bound of the fall on the unseen part"),
+                "noise": ((), self.noise, unit, "rms of the sensor's noise"),
+                **table("ablation", map(asdict, self.ablations), {
+                    "fitted": (unit, "rms residual without the effect"),
+                    "unseen": (unit, "rms residual without the effect"),
+                    "gain_low": (unit, "lower 95 % bound of what the effect takes away"),
+                    "share": ("", "share of the mismatch's energy that returns"),
+                }),
+                **table("sham", shams, {"share": ("", "gain relative to that of the effect itself"),
+                                        "expected": ("", "the same if the effect is the truth")}),
+                **table("transfer", [{**asdict(t), "worse": t.worse} for t in self.transfers], {
+                    "before": (unit, "rms residual"), "after": (unit, "rms residual"),
+                    "gain_low": (unit, "lower 95 % bound of the fall"),
+                    "gain_high": (unit, "upper 95 % bound of the fall"),
+                    "floor": (unit, "rms of noise and model error"),
+                    "model_error": (unit, "rms of the plant's own error"),
+                }),
+                **table("constancy", [{**asdict(c), "holds": c.holds} for c in self.constancies], {
+                    "change": ("", "relative change of the strength over the recordings"),
+                    "deviation": ("", "its standard deviation"),
+                    "own": ("", "share of its power that nothing else can make"),
+                }),
+            },
+            {"stage": stages},
+            {"holds": self.holds, "failures": list(self.failures)},
+        )  # fmt: skip
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the error on unseen data: before and after on each part, without each effect, and with its shams.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            A new figure without it.
+
+        Returns
+        -------
+        matplotlib Axes
+        """
+        axes = axes_or_new(ax)
+        unit, size = written_amplitude(self.output_unit)
+        rows = [("all of it", self.unseen_before, self.unseen_after)]
+        rows += [(t.part, t.before, t.after) for t in self.transfers]
+        rows += [(f"without {_plain(a.effect)}", self.unseen_before, a.unseen) for a in self.ablations]
+        rows += [(f"{_plain(s.effect)} {s.kind.value}", *self._with_sham(s)) for s in self.shams if s.share is not None]
+        for place, (_, before, after) in enumerate(rows):
+            axes.plot([before / size, after / size], [place, place], color="0.6", linewidth=1.2, zorder=1)
+        places = np.arange(len(rows))
+        axes.scatter([b / size for _, b, _ in rows], places, marker="o", color="C1", label="before", zorder=2)
+        axes.scatter([a / size for _, _, a in rows], places, marker="D", color="C0", label="after", zorder=3)
+        axes.axvline(self.noise / size, color="0.5", linestyle=":", label="sensor noise")
+        axes.set_yticks(places, [name for name, _, _ in rows])
+        axes.invert_yaxis()
+        axes.set_xlim(left=0.0)
+        axes.set_xlabel(f"rms residual, unseen ({unit})")
+        axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, markerscale=1.0)
+        return axes
+
+    def _with_sham(self, sham: Sham) -> tuple[float, float]:
+        """Rms before, and after with the sham in the effect's place, to first order."""
+        without = next((a.unseen for a in self.ablations if a.effect == sham.effect), self.unseen_before)
+        gained = (sham.share or 0.0) * (without**2 - self.unseen_after**2)
+        return without, float(np.sqrt(max(without**2 - gained, 0.0)))
+
+
+def _plain(name: str) -> str:
+    return name.replace("_", " ")
