@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.greybox.parts import free_run_residuals
 from deatwin.ident.mismatch.advise.advise import advise
 from deatwin.ident.mismatch.bench import Bench
@@ -23,11 +22,10 @@ from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming, nothing_tried
 from deatwin.ident.mismatch.naming.name import explanations
 from deatwin.ident.mismatch.naming.screen import Footprint, footprints
-from deatwin.ident.mismatch.naming.worth import held_back_by, takes_most
 from deatwin.ident.mismatch.refit.base import Base, beside_rivals, calibrate_base
 from deatwin.ident.mismatch.refit.search import refit
 from deatwin.ident.mismatch.steps import Step, base_step, fit_step, found_step, gate_step
-from deatwin.ident.mismatch.verify import Verification, verify
+from deatwin.ident.mismatch.verify.standing import first_that_stands
 from deatwin.ident.parallel import spawn_generators
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.model import Plant
@@ -119,7 +117,7 @@ def diagnose(
             finished=lambda share: tell(0.3 + 0.5 * share, "building in effects"),
             fitted=None if through is None else lambda fit, unseen: through(fit_step(bench, fit, unseen)),
         )  # fmt: skip
-    naming, verification, stands = _first_that_stands(
+    naming, verification, stands = first_that_stands(
         found, bench, for_verification, started=lambda text: tell(0.8, text)
     )
     keep(found_step("verify", verification if verification.ablations else None))
@@ -252,55 +250,6 @@ def _verdict(
     if naming.best is None or not stands:
         return Verdict.DISTURBANCE if detection.disturbance else Verdict.UNKNOWN
     return Verdict.AMBIGUOUS if naming.rivals else Verdict.NAMED
-
-
-def _first_that_stands(
-    found: Iterable[Naming], bench: Bench, rng: np.random.Generator, started: Callable[[str], None]
-) -> tuple[Naming, Verification, bool]:
-    """The first explanation that is not refuted, its verification, and whether it stands; else the first of all.
-
-    What has been refuted in a form of the plant is no rival of the next one there, nor what is left of it where one
-    effect is doubted.
-    """
-    verified: list[tuple[Naming, Verification, bool]] = []
-    refuted: list[tuple[Calibration, frozenset[str]]] = []
-    for naming in found:
-        if verified:
-            verified[0] = (verified[0][0].knowing(naming), *verified[0][1:])
-            if naming.best is None:
-                break
-        started("verifying on unseen data")
-        known = [effects for form, effects in refuted if form is naming.base.calibration]
-        answer = naming.without(known)
-        verification = verify(answer.base, answer.best or answer.base, rng, bench, answer.candidates)
-        spared = _without_doubted(answer, verification, known)
-        stands = verification.holds or bool(spared)
-        verified.append((answer.as_likely(spared), verification, stands))
-        if stands or answer.best is None:
-            return verified[-1]
-        refuted.append((answer.base.calibration, frozenset(answer.best.effects)))
-        started("looking for another explanation")
-    return verified[0]
-
-
-def _without_doubted(
-    naming: Naming, verification: Verification, refuted: Collection[frozenset[str]] = ()
-) -> list[Candidate]:
-    """The explanation without each effect that unseen data do not show for certain.
-
-    None where one of them is not known, was refuted, or does not explain most by itself: then there is nothing that
-    stands without it.
-    """
-    if naming.best is None:
-        return []
-    known = {frozenset(c.effects): c for c in naming.candidates if not c.calibration.given_up}
-    rest = [known.get(frozenset(naming.best.effects) - {name}) for name in verification.doubted]
-    standing = [
-        c for c in rest
-        if c is not None and frozenset(c.effects) not in refuted
-        and (c in naming.rivals or (takes_most(c, naming.base) and not held_back_by(c)))
-    ]  # fmt: skip
-    return standing if len(standing) == len(rest) else []
 
 
 def _nominal_is_off(bench: Bench, base: Base) -> bool:

@@ -1,0 +1,94 @@
+"""The first of several explanations that its verification does not refute."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable
+
+import numpy as np
+
+from deatwin.ident.greybox.fit import Calibration
+from deatwin.ident.mismatch.bench import Bench
+from deatwin.ident.mismatch.naming.candidate import Candidate
+from deatwin.ident.mismatch.naming.decide import Naming
+from deatwin.ident.mismatch.naming.worth import held_back_by, takes_most
+from deatwin.ident.mismatch.verify.verification import Verification
+from deatwin.ident.mismatch.verify.verify import verify
+
+__all__ = ["first_that_stands", "without_doubted"]
+
+
+def first_that_stands(
+    found: Iterable[Naming], bench: Bench, rng: np.random.Generator, started: Callable[[str], None]
+) -> tuple[Naming, Verification, bool]:
+    """The first explanation that is not refuted, its verification, and whether it stands; else the first of all.
+
+    What has been refuted in a form of the plant is no rival of the next one there, nor what is left of it where one
+    effect is doubted.
+
+    Parameters
+    ----------
+    found : iterable of Naming
+        Explanations, the likeliest first; the last one may have none.
+    bench : Bench
+        Recordings.
+    rng : numpy.random.Generator
+        Of their verification.
+    started : callable
+        Called with what is being done.
+
+    Returns
+    -------
+    tuple of Naming, Verification and bool
+    """
+    verified: list[tuple[Naming, Verification, bool]] = []
+    refuted: list[tuple[Calibration, frozenset[str]]] = []
+    for naming in found:
+        if verified:
+            verified[0] = (verified[0][0].knowing(naming), *verified[0][1:])
+            if naming.best is None:
+                break
+        started("verifying on unseen data")
+        known = [effects for form, effects in refuted if form is naming.base.calibration]
+        answer = naming.without(known)
+        verification = verify(answer.base, answer.best or answer.base, rng, bench, answer.candidates)
+        spared = without_doubted(answer, verification, known)
+        stands = verification.holds or bool(spared)
+        verified.append((answer.as_likely(spared), verification, stands))
+        if stands or answer.best is None:
+            return verified[-1]
+        refuted.append((answer.base.calibration, frozenset(answer.best.effects)))
+        started("looking for another explanation")
+    return verified[0]
+
+
+def without_doubted(
+    naming: Naming, verification: Verification, refuted: Collection[frozenset[str]] = ()
+) -> list[Candidate]:
+    """The explanation without each effect that unseen data do not show for certain.
+
+    None where one of them is not known, was refuted, or does not explain most by itself: then there is nothing that
+    stands without it.
+
+    Parameters
+    ----------
+    naming : Naming
+        With the explanation.
+    verification : Verification
+        Of it.
+    refuted : collection of frozenset of str
+        Sets of effects that do not stand.
+
+    Returns
+    -------
+    list of Candidate
+    """
+    if naming.best is None:
+        return []
+    known = {frozenset(c.effects): c for c in naming.candidates if not c.calibration.given_up}
+    rest = [known.get(frozenset(naming.best.effects) - {name}) for name in verification.doubted]
+    standing = [
+        c for c in rest
+        if c is not None and frozenset(c.effects) not in refuted
+        and (c in naming.rivals or (takes_most(c, naming.base) and not held_back_by(c)))
+    ]  # fmt: skip
+    return standing if len(standing) == len(rest) else []

@@ -1,0 +1,33 @@
+"""What is said beside a verdict."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from deatwin.ident.mismatch import Verdict, conclude
+
+
+def candidate(*effects: str, rms: float) -> SimpleNamespace:
+    return SimpleNamespace(effects=effects, losses=np.full(200, rms**2), noise=2.0)
+
+
+BASE, PAIR = candidate(rms=10.0), candidate("creep", "delay", rms=2.1)
+
+
+@pytest.mark.parametrize(
+    ("verdict", "best", "said"),
+    [(Verdict.UNKNOWN, None, True), (Verdict.NAMED, None, False), (Verdict.UNKNOWN, PAIR, False)],
+)
+def test_what_only_the_ranges_of_the_plant_refuse_is_said(monkeypatch, verdict, best, said):
+    idle, held, weaker = candidate("delay", rms=9.9), candidate("creep", rms=2.2), candidate("hysteresis", rms=2.3)
+    several = [
+        SimpleNamespace(**vars(c), evidence=evidence)
+        for c, evidence in ((BASE, 9.0), (PAIR, 8.0), (idle, 7.0), (held, 2.0), (weaker, 1.0))
+    ]
+    monkeypatch.setattr(conclude, "suffices", lambda c, base: True)
+    monkeypatch.setattr(conclude, "held_back_by", lambda c: ("damping", "branch_time"))
+    naming = SimpleNamespace(base=BASE, best=best, candidates=several)
+    found = list(conclude._held_back(SimpleNamespace(verdict=verdict, naming=naming)))
+    expected = "creep would explain the recordings if damping, branch_time might leave the range that is given"
+    assert found == [expected] * said
