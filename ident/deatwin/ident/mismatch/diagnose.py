@@ -100,9 +100,8 @@ def diagnose(
     tell(0.25, "looking for a mismatch")
     known, detection = _looked_into(bench, base.chosen, for_detection)
     if detection.mismatch and checked.soundness is Soundness.SOUND:
-        before, base = base, beside_rivals(bench, base)
-        base, (known, detection) = _as_filed(bench, base, (known, detection), for_detection)
-        base, (known, detection) = _in_a_form_that_lacks_nothing(bench, base, (known, detection), for_detection)
+        before = base
+        base, (known, detection) = _among_forms(bench, base, (known, detection), for_detection)
         if base is not before:
             keep(base_step(bench, base))
     keep(found_step("detect", detection))
@@ -166,6 +165,15 @@ def _looked_into(bench: Bench, base: Candidate, rng: np.random.Generator) -> _Se
     """What each effect would do to a calibrated plant, and whether anything is missing in it."""
     known = footprints(bench, base.calibration, bench.effects, base.calibration)
     return known, detect(base, bench, rng, known=known)
+
+
+def _among_forms(bench: Bench, base: Base, seen: _Seen, rng: np.random.Generator) -> tuple[Base, _Seen]:
+    """The base plant beside all its rival forms, in the one to go on with, and what is seen there.
+
+    A mismatch was `seen` in the form chosen.
+    """
+    filed = _as_filed(bench, beside_rivals(bench, base), seen, rng)
+    return _in_a_form_that_lacks_nothing(bench, *filed, rng)
 
 
 def _as_filed(bench: Bench, base: Base, seen: _Seen, rng: np.random.Generator) -> tuple[Base, _Seen]:

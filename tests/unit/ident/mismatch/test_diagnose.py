@@ -184,6 +184,22 @@ def test_what_another_reading_of_the_rig_file_does_is_not_missing(monkeypatch, r
     assert module._in_a_form_that_lacks_nothing(None, base, nothing, None) == (base, nothing)
 
 
+def test_rivals_that_the_calibration_did_not_ask_are_asked_where_something_is_missing(monkeypatch):
+    """One of them lacks nothing, though the chosen form, the file's own, was good enough to ask no further."""
+    module = importlib.import_module("deatwin.ident.mismatch.diagnose")
+    early, chosen = SimpleNamespace(adequate=True), SimpleNamespace(mismatch=False)
+    nothing = ("known there", SimpleNamespace(mismatch=False, taken_up=None))
+    monkeypatch.setattr(module, "_looked_into", lambda bench, form, rng: nothing if form is early else None)
+    alone = Base(chosen=chosen, rivals=(), noise=2e-6)
+    monkeypatch.setattr(Base, "as_filed", lambda self, rig: self)
+    monkeypatch.setattr(Base, "in_form_of", lambda self, form: replace(self, chosen=form, rivals=()))
+    monkeypatch.setattr(module, "beside_rivals", lambda bench, base: replace(base, rivals=(early,)))
+    seen = ("known", SimpleNamespace(mismatch=True))
+    base, found = module._among_forms(SimpleNamespace(nominal=NOMINAL), alone, seen, None)
+    assert base.chosen is early
+    assert found is nothing
+
+
 def test_what_was_seen_in_the_form_of_the_rig_file_is_not_looked_into_twice():
     base, seen = SimpleNamespace(), ("known", SimpleNamespace(mismatch=True))
     base.as_filed = lambda rig: base
