@@ -48,10 +48,14 @@ def scripted(nothing: Naming, monkeypatch: pytest.MonkeyPatch) -> Callable[..., 
 
 
 @pytest.fixture
-def elsewhere(search_over: Callable[..., Search], monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
-    """What sets of effects leave in another form of the plant, instead of fits."""
+def elsewhere(
+    search_over: Callable[..., Search], monkeypatch: pytest.MonkeyPatch
+) -> Callable[..., list[list[tuple[str, ...]]]]:
+    """What sets of effects leave in another form of the plant, instead of fits; the stages that are judged there."""
 
-    def leave(*known: Candidate) -> None:
+    def leave(*known: Candidate) -> list[list[tuple[str, ...]]]:
+        judged: list[list[tuple[str, ...]]] = []
+
         def begun(search: Search, form: Candidate) -> Search:
             other = search_over(form)
 
@@ -61,7 +65,7 @@ def elsewhere(search_over: Callable[..., Search], monkeypatch: pytest.MonkeyPatc
                 return list(found)
 
             fakes = {
-                "attempt": attempt, "judge_by_the_best": len, "fit_from": lambda *_: None,
+                "attempt": attempt, "judge_by_the_best": judged.append, "fit_from": lambda *_: None,
                 "_fit_some": lambda full, rest: attempt([rest], np.inf),
             }  # fmt: skip
             for name, does in fakes.items():
@@ -69,6 +73,7 @@ def elsewhere(search_over: Callable[..., Search], monkeypatch: pytest.MonkeyPatc
             return other
 
         monkeypatch.setattr(forms, "_begun", begun)
+        return judged
 
     monkeypatch.setattr(forms, "_trial", lambda search, full, form, names: names)
     monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.with_distances", lambda naming, *_: naming)
@@ -287,7 +292,7 @@ def test_of_three_that_leave_too_much_one_may_be_all_that_another_form_is(
     search = search_over(candidate(rms=5.7), *alone, *here, three)
     nothing = decided(search, [three.effects])
     assert nothing.best is None
-    elsewhere(
+    judged = elsewhere(
         candidate("creep", rms=3.9), candidate("end_stop", rms=4.0), candidate("sensor_lag", rms=5.4),
         candidate("end_stop", "sensor_lag", rms=3.4), candidate("creep", "sensor_lag", rms=3.8),
         candidate("creep", "end_stop", rms=there),
@@ -295,6 +300,12 @@ def test_of_three_that_leave_too_much_one_may_be_all_that_another_form_is(
     taken, naming = with_fewer(search, nothing, [candidate(rms=5.5)])
     assert (naming.best and naming.best.effects) == answer
     assert (taken is search) is (answer is None)
+    # by the best of all, each time more are known: those that were tried before are judged by it again
+    singles, pair = [("end_stop",), ("sensor_lag",)], ("end_stop", "sensor_lag")
+    others = [("creep", "sensor_lag"), ("creep", "end_stop")]
+    assert [sorted(stage) for stage in judged] == [
+        sorted(singles), sorted([*singles, pair]), sorted([*singles, pair, *others])
+    ]  # fmt: skip
 
 
 def test_one_effect_is_looked_for_in_no_further_form(candidate, search_over, elsewhere):
