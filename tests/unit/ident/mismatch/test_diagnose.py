@@ -185,18 +185,33 @@ def test_what_another_reading_of_the_rig_file_does_is_not_missing(monkeypatch, r
 
 
 def test_rivals_that_the_calibration_did_not_ask_are_asked_where_something_is_missing(monkeypatch):
-    """One of them lacks nothing, though the chosen form, the file's own, was good enough to ask no further."""
+    """One of them lacks nothing, though the form chosen was good enough to ask no further."""
     module = importlib.import_module("deatwin.ident.mismatch.diagnose")
-    early, chosen = SimpleNamespace(adequate=True), SimpleNamespace(mismatch=False)
+    early = SimpleNamespace(adequate=True)
     nothing = ("known there", SimpleNamespace(mismatch=False, taken_up=None))
     monkeypatch.setattr(module, "_looked_into", lambda bench, form, rng: nothing if form is early else None)
-    alone = Base(chosen=chosen, rivals=(), noise=2e-6)
+    alone = Base(chosen=SimpleNamespace(mismatch=False), rivals=(), noise=2e-6)
     monkeypatch.setattr(Base, "as_filed", lambda self, rig: self)
     monkeypatch.setattr(Base, "in_form_of", lambda self, form: replace(self, chosen=form, rivals=()))
     monkeypatch.setattr(module, "beside_rivals", lambda bench, base: replace(base, rivals=(early,)))
     seen = ("known", SimpleNamespace(mismatch=True))
     base, found = module._among_forms(SimpleNamespace(nominal=NOMINAL), alone, seen, None)
     assert base.chosen is early
+    assert found is nothing
+
+
+def test_the_form_of_the_rig_file_is_gone_back_to_before_others_are_asked(monkeypatch):
+    """Nothing is missing there: then no rival is looked into."""
+    module = importlib.import_module("deatwin.ident.mismatch.diagnose")
+    filed, rival = SimpleNamespace(mismatch=False), SimpleNamespace(adequate=True)
+    nothing = ("known there", SimpleNamespace(mismatch=False, taken_up=None))
+    monkeypatch.setattr(module, "_looked_into", lambda bench, form, rng: {id(filed): nothing}[id(form)])
+    monkeypatch.setattr(module, "beside_rivals", lambda bench, base: base)
+    monkeypatch.setattr(Base, "as_filed", lambda self, rig: replace(self, chosen=filed))
+    chosen = Base(chosen=SimpleNamespace(mismatch=False), rivals=(rival,), noise=2e-6)
+    seen = ("known", SimpleNamespace(mismatch=True))
+    base, found = module._among_forms(SimpleNamespace(nominal=NOMINAL), chosen, seen, None)
+    assert base.chosen is filed
     assert found is nothing
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
+from functools import cached_property
 
 import numpy as np
 
@@ -54,9 +55,10 @@ class Sham:
     share : float or None
         Gain of the sham in squared residual, to first order, relative to that of the effect itself: likewise to first
         order, but the opposite sign, which cannot gain where the effect does, relative to what the refit gained, and
-        random phases, which no refit would better, relative to the greater of the two. None if it was skipped.
+        random phases, whose strength is all that a refit could change, relative to the greater of the two. None if it
+        was skipped.
     expected : float or None
-        The same if the effect is the truth: what the sham has in common with it.
+        What it would gain if the effect were the truth, relative to that: what the two have in common.
     skipped : str
         Why nothing can be learned of it; empty if it was judged.
     """
@@ -100,8 +102,11 @@ class _Court:
         """
         energy = float(by[self.fitted] @ by[self.fitted])
         amplitude = max(float(by[self.fitted] @ of[self.fitted]) / energy, 0.0) if energy > 0 else 0.0
-        unseen = of[~self.fitted]
-        return float(np.mean(unseen**2) - np.mean((unseen - amplitude * by[~self.fitted]) ** 2))
+        return self.unseen_power(of) - self.unseen_power(of - amplitude * by)
+
+    def unseen_power(self, change: np.ndarray) -> float:
+        """Mean square of a change on the unseen part."""
+        return float(np.mean(change[~self.fitted] ** 2))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -116,15 +121,27 @@ class _Case:
         Canonical name.
     gain : float
         What the refit with the effect gained, SI.
-    mismatch, named : ndarray, shape (n,)
-        Residual without the effect and the effect's change of the readings, less what the parameters take up.
+    residual : ndarray, shape (n,)
+        Without the effect.
+    named : ndarray, shape (n,)
+        The effect's change of the readings, less what the parameters take up.
     """
 
     court: _Court
     name: str
     gain: float
-    mismatch: np.ndarray
+    residual: np.ndarray
     named: np.ndarray
+
+    @cached_property
+    def mismatch(self) -> np.ndarray:
+        """The residual less what the parameters take up, shape (n,)."""
+        return self.court.left(self.residual)
+
+    @property
+    def gain_beyond(self) -> float:
+        """What the refit with the effect gained beyond what the parameters alone would, to first order, SI."""
+        return self.gain - (self.court.unseen_power(self.residual) - self.court.unseen_power(self.mismatch))
 
     def opposite(self) -> Sham:
         """The effect with the wrong sign; relative to the refit, since to first order only one of the two can gain."""
@@ -136,11 +153,11 @@ class _Case:
         return self._best(ShamKind.BACKWARDS, [change], at_least=0.0)
 
     def random_phases(self, changes: Sequence[np.ndarray]) -> Sham:
-        """Signals of the effect's spectrum, relative to what the refit gained too: none of them has more to give.
+        """Signals of the effect's spectrum, relative to what the refit gained beyond the parameters alone, too.
 
-        They are added to the readings, so that to first order is all there is; the effect is not.
+        They are added to the readings, so that of their strength first order is all there is; of the effect it is not.
         """
-        return self._best(ShamKind.RANDOM_PHASES, changes, at_least=self.gain)
+        return self._best(ShamKind.RANDOM_PHASES, changes, at_least=self.gain_beyond)
 
     def _best(self, kind: ShamKind, changes: Sequence[np.ndarray], at_least: float) -> Sham:
         """The best of several shams, of those that differ from the effect, which gains `at_least` so much, SI."""
@@ -206,9 +223,8 @@ def sham_effects(
     length = np.linalg.norm(jacobian, axis=0)
     court = _Court(jacobian=jacobian / np.where(length > 0, length, 1.0), fitted=_fitted(fitted, everything))
     case = _Case(
-        court=court, name=effect.name, gain=gain, mismatch=court.left(residual),
-        named=court.left(_counted(change, everything)),
-    )  # fmt: skip
+        court=court, name=effect.name, gain=gain, residual=residual, named=court.left(_counted(change, everything))
+    )
     drawn = [[[phase_randomised(y, rng) for y in each] for each in change] for _ in range(DRAWS)]
     turned = _change(without.plant, effect, [backwards(e) for e in experiments])
     return (

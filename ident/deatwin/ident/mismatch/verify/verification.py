@@ -187,8 +187,8 @@ class Verification:
                     "gain_low": (unit, "lower 95 % bound of what the effect takes away"),
                     "share": ("", "share of the mismatch's energy that returns"),
                 }),
-                **table("sham", shams, {"share": ("", "gain relative to that of the effect itself"),
-                                        "expected": ("", "the same if the effect is the truth")}),
+                **table("sham", shams, {"share": ("", "gain relative to that of the effect"),
+                                        "expected": ("", "the same were the effect the truth")}),
                 **table("transfer", [{**asdict(t), "worse": t.worse} for t in self.transfers], {
                     "before": (unit, "rms residual"), "after": (unit, "rms residual"),
                     "gain_low": (unit, "lower 95 % bound of the fall"),

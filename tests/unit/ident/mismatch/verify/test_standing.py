@@ -96,3 +96,11 @@ def test_what_was_tried_since_a_refuted_explanation_is_known(monkeypatch):
     assert naming.failed == ("mullins",)
     elsewhere = replace(later, candidates=(known(rms=9.0), PAIR))
     assert first_that_stands(monkeypatch, [first, elsewhere], holds=[False], doubted=[()])[0] is first
+
+
+def test_what_stands_without_a_doubted_effect_is_as_likely_as_with_it(monkeypatch):
+    """The evidence of the one with both says nothing of which law is right."""
+    naming, _, stands = first_that_stands(monkeypatch, [named_by(PAIR)], holds=[False], doubted=[("delay",)])
+    assert stands
+    assert naming.rivals == (ALONE,)
+    assert naming.probabilities[PAIR.effects] == naming.probabilities[ALONE.effects]

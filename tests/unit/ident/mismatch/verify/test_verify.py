@@ -180,17 +180,24 @@ def test_what_is_only_as_large_and_as_smooth_is_not_the_effect():
 def test_random_phases_compete_with_the_refit_and_what_runs_backwards_with_the_first_order():
     """A refit that gains half as much again as first order says: signals that are only added have no such reserve."""
     rng = np.random.default_rng(0)
-    court = _Court(jacobian=rng.normal(size=(400, 2)), fitted=np.arange(400) < 250)
+    jacobian = rng.normal(size=(400, 2))
+    court = _Court(jacobian=jacobian, fitted=np.arange(400) < 250)
     named, other = court.left(rng.normal(size=400)), court.left(rng.normal(size=400))
     mismatch = named + 0.9 * other
     own, gained = court.gain(named, mismatch), court.gain(other, mismatch)
-    case = _Case(court=court, name="creep", gain=1.5 * own, mismatch=mismatch, named=named)
+    case = _Case(court=court, name="creep", gain=1.5 * own, residual=mismatch, named=named)
     assert case.backwards(other).share == pytest.approx(gained / own)
     assert case.random_phases([other]).share == pytest.approx(gained / (1.5 * own))
     less = replace(case, gain=0.5 * own)  # the refit fell short of what first order has
     assert less.random_phases([other]).share == pytest.approx(gained / own)
     nonlinear = replace(case, gain=2.5 * own)
     assert "too far from linear" in nonlinear.random_phases([other]).skipped
+    # a part of what the refit gained is the parameters' alone, before any of these competes
+    bent = replace(case, gain=1.8 * own, residual=mismatch + jacobian @ [0.5, -0.3])
+    by_parameters = np.mean(bent.residual[250:] ** 2) - np.mean(mismatch[250:] ** 2)
+    assert own < 1.8 * own - by_parameters < 1.7 * own
+    assert bent.random_phases([other]).share == pytest.approx(gained / (1.8 * own - by_parameters))
+    assert bent.backwards(other).share == pytest.approx(gained / own)
 
 
 @needs_compiler
