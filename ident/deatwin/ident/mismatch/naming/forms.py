@@ -54,7 +54,8 @@ def with_fewer(search: Search, naming: Naming, forms: Sequence[Candidate]) -> tu
 
     A reading that is taken a sample early is a delay beside any other effect, too. Where two effects leave too much,
     they may explain the recordings in a form that neither shows by itself; of three that do, one may be all that the
-    other form is.
+    other form is. Where there is an answer, how much the other form leaves without effects says nothing: what is
+    missing may do more in that form, and this one may be bent to imitate it.
 
     Parameters
     ----------
@@ -63,7 +64,7 @@ def with_fewer(search: Search, naming: Naming, forms: Sequence[Candidate]) -> tu
     naming : Naming
         Its decision.
     forms : sequence of Candidate
-        Other forms of the plant without effects; those that leave clearly more are not tried.
+        Other forms of the plant without effects; where there is no answer, those that leave clearly more are not tried.
 
     Returns
     -------
@@ -73,7 +74,7 @@ def with_fewer(search: Search, naming: Naming, forms: Sequence[Candidate]) -> tu
     decision = _explained if naming.best is None else _in_its_place
     full, answers = _several(search, naming), []
     for form in forms if full else ():
-        if search.is_clearly_better_than(form):
+        if naming.best is None and search.is_clearly_better_than(form):
             continue
         other, found = decision(search, full, form)
         if found.best is not None and _holds(found.best, search, naming):

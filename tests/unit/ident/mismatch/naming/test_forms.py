@@ -247,11 +247,25 @@ def test_another_reading_of_the_rig_costs_less_than_one_effect_of_a_pair(
     assert (taken is search) is (len(answer) == 2)
 
 
-def test_a_form_that_leaves_clearly_more_by_itself_is_not_tried(candidate, pair_of_a_delay, elsewhere):
+def test_a_form_that_leaves_clearly_more_by_itself_may_need_one_effect_less(candidate, pair_of_a_delay, elsewhere):
+    """A creep of rows that were read a sample early: without it the file's form is bent to imitate both, that one not.
+
+    The same fit as of creep and a delay of a sample, beside which it leaves 8.8 of 6.6 µm without effects.
+    """
     search, naming = pair_of_a_delay
     elsewhere(candidate("end_stop", rms=2.05))
-    assert with_fewer(search, naming, [candidate(rms=6.5)]) == (search, naming)  # 0.8 (6.5² - 2²) > 5.7² - 2²
-    assert with_fewer(search, naming, [candidate(rms=6.0)])[1].best.effects == ("end_stop",)
+    assert with_fewer(search, naming, [candidate(rms=8.0)])[1].best.effects == ("end_stop",)
+
+
+def test_where_nothing_explains_a_form_that_leaves_clearly_more_by_itself_is_not_tried(
+    candidate, search_over, elsewhere
+):
+    both = candidate("creep", "delay", rms=2.9)
+    search = search_over(candidate(rms=5.7), candidate("creep", rms=4.0), candidate("delay", rms=4.2), both)
+    nothing = decided(search, [both.effects])
+    elsewhere(candidate("creep", rms=2.05))
+    assert with_fewer(search, nothing, [candidate(rms=6.5)]) == (search, nothing)  # 0.8 (6.5² - 2²) > 5.7² - 2²
+    assert with_fewer(search, nothing, [candidate(rms=6.0)])[1].best.effects == ("creep",)
 
 
 def test_rivals_of_a_pair_are_rivals_in_the_other_form_too(candidate, pair_of_a_delay, elsewhere):
