@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from deatwin.ident.mismatch.naming.answers import decided, decided_surely, nearly
 from deatwin.ident.mismatch.naming.candidate import Candidate
-from deatwin.ident.mismatch.naming.decide import Naming, cannot_rule_out
+from deatwin.ident.mismatch.naming.decide import Naming, cannot_rule_out, is_as_likely
 from deatwin.ident.mismatch.naming.sets import Names, Search, each_without_one
 from deatwin.ident.mismatch.naming.trial import Trial, trials_of, with_fitted
 from deatwin.ident.mismatch.naming.worth import suffices, takes_most
@@ -77,7 +77,7 @@ def with_fewer(search: Search, naming: Naming, forms: Sequence[Candidate]) -> tu
         if naming.best is None and search.is_clearly_better_than(form):
             continue
         other, found = decision(search, full, form)
-        if found.best is not None and _holds(found.best, search, naming):
+        if found.best is not None and _holds(found.best, search, naming, form):
             answers.append((found.best.evidence, other, found))
     return max(answers, key=lambda answer: answer[0], default=(0.0, search, naming))[1:]
 
@@ -91,11 +91,17 @@ def _several(search: Search, naming: Naming) -> list[Names]:
     return [names for names in found if len(names) > 1] if len(found[0]) > 1 else []
 
 
-def _holds(answer: Candidate, search: Search, naming: Naming) -> bool:
-    """Whether an answer in another form explains what this form lacks, and as well as the answer in this form does."""
+def _holds(answer: Candidate, search: Search, naming: Naming, form: Candidate) -> bool:
+    """Whether an answer in another form explains what this form lacks, and as well as the answer in this form does.
+
+    In a form that leaves clearly more without effects it must be as likely: what mends a wrong form takes most there.
+    """
     if not (takes_most(answer, search.tried[()]) and suffices(answer, search.tried[()])):
         return False
-    return naming.best is None or cannot_rule_out(answer, naming.best)
+    if naming.best is None:
+        return True
+    comes_near = is_as_likely if search.is_clearly_better_than(form) else cannot_rule_out
+    return comes_near(answer, naming.best)
 
 
 def _in_its_place(search: Search, full: Sequence[Names], form: Candidate) -> tuple[Search, Naming]:

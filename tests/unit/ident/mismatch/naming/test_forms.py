@@ -255,6 +255,10 @@ def test_a_form_that_leaves_clearly_more_by_itself_may_need_one_effect_less(cand
     search, naming = pair_of_a_delay
     elsewhere(candidate("end_stop", rms=2.05))
     assert with_fewer(search, naming, [candidate(rms=8.0)])[1].best.effects == ("end_stop",)
+    # 2.13² - 2.05² is 0.58², less than half of the plant's error, but 100 ln(2.13/2.05) = 3.8 nats are strong
+    elsewhere(candidate("end_stop", rms=2.13))
+    assert with_fewer(search, naming, [candidate(rms=8.0)]) == (search, naming)
+    assert with_fewer(search, naming, [candidate(rms=6.0)])[1].best.effects == ("end_stop",)
 
 
 def test_where_nothing_explains_a_form_that_leaves_clearly_more_by_itself_is_not_tried(
