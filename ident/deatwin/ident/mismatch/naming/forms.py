@@ -54,8 +54,8 @@ def with_fewer(search: Search, naming: Naming, forms: Sequence[Candidate]) -> tu
 
     A reading that is taken a sample early is a delay beside any other effect, too. Where two effects leave too much,
     they may explain the recordings in a form that neither shows by itself; of three that do, one may be all that the
-    other form is. Where there is an answer, how much the other form leaves without effects says nothing: what is
-    missing may do more in that form, and this one may be bent to imitate it.
+    other form is. How much a form leaves without effects says little where there is an answer: this one may be bent to
+    imitate what is missing, and the other not.
 
     Parameters
     ----------

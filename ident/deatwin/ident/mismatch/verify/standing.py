@@ -14,7 +14,7 @@ from deatwin.ident.mismatch.naming.worth import held_back_by, takes_most
 from deatwin.ident.mismatch.verify.verification import Verification
 from deatwin.ident.mismatch.verify.verify import verify
 
-__all__ = ["first_that_stands", "without_doubted"]
+__all__ = ["first_that_stands"]
 
 
 def first_that_stands(
@@ -51,7 +51,7 @@ def first_that_stands(
         known = [effects for form, effects in refuted if form is naming.base.calibration]
         answer = naming.without(known)
         verification = verify(answer.base, answer.best or answer.base, rng, bench, answer.candidates)
-        spared = without_doubted(answer, verification, known)
+        spared = _without_doubted(answer, verification, known)
         stands = verification.holds or bool(spared)
         verified.append((answer.as_likely(spared), verification, stands))
         if stands or answer.best is None:
@@ -61,26 +61,13 @@ def first_that_stands(
     return verified[0]
 
 
-def without_doubted(
+def _without_doubted(
     naming: Naming, verification: Verification, refuted: Collection[frozenset[str]] = ()
 ) -> list[Candidate]:
     """The explanation without each effect that unseen data do not show for certain.
 
     None where one of them is not known, was refuted, or does not explain most by itself: then there is nothing that
     stands without it.
-
-    Parameters
-    ----------
-    naming : Naming
-        With the explanation.
-    verification : Verification
-        Of it.
-    refuted : collection of frozenset of str
-        Sets of effects that do not stand.
-
-    Returns
-    -------
-    list of Candidate
     """
     if naming.best is None:
         return []

@@ -34,15 +34,15 @@ def test_what_stands_without_an_effect_that_unseen_data_do_not_show(alone, rival
     naming = Naming(
         candidates=(BASE, alone, PAIR, OTHER), best=PAIR, rivals=rivals, probabilities={PAIR.effects: 1.0}, noise=2.0
     )
-    found = standing.without_doubted(naming, SimpleNamespace(doubted=doubted))
+    found = standing._without_doubted(naming, SimpleNamespace(doubted=doubted))
     assert found == [alone] * spared
 
 
 def test_a_rival_that_the_naming_has_already_stands_whatever_it_takes():
     alone = known("creep", rms=8.0)
     naming = Naming(candidates=(BASE, alone, PAIR), best=PAIR, rivals=(alone,), probabilities={}, noise=2.0)
-    assert standing.without_doubted(naming, SimpleNamespace(doubted=["delay"])) == [alone]
-    assert standing.without_doubted(replace(naming, best=None), SimpleNamespace(doubted=[])) == []
+    assert standing._without_doubted(naming, SimpleNamespace(doubted=["delay"])) == [alone]
+    assert standing._without_doubted(replace(naming, best=None), SimpleNamespace(doubted=[])) == []
 
 
 ALONE = known("creep", rms=2.2)
@@ -78,7 +78,7 @@ def test_what_was_refuted_is_no_rival_of_the_next_and_nothing_that_it_could_be_s
     assert stands and naming.rivals == (OTHER,)
     assert naming.probabilities == {PAIR.effects: 0.5, OTHER.effects: 0.5}
     # without the delay, of which unseen data are not certain, the refuted creep is left
-    assert standing.without_doubted(several[1], SimpleNamespace(doubted=["delay"])) == [ALONE]
+    assert standing._without_doubted(several[1], SimpleNamespace(doubted=["delay"])) == [ALONE]
     _, _, stands = first_that_stands(monkeypatch, several, holds=[False, False], doubted=[(), ("delay",)])
     assert not stands
     # what was refuted in one form of the plant was not in another one

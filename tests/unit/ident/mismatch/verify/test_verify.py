@@ -15,8 +15,6 @@ from deatwin.ident.mismatch.gate.gate import gate, split
 from deatwin.ident.mismatch.naming.candidate import Candidate, judge
 from deatwin.ident.mismatch.verify.constancy import Constancy
 from deatwin.ident.mismatch.verify.shams import ShamKind, _Case, _Court, backwards, phase_randomised, sham_effects
-from deatwin.ident.mismatch.verify.transfer import Transfer
-from deatwin.ident.mismatch.verify.verification import Ablation, Verification
 from deatwin.ident.mismatch.verify.verify import _ablation, _constancies, _whole, shares_explained, verify
 from deatwin.plant import Creep, Delay, Diaphragm, Experiment, PermittivityDrift, Plant, Recording
 from deatwin.plant.effects.base import Effect
@@ -306,53 +304,6 @@ def test_an_effect_that_is_not_there_does_not_hold():
     assert "the error on unseen data does not fall for certain" in found.failures
 
 
-def verification(**fields) -> Verification:
-    """One that holds, but for the fields given."""
-    held = Verification(
-        fitted_before=9e-6, fitted_after=2e-6, unseen_before=10e-6, unseen_after=2.1e-6, gain_low=7e-6, noise=2e-6,
-        output_unit="m",
-    )  # fmt: skip
-    return replace(held, **fields)
-
-
-def test_each_failure_is_said_and_is_enough():
-    part = Transfer(
-        part="steps.csv", before=2e-6, after=4e-6, gain_low=-3e-6, gain_high=-1e-6, floor=2.2e-6,
-        model_error=1e-6,
-    )  # fmt: skip
-    taken = Ablation(effect="creep", fitted=2e-6, unseen=2.1e-6, gain_low=-1e-8, share=0.0)
-    assert verification().holds
-    for failed, said in (
-        ({"gain_low": 0.0}, "does not fall"),
-        ({"ablations": (taken,)}, "without creep"),
-        ({"transfers": (part,)}, "steps.csv"),
-        ({"constancies": (Constancy(effect="delay", own=0.5, change=2.0, deviation=0.1),)}, "the strength of delay"),
-    ):
-        assert not verification(**failed).holds
-        assert said in verification(**failed).failures[0]
-    assert verification(gain_low=0.0, counts=True).holds
-    within = replace(part, after=2.15e-6)  # worse, but within noise and model error
-    uncertain = replace(part, gain_high=1e-7)
-    small = replace(part, after=2.23e-6)  # 2.23² - 2.00² is less than 1.00², 2.24² - 2.00² is more
-    assert verification(transfers=(within, uncertain, small)).holds
-    assert not verification(transfers=(replace(part, after=2.24e-6),)).holds
-
-
-def test_a_doubt_of_one_effect_is_none_of_the_others():
-    sure = Ablation(effect="creep", fitted=4e-6, unseen=5e-6, gain_low=1e-6, share=0.5)
-    spared = Ablation(effect="delay", fitted=2.2e-6, unseen=2.2e-6, gain_low=-1e-8, share=0.1)
-    both = verification(ablations=(sure, spared))
-    assert not both.holds
-    assert both.doubted == ("delay",)
-    for other in (
-        {"ablations": (sure,)},  # nothing is doubted
-        {"ablations": (spared,)},  # nothing is left
-        {"ablations": (spared, replace(spared, effect="creep"))},  # nothing is certain
-        {"ablations": (sure, spared), "gain_low": 0.0},  # the whole is refuted
-    ):
-        assert verification(**other).doubted == ()
-
-
 def bursts(size: float, blocks: int, bad: int) -> np.ndarray:
     """Residuals of 2 µm, in blocks of fifty samples, the first of which are larger."""
     scale = np.where(np.arange(blocks) < bad, size, 2e-6)
@@ -423,17 +374,6 @@ def test_less_than_noise_is_nothing_that_a_change_could_mend(monkeypatch):
     assert asked == [None, pytest.approx(np.sqrt(0.1) * 1.1)]  # a tenth of the noise's power is known of no sensor
 
 
-def test_the_file_has_amplitudes_in_micrometres():
-    taken = Ablation(effect="creep", fitted=9e-6, unseen=10e-6, gain_low=7e-6, share=0.97)
-    data = verification(ablations=(taken,)).to_dict()
-    assert data["gain_low"] == pytest.approx(7.0) and data["counts"] is False
-    assert data["ablation"] == [
-        {"effect": "creep", "fitted": pytest.approx(9.0), "unseen": pytest.approx(10.0), "gain_low": pytest.approx(7.0),
-         "share": 0.97, "counts": False}
-    ]  # fmt: skip
-    assert verification(output_unit="V").to_dict()["gain_low"] == 7e-6
-
-
 def test_the_share_of_an_effect_is_what_returns_without_it():
     def candidate(*effects: str, mean_square: float) -> Candidate:
         residual = np.sqrt(mean_square) * np.tile([1.0, -1.0], 400)
@@ -448,17 +388,3 @@ def test_the_share_of_an_effect_is_what_returns_without_it():
     # 100 is missing above the noise's 4; without delay 20 of it return, and without creep, never tried, all 100.
     shares = shares_explained(base, both, (base, one), 2.0)
     assert shares == {"creep": pytest.approx(1.0), "delay": pytest.approx(0.2)}
-
-
-def test_it_draws_every_part(monkeypatch):
-    import matplotlib as mpl
-
-    mpl.use("Agg")
-    taken = Ablation(effect="creep", fitted=9e-6, unseen=10e-6, gain_low=7e-6, share=0.97)
-    part = Transfer(
-        part="steps.csv", before=9e-6, after=2e-6, gain_low=6e-6, gain_high=8e-6, floor=2.2e-6,
-        model_error=1e-6,
-    )  # fmt: skip
-    axes = verification(ablations=(taken,), transfers=(part,)).plot()
-    assert [label.get_text() for label in axes.get_yticklabels()] == ["all of it", "steps.csv", "without creep"]
-    assert "µm" in axes.get_xlabel()
