@@ -55,8 +55,8 @@ def event_leads(unbent: Plant, fit: Calibration, effects: Iterable[Effect], part
     if found is None:
         return ()
     times = reading_times(near.plant, parts)
-    without = readings_of_fit(parts, found[0])
-    early = (footprint(near.plant, parts, without, _from(effect, times)) for effect in events)
+    without, missing = readings_of_fit(parts, found[0]), float(np.sqrt(np.mean(found[0] ** 2)))
+    early = (footprint(near.plant, parts, without, _from(effect, times), missing) for effect in events)
     seen = (event_lead(known, times, *found, fit.rms) for known in early if known is not None)
     return tuple(lead for lead in seen if lead is not None)
 

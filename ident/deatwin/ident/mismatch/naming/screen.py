@@ -33,6 +33,12 @@ EVENT_ERROR = 0.004
 """and how near to it the search comes: a fit begins there, after which the time is searched for once more."""
 WEAKER = (1.0, 0.2, 0.02)
 """Shares of the typical strength at which the simulation is tried, until the plant can be simulated."""
+TOO_MUCH = 2.0
+"""An effect that changes the readings by more than so many times what is missing is looked at again, weaker,"""
+LOOKS = 3
+"""so often at most,"""
+SEEN = 1e-3
+"""but not at less than this share of the motion: a thousand times what a simulation is accurate to."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -44,7 +50,8 @@ class Footprint:
     effect : Effect
         With its shape, at its typical strength, or a weaker one at which the plant can be simulated.
     change : ndarray, shape (m,)
-        Change of the fitted part's readings per unit of strength, SI.
+        Change of the fitted part's readings per unit of strength, SI; where the effect does more than is missing, at
+        the strength at which it does as much, for much of a stop or a lag is another thing than a little of it.
     """
 
     effect: Effect
@@ -145,7 +152,9 @@ def most_promising(*several: Iterable[Lead]) -> tuple[Lead, ...]:
     return tuple(sorted(best.values(), key=lambda lead: -lead.share))
 
 
-def footprint(plant: Plant, parts: Sequence[Part], without: np.ndarray, effect: Effect) -> Footprint | None:
+def footprint(
+    plant: Plant, parts: Sequence[Part], without: np.ndarray, effect: Effect, missing: float
+) -> Footprint | None:
     """What an effect does at its typical strength, or a weaker one; None where the plant can be simulated at none.
 
     Parameters
@@ -158,19 +167,41 @@ def footprint(plant: Plant, parts: Sequence[Part], without: np.ndarray, effect: 
         What that plant reads there, SI.
     effect : Effect
         With its shape.
+    missing : float
+        Rms of what is to be explained, SI.
 
     Returns
     -------
     Footprint or None
     """
-    typical = abs(effect.described(effect.strength).value)
-    for share in WEAKER:
-        strength = share * typical
+
+
+    def does(strength: float) -> np.ndarray | None:
         weaker = replace(effect, **{effect.strength: strength})
         readings = simulated(plant.with_effects(weaker), [part.until_last() for part in parts])
-        if readings is not None:
-            return Footprint(effect=weaker, change=(readings - without) / strength)
+        return None if readings is None else readings - without
+
+    typical = abs(effect.described(effect.strength).value)
+    wanted = max(missing, SEEN * float(np.std(without)))
+    for strength in (share * typical for share in WEAKER):
+        change = does(strength)
+        if change is not None:
+            start = replace(effect, **{effect.strength: strength})
+            return Footprint(effect=start, change=_of_a_size(does, strength, change, wanted))
     return None
+
+
+def _of_a_size(
+    does: Callable[[float], np.ndarray | None], strength: float, change: np.ndarray, wanted: float
+) -> np.ndarray:
+    """The change per unit of strength, at one at which its rms is not much more than is `wanted`, shape (m,)."""
+    for _ in range(LOOKS):
+        size = float(np.sqrt(np.mean(change**2)))
+        weaker = does(strength * wanted / size) if size > TOO_MUCH * wanted else None
+        if weaker is None:
+            break
+        strength, change = strength * wanted / size, weaker
+    return change / strength
 
 
 def detectable_size(known: Sequence[Footprint], base: Calibration, name: str) -> float | None:
@@ -239,7 +270,7 @@ def _of_effect(
     """One for each shape at which the plant can be simulated."""
     without = readings_of_fit(parts, base.residuals)
     times = reading_times(base.plant, parts)
-    simulate = partial(footprint, base.plant, parts, without)
+    simulate = partial(footprint, base.plant, parts, without, missing=fit.rms)
     shapes = effect.starts(times, fit.residuals) or _shapes(effect, base, parts)
     found = [f for f in map(simulate, shapes) if f is not None]
     return [_at_its_time(found, fit, times, simulate)] if effect.event and found else found

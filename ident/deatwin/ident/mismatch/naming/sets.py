@@ -22,6 +22,7 @@ from deatwin.ident.mismatch.naming.siblings import siblings
 from deatwin.ident.mismatch.naming.trial import Fitted, Trial, refitted, run_trials, trials_of, unbent_like
 from deatwin.ident.mismatch.naming.worth import TRIFLE, acts, explained, gained, held_back_by, takes_most
 from deatwin.ident.parallel import run_jobs
+from deatwin.plant.effects.base import Effect
 from deatwin.plant.model import Plant
 
 __all__ = ["CLEARLY_BETTER", "Finished", "Names", "Search", "each_without_one"]
@@ -171,24 +172,40 @@ class Search:
         chosen = {lead.effect.name: lead for lead in promising}
         self.leads = chosen | self.leads
         stage = self._new(trials_of(unbent, fit, chosen.values()), finished)
-        return stage + self._siblings(names, stage)
-
-    def _siblings(self, names: Names, stage: Sequence[Names]) -> list[Names]:
-        """Try what acts as the best of a stage does, and was not tried; unless that is not the best of its size."""
         best = self.best_of(stage)
-        if best is None or not self._takes_most(self.tried[best]) or not self._is_best_of_its_size(best):
+        return stage if best is None else stage + self._siblings(names, best)
+
+    def _siblings(self, names: Names, best: Names) -> list[Names]:
+        """Try beside `names` what acts as the rest of the set `best` does, unless that is not the best of its size."""
+        if not self._takes_most(self.tried[best]) or not self._is_best_of_its_size(best):
             return []
         found, fit = self.tried[best].calibration, self.tried[names].calibration
-        tried = {name for other in stage for name in other}
-        others = [e for e in self.bench.effects if e.name not in tried and e.name not in fit.plant.effect_names]
         added = tuple(name for name in best if name not in names)
-        alike = siblings(self.bench, found, added, others)
+        alike = siblings(self.bench, found, added, self._open_beside(names, best))
         self.leads = {lead.effect.name: lead for lead in alike} | self.leads
         bare, unbent = found.plant.without_effects(*added), fit.plant
-        return self._new([
+        trials = [
             Trial(start=bare.with_effects(lead.estimate), bent=unbent.with_effects(lead.effect), without=fit)
             for lead in alike
-        ])  # fmt: skip
+        ]
+        return self.attempt(trials, rival=found.rms)
+
+    def _open_beside(self, names: Names, best: Names) -> list[Effect]:
+        """Effects that were not tried beside `names`, or may have been from where no fit finds their time or period.
+
+        What comes at a time or with a period is searched for in a residual, and another one leads elsewhere.
+        """
+        known, found = {frozenset(tried): tried for tried in self.tried}, self.tried[best].calibration
+        times = reading_times(found.plant, self.bench.fitted)
+
+        def is_open(effect: Effect) -> bool:
+            tried = known.get(frozenset({*names, effect.name}))
+            if tried is None:
+                return True
+            worse = self.missing([best]) < CLEARLY_BETTER * self.missing([tried])
+            return worse and bool(effect.starts(times, found.residuals))
+
+        return [e for e in self.bench.effects if e.name not in found.plant.effect_names and is_open(e)]
 
     def _new(self, trials: Sequence[Trial], finished: Finished | None = None) -> list[Names]:
         """Try what was not tried, against the best of the sets of as many effects."""
@@ -262,6 +279,7 @@ class Search:
                 continue
             if rest in self.tried:
                 found += self.beside(rest)
+                found += self._siblings(rest, full)
         return found
 
     def each_counts(self, names: Names) -> bool:
@@ -327,8 +345,9 @@ class Search:
         return [candidate.effects for candidate in found]
 
     def _know(self, found: Sequence[Candidate], asked: Sequence[Names]) -> None:
-        """Keep what was `found` of the sets that were `asked` for."""
-        self.tried.update({candidate.effects: candidate for candidate in found})
+        """Keep what was `found` of the sets that were `asked` for, unless a better fit is known."""
+        rms = {names: candidate.calibration.rms for names, candidate in self.tried.items()}
+        self.tried |= {c.effects: c for c in found if c.calibration.rms < rms.get(c.effects, np.inf)}
         self.lost += ["+".join(names) for names in asked if names not in self.tried]
         # What a wrong plant leaves at the top of the spectrum is no noise: the best explanation shows the least.
         noise = min([self.noise, *(noise_seen(c.calibration, self.bench.fitted) for c in found)])
@@ -349,14 +368,10 @@ class Search:
         return [rest for rest in fewer if rest in self.tried]
 
     def fit_from(self, full: Names, several: Sequence[Names]) -> None:
-        """Fit `several` sets of effects of the set `full` from the values of that, and keep the better fits."""
-        before = {rest: self.tried[rest] for rest in several if rest in self.tried}
+        """Fit `several` sets of effects of the set `full` from the values of that."""
         plants = [self.plant_of(full, rest) for rest in several]
         # What cannot begin from there may from elsewhere: it is not lost yet.
         self._know(refitted(self.bench, plants, self.noise, self.fitted), ())
-        for rest, known in before.items():
-            if known.calibration.rms <= self.tried[rest].calibration.rms:
-                self.tried[rest] = replace(known, noise=self.noise)
 
     def plant_of(self, full: Names, rest: Names) -> Plant:
         """The plant of the set `full` with the effects of `rest` only, not fitted anew."""

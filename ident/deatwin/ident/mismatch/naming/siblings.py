@@ -22,11 +22,9 @@ ALIKE = 0.25
 """Share of what an effect does to the readings, that another could do to first order, to be tried as well: they
 correlate by a half. The rest may be what the effect that was found imitates badly."""
 LOOKED_AT = 8
-"""So many, the most alike at a weak strength, are looked at at their own strength,"""
+"""So many, the most alike at the strength at which they do as much, are looked at at their own strength,"""
 MOST = 3
 """and so many are tried at most."""
-WEAK = 0.1
-"""Share of its typical strength at which an effect is simulated first: a typical lag is no small one."""
 
 
 def siblings(bench: Bench, explanation: Calibration, added: Sequence[str], effects: Sequence[Effect]) -> list[Lead]:
@@ -55,8 +53,7 @@ def siblings(bench: Bench, explanation: Calibration, added: Sequence[str], effec
     if bare is None or not effects or not np.isfinite(does).all():
         return []
     done = replace(bare, residuals=taken_off(does, tangent_basis(bare.jacobian)))
-    weak = [replace(e, **{e.strength: WEAK * getattr(e, e.strength)}) for e in effects]
-    rough = leads(footprints(bench, bare, weak, done), done)
+    rough = leads(footprints(bench, bare, effects, done), done)
     found = run_jobs(_at_its_strength, [(bench, bare, lead, done) for lead in rough[:LOOKED_AT]], workers=bench.jobs)
     alike = [lead for lead in found if lead is not None and lead.share > ALIKE]
     return sorted(alike, key=lambda lead: -lead.share)[:MOST]

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from deatwin.ident.greybox import Part, calibrate
+from deatwin.ident.greybox.parts import simulated
 from deatwin.ident.greybox.tangent import linearised_rms
-from deatwin.ident.mismatch.naming.screen import LEVELS, Footprint, _shapes, footprints, leads
+from deatwin.ident.mismatch.naming.screen import LEVELS, SEEN, Footprint, _shapes, footprint, footprints, leads
 from deatwin.plant import (
     AmplifierSaturation,
     Creep,
@@ -71,6 +72,38 @@ def test_what_a_parameter_at_its_bound_would_hide_is_seen(fitted):
     own = linearised_rms(missing.residuals, rest) ** 2 / np.mean(missing.residuals**2)
     assert lead.share == pytest.approx(own, rel=1e-9)
     assert own > 0.01
+
+
+def test_an_effect_is_seen_at_the_strength_at_which_it_does_what_is_missing(fitted):
+    """A stop of 300 N/m is a wall to a film of 30 N/m; a little of one is proportional to its stiffness.
+
+    A tenth of the film's stiffness changes the motion by a tenth at most, and what is linear to a tenth by a hundredth.
+    """
+    fit, part = fitted
+    without = simulated(fit.plant, [part])
+    stop = EndStop(position=float(np.quantile(part.measured, 0.75)))
+
+    def change(strength):
+        return simulated(fit.plant.with_effects(replace(stop, stiffness=strength)), [part]) - without
+
+    def rms(values):
+        return float(np.sqrt(np.mean(values**2)))
+
+    little = 0.5
+    known = footprint(fit.plant, [part], without, stop, missing=rms(change(little)))
+    assert known.effect == stop  # a fit begins where it did
+    assert rms(known.change - change(little) / little) < 0.1 * rms(known.change)
+    wall = footprint(fit.plant, [part], without, stop, missing=rms(change(stop.stiffness)))
+    assert wall.change == pytest.approx(change(stop.stiffness) / stop.stiffness)
+    assert rms(wall.change) < 0.5 * rms(known.change)  # much of it does less for its stiffness
+
+
+def test_less_of_an_effect_than_a_simulation_is_accurate_to_is_not_looked_at(fitted):
+    fit, part = fitted
+    without = simulated(fit.plant, [part])
+    least = SEEN * float(np.std(without))
+    nothing, something = (footprint(fit.plant, [part], without, Creep(), missing=m) for m in (0.0, least))
+    np.testing.assert_array_equal(nothing.change, something.change)
 
 
 @pytest.mark.parametrize("reading", ReadingTime)

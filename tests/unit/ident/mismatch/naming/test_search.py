@@ -189,7 +189,7 @@ def replaced(candidate, search_over):
         last = candidate("electrode_loss", "sensor_drift", rms=2.1)
         search = search_over(candidate(rms=9.0), *singles, before)
         beside = {("creep",): [after], ("electrode_loss",): [last], ("delay",): []}
-        asked = []
+        asked, again = [], []
 
         def try_beside(names, finished=None):
             asked.append(names)
@@ -198,18 +198,20 @@ def replaced(candidate, search_over):
             return [c.effects for c in beside[names]]
 
         search.beside = try_beside
-        return search, asked
+        search._siblings = lambda names, best: again.append((names, best)) or []
+        return search, asked, again
 
     return make
 
 
 @pytest.mark.parametrize(("rms", "further"), [(3.0, [("electrode_loss",)]), (5.0, [])])
 def test_what_is_better_in_the_place_of_one_effect_has_its_own_replaced(replaced, rms, further):
-    search, asked = replaced(rms)
+    search, asked, again = replaced(rms)
     search._gone_on.add(("delay",))  # that was done
     found = search.replacing(("delay", "creep"), ("creep", "delay"))
     assert asked == [("creep",), *further]  # nothing is looked for beside the same set twice
     assert (("electrode_loss", "sensor_drift") in found) is bool(further)
+    assert again[0] == (("creep",), ("creep", "delay"))  # what acts as the delay, though it was tried from elsewhere
 
 
 def test_beside_what_was_gone_on_with_nothing_is_looked_for_again(candidate, search_over, monkeypatch):
@@ -217,6 +219,7 @@ def test_beside_what_was_gone_on_with_nothing_is_looked_for_again(candidate, sea
     alone = candidate("creep", rms=8.0)
     alone.calibration.given_up = False
     search = search_over(candidate(rms=9.0), alone, candidate("creep", "delay", rms=4.0))
+    search._siblings = lambda names, best: []
     looked = []
     search._leads = lambda names: looked.append(names) or ()
     for _ in range(2):
@@ -226,6 +229,30 @@ def test_beside_what_was_gone_on_with_nothing_is_looked_for_again(candidate, sea
     search._fit_some = lambda full, rest: setattr(alone.calibration, "given_up", False)
     search.replacing(("delay",), ("creep", "delay"))
     assert looked == [("creep",), ("creep",)]
+
+
+class _Known(SimpleNamespace):
+    """An effect that is looked for in a residual, or is not."""
+
+    def starts(self, times, residuals):
+        assert times.size == 1 and residuals.size  # the times of the readings, and what the better set leaves there
+        return ("somewhere",) * self.looks
+
+
+def test_what_comes_at_a_time_or_with_a_period_is_tried_again_where_another_effect_does_better(
+    candidate, search_over, monkeypatch
+):
+    """Beyond a noise of 2 µm the jump and the tone leave 1.5² µm², the swing 3² µm², the creep as much."""
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.reading_times", lambda plant, parts: np.zeros(1))
+    best = candidate("periodic_disturbance", "sensor_jump", rms=2.5)
+    best.calibration.plant.effect_names = best.effects
+    tried = {"thermal_stiffness": 3.6, "creep": 3.6, "electrode_loss": 2.6}
+    pairs = [candidate("sensor_jump", name, rms=rms) for name, rms in tried.items()]
+    search = search_over(candidate(rms=9.0), candidate("sensor_jump", rms=6.0), best, *pairs)
+    looks = {"thermal_stiffness": True, "creep": False, "electrode_loss": True, "delay": False, "sensor_jump": True}
+    search.bench.effects = [_Known(name=name, looks=looked) for name, looked in looks.items()]
+    search.bench.fitted = FITTED
+    assert [e.name for e in search._open_beside(("sensor_jump",), best.effects)] == ["thermal_stiffness", "delay"]
 
 
 @pytest.fixture
