@@ -60,7 +60,7 @@ def with_a_second(search: Search, naming: Naming) -> Naming:
         less than the floor, the first one alone stays a rival.
     """
     first = naming.best
-    if first is None or len(first.effects) > 1 or first.adequate or not _leaves_room(search, first.effects):
+    if first is None or len(first.effects) > 1 or not _leaves_room(search, first.effects):
         return naming
     search.beside(first.effects)
     best = search.best_of(_of_two(search, first.effects))
@@ -88,9 +88,13 @@ def _with_all(search: Search, naming: Naming, first: Candidate) -> Naming:
 
 
 def _leaves_room(search: Search, names: Names) -> bool:
-    """Whether what an explanation leaves beyond the noise is enough for a second effect that counts."""
+    """Whether what an explanation leaves is more than the floor, and enough for a second effect on both parts.
+
+    That it is not certainly more does not count: the unseen part is short, and what is missing there may be slow.
+    """
     left, base = search.tried[names], search.tried[()]
-    return all(
+    within_floor = left.fitted_test.within_floor and left.unseen_test.within_floor
+    return not within_floor and all(
         after.size**2 >= max(BARELY * search.floor_power(names), TENTH * before.size**2)
         for after, before in ((left.fitted_test, base.fitted_test), (left.unseen_test, base.unseen_test))
     )

@@ -176,7 +176,10 @@ class Search:
         return stage if best is None else stage + self._siblings(names, best)
 
     def _siblings(self, names: Names, best: Names) -> list[Names]:
-        """Try beside `names` what acts as the rest of the set `best` does, unless that is not the best of its size."""
+        """Try beside `names` what acts as the rest of the set `best` does, unless that is not the best of its size.
+
+        What is returned are the sets that were not known.
+        """
         if not self._takes_most(self.tried[best]) or not self._is_best_of_its_size(best):
             return []
         found, fit = self.tried[best].calibration, self.tried[names].calibration
@@ -188,7 +191,8 @@ class Search:
             Trial(start=bare.with_effects(lead.estimate), bent=unbent.with_effects(lead.effect), without=fit)
             for lead in alike
         ]
-        return self.attempt(trials, rival=found.rms)
+        before = set(self.tried)
+        return [new for new in self.attempt(trials, rival=found.rms) if new not in before]
 
     def _open_beside(self, names: Names, best: Names) -> list[Effect]:
         """Effects that were not tried beside `names`, or may have been from where no fit finds their time or period.

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from deatwin.ident.mismatch.naming import name
@@ -99,6 +100,16 @@ def test_what_acts_as_well_in_the_place_of_the_second_is_a_rival(leaving, candid
         candidate("sensor_drift", rms=4.6), replaced=(other, lost),
     )  # fmt: skip
     assert decided(search).rivals == (other,)
+
+
+def test_a_second_effect_is_looked_for_where_more_than_the_floor_is_left_though_not_for_certain(leaving):
+    """All that the clip leaves of the unseen part beyond the noise is in one block: that may be chance, and is 1.7²."""
+    base, clip, creep, pair = leaving(3.5, 2.3, 3.3, 2.05)
+    burst = np.where(np.arange(clip.unseen.size) < 50, np.sqrt(1.7**2 * clip.unseen.size / 50), 0.0)
+    clip = replace(clip, unseen=np.sign(clip.unseen) * np.hypot(2.0, burst))
+    assert clip.adequate and not clip.unseen_test.within_floor
+    search = Known(base, clip, creep, pair)
+    assert decided(search).best is search.tried[PAIR]
 
 
 @pytest.mark.parametrize(

@@ -255,6 +255,32 @@ def test_what_comes_at_a_time_or_with_a_period_is_tried_again_where_another_effe
     assert [e.name for e in search._open_beside(("sensor_jump",), best.effects)] == ["thermal_stiffness", "delay"]
 
 
+def test_what_acts_as_the_best_is_new_or_a_better_fit_of_what_is_known(candidate, search_over, monkeypatch):
+    best, jump = candidate("periodic_disturbance", "sensor_jump", rms=2.5), candidate("sensor_jump", rms=6.0)
+    swing, creep = ("sensor_jump", "thermal_stiffness"), ("creep", "sensor_jump")
+    search = search_over(candidate(rms=9.0), jump, best, candidate(*swing, rms=3.6))
+    jump.calibration.plant.with_effects = lambda effect: effect
+    asked = []
+
+    def siblings(bench, fit, added, effects):
+        asked.append((fit, added, effects))
+        return [SimpleNamespace(effect=SimpleNamespace(name=n), estimate=n) for n in ("thermal_stiffness", "creep")]
+
+    def run_trials(bench, trials, noise, finished, fitted, rival):
+        assert len(trials) == 2 and rival == pytest.approx(2.5)
+        return [candidate(*swing, rms=2.2), candidate(*creep, rms=5.0)]
+
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.siblings", siblings)
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.run_trials", run_trials)
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.noise_seen", lambda *_: 2.0)
+    search._names, search._open_beside = lambda trial: (), lambda names, best: [names, best]
+    best.calibration.plant.without_effects = lambda *added: SimpleNamespace(with_effects=lambda effect: effect)
+    search.bench.fitted = FITTED
+    assert search._siblings(jump.effects, best.effects) == [creep]
+    assert asked == [(best.calibration, ("periodic_disturbance",), [jump.effects, best.effects])]
+    assert search.tried[swing].calibration.rms == pytest.approx(2.2)
+
+
 @pytest.fixture
 def looked_for(candidate, search_over, monkeypatch):
     """A search with two single effects, and the plants and fits for which events were looked for."""
