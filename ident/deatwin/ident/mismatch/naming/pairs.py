@@ -88,7 +88,7 @@ def _with_all(search: Search, naming: Naming, first: Candidate) -> Naming:
 
 
 def _leaves_room(search: Search, names: Names) -> bool:
-    """Whether what an explanation leaves is more than the floor, and enough for a second effect on both parts.
+    """Whether what an explanation leaves is more than the floor on a part, and enough for a second effect on both.
 
     That it is not certainly more does not count: the unseen part is short, and what is missing there may be slow.
     """

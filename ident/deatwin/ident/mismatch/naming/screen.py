@@ -1,4 +1,4 @@
-"""What each effect could explain, to first order in its strength: one simulation for each of its shapes, no fit."""
+"""What each effect could explain, to first order in its strength: a few simulations for each of its shapes, no fit."""
 
 from __future__ import annotations
 
@@ -34,11 +34,14 @@ EVENT_ERROR = 0.004
 WEAKER = (1.0, 0.2, 0.02)
 """Shares of the typical strength at which the simulation is tried, until the plant can be simulated."""
 TOO_MUCH = 2.0
-"""An effect that changes the readings by more than so many times what is missing is looked at again, weaker,"""
+"""An effect that changes the readings by more than so many times what is missing is looked at again, weaker, until it
+is within this ratio of it,"""
 LOOKS = 3
 """so often at most,"""
 SEEN = 1e-3
-"""but not at less than this share of the motion: a thousand times what a simulation is accurate to."""
+"""but for no less than this share of the motion: a thousand times what a simulation is accurate to."""
+TINY = 1e-300
+"""Of a size whose logarithm is taken."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -65,7 +68,7 @@ class Lead:
     Parameters
     ----------
     effect : Effect
-        With the shape and the sign that promise most, at the strength at which the plant was simulated.
+        With the shape and the sign that promise most, at its typical strength or one that can be simulated.
     share : float
         Of the squared residual, what it could explain to first order.
     estimate : Effect
@@ -168,17 +171,17 @@ def footprint(
     effect : Effect
         With its shape.
     missing : float
-        Rms of what is to be explained, SI.
+        Rms of what is to be explained, noise included, SI: the change is that of an effect which does about as much, or
+        its typical one where that does less.
 
     Returns
     -------
     Footprint or None
     """
 
-
     def does(strength: float) -> np.ndarray | None:
-        weaker = replace(effect, **{effect.strength: strength})
-        readings = simulated(plant.with_effects(weaker), [part.until_last() for part in parts])
+        built = plant.with_effects(replace(effect, **{effect.strength: strength}))
+        readings = simulated(built, [part.until_last() for part in parts])
         return None if readings is None else readings - without
 
     typical = abs(effect.described(effect.strength).value)
@@ -194,14 +197,26 @@ def footprint(
 def _of_a_size(
     does: Callable[[float], np.ndarray | None], strength: float, change: np.ndarray, wanted: float
 ) -> np.ndarray:
-    """The change per unit of strength, at one at which its rms is not much more than is `wanted`, shape (m,)."""
-    for _ in range(LOOKS):
-        size = float(np.sqrt(np.mean(change**2)))
-        weaker = does(strength * wanted / size) if size > TOO_MUCH * wanted else None
+    """The change per unit of strength, at one at which its rms is about what is `wanted` if it was more, shape (m,)."""
+    off, enough = _off(change, wanted), np.log(TOO_MUCH)
+    most, nearest = strength, (off, change / strength)
+    for _ in range(LOOKS if off > enough else 0):
+        # From what was too little back towards the last that was too much.
+        most = strength if off > 0.0 else most
+        strength = strength * np.exp(-off) if off > 0.0 else np.sqrt(strength * most)
+        weaker = does(float(strength))
         if weaker is None:
             break
-        strength, change = strength * wanted / size, weaker
-    return change / strength
+        off = _off(weaker, wanted)
+        nearest = min(nearest, (abs(off), weaker / strength), key=lambda looked: looked[0])
+        if abs(off) <= enough:
+            break
+    return nearest[1]
+
+
+def _off(change: np.ndarray, wanted: float) -> float:
+    """Logarithm of the ratio of a change's rms to what is `wanted`."""
+    return float(np.log(max(np.sqrt(np.mean(change**2)), TINY) / max(wanted, TINY)))
 
 
 def detectable_size(known: Sequence[Footprint], base: Calibration, name: str) -> float | None:

@@ -42,6 +42,11 @@ def each_without_one(names: Names) -> list[Names]:
     return [tuple(name for name in names if name != old) for old in names]
 
 
+def _is_better(fit: Calibration, known: Calibration) -> bool:
+    """Whether a fit is to be kept for a known one: one that was given up says little of where it would have ended."""
+    return known.given_up if known.given_up != fit.given_up else fit.rms < known.rms
+
+
 class Search:
     """Everything tried so far; sets of effects are known by their names, a stage is a list of such sets of one size.
 
@@ -65,6 +70,7 @@ class Search:
         self.leads: dict[str, Lead] = {}
         self.lost: list[str] = []
         self._gone_on: set[Names] = set()
+        self._replaced: set[tuple[Names, Names]] = set()
         self._events: dict[Names, tuple[Calibration, tuple[Lead, ...]]] = {}
         self._unscreened: list[str] = [] if known is None else self._not_in(known)
 
@@ -113,7 +119,8 @@ class Search:
         Of two also those that promise most together. `finished` is called with the share that is done.
         """
         beside = self._beside_one(stage, finished)
-        return beside if any(len(names) > 1 for names in stage) else beside + self._together()
+        together = [] if any(len(names) > 1 for names in stage) else self._together()
+        return list(dict.fromkeys([*beside, *together]))  # what was tried again is there twice
 
     def _beside_one(self, stage: Sequence[Names], finished: Finished | None) -> list[Names]:
         """The same from one set of a `stage` after another, until a further effect helps.
@@ -178,38 +185,41 @@ class Search:
     def _siblings(self, names: Names, best: Names) -> list[Names]:
         """Try beside `names` what acts as the rest of the set `best` does, unless that is not the best of its size.
 
-        What is returned are the sets that were not known.
+        What is returned are the sets that were not known, or of which a better fit is known by now.
         """
         if not self._takes_most(self.tried[best]) or not self._is_best_of_its_size(best):
             return []
         found, fit = self.tried[best].calibration, self.tried[names].calibration
         added = tuple(name for name in best if name not in names)
         alike = siblings(self.bench, found, added, self._open_beside(names, best))
-        self.leads = {lead.effect.name: lead for lead in alike} | self.leads
         bare, unbent = found.plant.without_effects(*added), fit.plant
         trials = [
             Trial(start=bare.with_effects(lead.estimate), bent=unbent.with_effects(lead.effect), without=fit)
             for lead in alike
         ]
-        before = set(self.tried)
-        return [new for new in self.attempt(trials, rival=found.rms) if new not in before]
+        before = {known: candidate.calibration for known, candidate in self.tried.items()}
+        tried = self.attempt(trials, rival=found.rms)
+        better = [new for new in tried if self.tried[new].calibration is not before.get(new)]
+        seen = {name for new in better for name in new}
+        self.leads = self.leads | {lead.effect.name: lead for lead in alike if lead.effect.name in seen}
+        return better
 
     def _open_beside(self, names: Names, best: Names) -> list[Effect]:
-        """Effects that were not tried beside `names`, or may have been from where no fit finds their time or period.
+        """Effects that were not tried beside `names`, or have a time or a period and left clearly more than `best`.
 
-        What comes at a time or with a period is searched for in a residual, and another one leads elsewhere.
+        A time or a period is looked for in a residual, and what began in another one may not have found it.
         """
-        known, found = {frozenset(tried): tried for tried in self.tried}, self.tried[best].calibration
-        times = reading_times(found.plant, self.bench.fitted)
+        least, floor = self.missing([best]), self.floor_power(best)
 
         def is_open(effect: Effect) -> bool:
-            tried = known.get(frozenset({*names, effect.name}))
-            if tried is None:
+            tried = tuple(sorted((*names, effect.name)))
+            if tried not in self.tried:
                 return True
-            worse = self.missing([best]) < CLEARLY_BETTER * self.missing([tried])
-            return worse and bool(effect.starts(times, found.residuals))
+            timed = bool(effect.event) or effect.cycle(()) > 0.0
+            return timed and least + floor < CLEARLY_BETTER * (self.missing([tried]) + floor)
 
-        return [e for e in self.bench.effects if e.name not in found.plant.effect_names and is_open(e)]
+        given = self.tried[best].calibration.plant.effect_names
+        return [effect for effect in self.bench.effects if effect.name not in given and is_open(effect)]
 
     def _new(self, trials: Sequence[Trial], finished: Finished | None = None) -> list[Names]:
         """Try what was not tried, against the best of the sets of as many effects."""
@@ -277,14 +287,21 @@ class Search:
         found: list[Names] = []
         for old in several:
             rest = tuple(name for name in full if name != old)
+            done = rest in self._gone_on
             if rest not in self.tried or self.tried[rest].calibration.given_up:
                 self._fit_some(full, rest)
-            elif rest in self._gone_on:
-                continue
+                done = False
             if rest in self.tried:
-                found += self.beside(rest)
-                found += self._siblings(rest, full)
+                found += [] if done else self.beside(rest)
+                found += self._once_in_place_of(full, rest)
         return found
+
+    def _once_in_place_of(self, full: Names, rest: Names) -> list[Names]:
+        """Try what acts as the effects of `full` besides `rest` do, unless that was done."""
+        if (full, rest) in self._replaced:
+            return []
+        self._replaced.add((full, rest))
+        return self._siblings(rest, full)
 
     def each_counts(self, names: Names) -> bool:
         """Whether what returns when any effect of `names` is taken out is more than the model error, and no trifle."""
@@ -350,8 +367,10 @@ class Search:
 
     def _know(self, found: Sequence[Candidate], asked: Sequence[Names]) -> None:
         """Keep what was `found` of the sets that were `asked` for, unless a better fit is known."""
-        rms = {names: candidate.calibration.rms for names, candidate in self.tried.items()}
-        self.tried |= {c.effects: c for c in found if c.calibration.rms < rms.get(c.effects, np.inf)}
+        for candidate in found:
+            known = self.tried.get(candidate.effects)
+            if known is None or _is_better(candidate.calibration, known.calibration):
+                self.tried[candidate.effects] = candidate
         self.lost += ["+".join(names) for names in asked if names not in self.tried]
         # What a wrong plant leaves at the top of the spectrum is no noise: the best explanation shows the least.
         noise = min([self.noise, *(noise_seen(c.calibration, self.bench.fitted) for c in found)])

@@ -210,9 +210,10 @@ def _tried(bench: Bench, trial: Trial, hopeless: float) -> Calibration:
     """From the unbent plant; where that does not keep what is promised, from the bent one as well.
 
     A plant that was fitted without an effect has been bent to imitate it, and the way back is long; but what the score
-    promises is near it, where a search from afar may end elsewhere. Where neither can be simulated, from the unbent
-    plant with the effect the other way or with less of it: a softening spring lets go of the ball, a hardening one or
-    a little of it does not.
+    promises is near it, where a search from afar may end elsewhere. From where all is as without the new effects, but
+    for a little of them, no fit leaves more than without them: from there goes what left more. Where neither can be
+    simulated, from the unbent plant with the effect the other way or with less of it: a softening spring lets go of the
+    ball, a hardening one or a little of it does not.
     """
     found = search(trial.start, bench.fitted, hopeless)
     if found.given_up and found.rms**2 < MOSTLY * trial.without.rms**2:
@@ -223,6 +224,8 @@ def _tried(bench: Bench, trial: Trial, hopeless: float) -> Calibration:
         if again.status is FitStatus.STOPPED and _better(found, again) is again:
             again = _better(again, roughly(again.plant, bench.fitted, hopeless))
         found = _better(found, again)
+    if found.status.ok and not found.given_up and found.rms > FAILED_SEARCH * trial.without.rms:
+        found = _better(found, roughly(_with_little(trial), bench.fitted, hopeless))
     for start in _otherwise(trial):
         if found.status.ok:
             break
@@ -247,11 +250,22 @@ def _better(one: Calibration, other: Calibration) -> Calibration:
     return other if other.status.ok and (not one.status.ok or other.rms < one.rms) else one
 
 
+def _with_little(trial: Trial) -> Plant:
+    """The plant that was fitted without the new effects, with the least of them that `_otherwise` tries."""
+    return with_fitted(trial.without.plant, _stronger(trial, min(OTHERWISE, key=abs)) or trial.start)
+
+
 def _otherwise(trial: Trial) -> Iterator[Plant]:
     """The plant with other strengths of the effects that are new in it, as far as they are in their ranges."""
+    for share in OTHERWISE:
+        moved = _stronger(trial, share)
+        if moved is not None:
+            yield moved
+
+
+def _stronger(trial: Trial, share: float) -> Plant | None:
+    """The plant with a share of the strengths of the effects that are new in it; None where none is in its range."""
     plant, before = trial.start, trial.without.plant.effect_names
     new = [plant.parameters[f"{e.name}.{e.strength}"] for e in plant.effects if e.name not in before]
-    for share in OTHERWISE:
-        moved = {p.name: share * p.value for p in new if p.lower <= share * p.value <= p.upper}
-        if moved:
-            yield plant.with_values(moved)
+    moved = {p.name: share * p.value for p in new if p.lower <= share * p.value <= p.upper}
+    return plant.with_values(moved) if moved else None

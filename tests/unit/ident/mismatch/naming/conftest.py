@@ -46,7 +46,7 @@ def candidate() -> Callable[..., Candidate]:
         plant, names = SimpleNamespace(rig=RIG, effects=(), effect_names=()), ("a",) * (7 + len(effects))
         calibration = SimpleNamespace(
             plant=plant, residuals=fitted, names=names, status=FitStatus.SETTLED, at_bound=(),
-            rms=float(np.sqrt(np.mean(fitted**2))),
+            rms=float(np.sqrt(np.mean(fitted**2))), given_up=False,
         )  # fmt: skip
         does = np.full(fitted.size, alone)
         return Candidate(effects=effects, calibration=calibration, unseen=late, noise=NOISE, contribution=does)

@@ -9,7 +9,16 @@ import pytest
 from deatwin.ident.greybox import Part, calibrate
 from deatwin.ident.greybox.parts import simulated
 from deatwin.ident.greybox.tangent import linearised_rms
-from deatwin.ident.mismatch.naming.screen import LEVELS, SEEN, Footprint, _shapes, footprint, footprints, leads
+from deatwin.ident.mismatch.naming.screen import (
+    LEVELS,
+    SEEN,
+    Footprint,
+    _of_a_size,
+    _shapes,
+    footprint,
+    footprints,
+    leads,
+)
 from deatwin.plant import (
     AmplifierSaturation,
     Creep,
@@ -96,6 +105,41 @@ def test_an_effect_is_seen_at_the_strength_at_which_it_does_what_is_missing(fitt
     wall = footprint(fit.plant, [part], without, stop, missing=rms(change(stop.stiffness)))
     assert wall.change == pytest.approx(change(stop.stiffness) / stop.stiffness)
     assert rms(wall.change) < 0.5 * rms(known.change)  # much of it does less for its stiffness
+
+
+def test_the_screen_looks_for_as_much_as_the_fit_leaves(fitted):
+    fit, part = fitted
+    bench, without = SimpleNamespace(fitted=[part], jobs=1), simulated(fit.plant, [part])
+    much = replace(fit, residuals=100.0 * fit.residuals)
+    for left in (fit, much):
+        found = footprints(bench, fit, [EndStop()], left)
+        assert len(found) > 1
+        for known in found:
+            alone = footprint(fit.plant, [part], without, known.effect, missing=left.rms)
+            np.testing.assert_allclose(known.change, alone.change, atol=1e-12)
+
+
+def test_an_effect_that_does_less_than_wanted_at_a_part_of_its_strength_is_looked_at_in_between():
+    """What grows with the cube: at a tenth of the strength it does a thousandth."""
+    looked = []
+
+    def does(strength):
+        looked.append(strength)
+        return np.full(4, strength**3)
+
+    change = _of_a_size(does, 10.0, np.full(4, 1000.0), wanted=100.0)
+    # 10 does ten times too much; 1 a hundredth of what is wanted, 3.2 does 32, 5.6 178
+    assert looked == pytest.approx([1.0, 10**0.5, 10**0.75])
+    assert change == pytest.approx(np.full(4, 10**1.5))  # of the last one, within a factor of two
+    looked.clear()
+    assert _of_a_size(does, 10.0, np.full(4, 1000.0), wanted=600.0) == pytest.approx(np.full(4, 100.0))
+    assert looked == []
+
+
+def test_an_effect_that_cannot_be_simulated_weaker_keeps_what_it_does(fitted):
+    change = np.full(4, 1000.0)
+    assert _of_a_size(lambda strength: None, 10.0, change, wanted=1.0) == pytest.approx(change / 10.0)
+    assert np.isfinite(_of_a_size(lambda strength: 0.0 * change, 10.0, change, wanted=0.0)).all()
 
 
 def test_less_of_an_effect_than_a_simulation_is_accurate_to_is_not_looked_at(fitted):

@@ -35,6 +35,25 @@ def test_a_search_that_does_not_keep_what_the_score_promises_is_made_from_the_be
     assert _tried(SimpleNamespace(fitted=()), task, float("inf")).rms == ended
 
 
+@pytest.mark.parametrize(("found", "ended"), [(6.6, 5.1), (6.5, 6.5)])  # more than 1.02 times 6.4, or not
+def test_a_fit_that_leaves_more_than_without_the_effect_begins_where_there_is_little_of_it(monkeypatch, found, ended):
+    begun = []
+    monkeypatch.setattr(trial, "search", lambda *_: fit_of(found))
+    monkeypatch.setattr(trial, "calibrate", lambda *_, **__: fit_of(found))
+    monkeypatch.setattr(trial, "roughly", lambda plant, *_: begun.append(plant) or fit_of(5.1))
+    monkeypatch.setattr(trial, "at_its_time", lambda fit, *_: fit)
+    spring = CubicStiffness(stiffness=-2e7)
+    without = PLANT.with_values({"shear_modulus": 2e4})
+    start = PLANT.with_effects(spring).with_values({"creep.modulus": 3e4})
+    task = Trial(start=start, bent=start, without=fit_of(6.4, without))
+    assert _tried(SimpleNamespace(fitted=()), task, float("inf")).rms == ended
+    for plant in begun:
+        values = {name: plant.parameters[name].value for name in ("shear_modulus", "creep.modulus")}
+        assert values == {name: without.parameters[name].value for name in values}  # all as it was
+        assert plant.parameters["cubic_stiffness.stiffness"].value == pytest.approx(-2e4)
+    assert len(begun) == (ended == 5.1)
+
+
 @pytest.mark.parametrize("rms, ended", [(4.0, 2.1), (5.0, 5.0)])  # 4.0^2 is less than half of 6.4^2, 5.0^2 more
 def test_a_fit_that_already_takes_most_of_the_mismatch_is_not_given_up(monkeypatch, rms, ended):
     """As that of a lag whose size is off by a factor of twenty, and whose linearised minimum says little."""
