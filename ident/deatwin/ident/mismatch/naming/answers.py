@@ -191,14 +191,17 @@ def _surely(
     """A decision, or the one over fewer effects than its best has, if one of these explains the recordings by now.
 
     A rough fit of one effect alone says little of what another one does beside it: what is decided for is fitted once
-    without each of its effects, and decided on again.
+    without each of its effects, and decided on again. What so comes out of three was not looked at before, so what acts
+    as each of its effects is tried in the place of it.
     """
     naming, sure = decision(), set[Names]()
     while naming.best is not None and naming.best.effects not in sure:
         sure.add(naming.best.effects)
-        again = over(search, search.fit_fewer(naming.best.effects))
+        fewer = search.fit_fewer(naming.best.effects)
+        again = over(search, fewer)
         if again.best is not None:
-            return again
+            alike = search.alike(again.best.effects)
+            return over(search, list(dict.fromkeys([*fewer, *alike]))) if alike else again
         naming = decision()
     return naming
 

@@ -296,6 +296,11 @@ class Search:
                 found += self._once_in_place_of(full, rest)
         return found
 
+    def alike(self, full: Names) -> list[Names]:
+        """Try what acts as each of several effects of the set `full` in the place of it, unless that was done."""
+        rests = [rest for rest in each_without_one(full) if rest and rest in self.tried]
+        return [new for rest in rests for new in self._once_in_place_of(full, rest)]
+
     def _once_in_place_of(self, full: Names, rest: Names) -> list[Names]:
         """Try what acts as the effects of `full` besides `rest` do, unless that was done."""
         if (full, rest) in self._replaced:

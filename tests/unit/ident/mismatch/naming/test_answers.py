@@ -150,6 +150,31 @@ def test_whatever_is_decided_for_is_fitted_without_each_of_its_effects_first(can
     assert asked == [first.effects, second.effects]
 
 
+def test_in_two_that_come_out_of_three_each_may_be_replaced_by_what_acts_as_it(candidate, search_over, monkeypatch):
+    """A tone imitates a swing of temperature; beside a clip that was lost, too, the swing had not been fitted well."""
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.with_distances", lambda naming, *_: naming)
+    names = "amplifier_saturation", "periodic_disturbance", "thermal_stiffness"
+    alone = [candidate(name, rms=7.0) for name in names]
+    three, tone, swing = candidate(*names, rms=2.05), candidate(*names[:2], rms=2.1), candidate(*names[::2], rms=2.0)
+    pairs = candidate(*names[::2], rms=5.0), candidate(*names[:2], rms=6.0), candidate(*names[1:], rms=6.0)
+    search, asked = search_over(candidate(rms=9.0), *alone, three, *pairs), []
+
+    def fit(full, several):
+        if full == names:
+            search.tried[tone.effects] = tone
+
+    def siblings(rest, full):
+        asked.append((rest, full))
+        search.tried[swing.effects] = swing
+        return [swing.effects] * (rest == names[:1])
+
+    monkeypatch.setattr(search, "fit_from", fit)
+    monkeypatch.setattr(search, "_siblings", siblings)
+    assert decided_surely(search, [three.effects]).best is swing
+    assert sorted(asked) == [(names[:1], tone.effects), (names[1:2], tone.effects)]
+    assert search.alike(tone.effects) == []  # once
+
+
 def test_an_idle_second_effect_does_not_become_a_cause(candidate, search_over):
     base, drift = candidate(rms=5.2), candidate("sensor_drift", rms=4.0)
     creep = candidate("creep", rms=2.2, unseen=3.1)
