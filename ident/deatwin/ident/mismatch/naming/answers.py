@@ -191,8 +191,8 @@ def _surely(
     """A decision, or the one over fewer effects than its best has, if one of these explains the recordings by now.
 
     A rough fit of one effect alone says little of what another one does beside it: what is decided for is fitted once
-    without each of its effects, and decided on again. What so comes out of three was not looked at before, so what acts
-    as each of its effects is tried in the place of it.
+    without each of its effects, and decided on again. It may have come out of more effects, and nothing been tried in
+    the place of each: so what acts as that is.
     """
     naming, sure = decision(), set[Names]()
     while naming.best is not None and naming.best.effects not in sure:
@@ -202,6 +202,7 @@ def _surely(
         if again.best is not None:
             alike = search.alike(again.best.effects)
             return over(search, list(dict.fromkeys([*fewer, *alike]))) if alike else again
+        search.alike(naming.best.effects)
         naming = decision()
     return naming
 

@@ -42,6 +42,11 @@ def each_without_one(names: Names) -> list[Names]:
     return [tuple(name for name in names if name != old) for old in names]
 
 
+def _once(stage: Sequence[Names]) -> list[Names]:
+    """The sets of a stage, in which those that were tried again are twice."""
+    return list(dict.fromkeys(stage))
+
+
 def _is_better(fit: Calibration, known: Calibration) -> bool:
     """Whether a fit is to be kept for a known one: one that was given up says little of where it would have ended."""
     return known.given_up if known.given_up != fit.given_up else fit.rms < known.rms
@@ -120,7 +125,7 @@ class Search:
         """
         beside = self._beside_one(stage, finished)
         together = [] if any(len(names) > 1 for names in stage) else self._together()
-        return list(dict.fromkeys([*beside, *together]))  # what was tried again is there twice
+        return _once([*beside, *together])
 
     def _beside_one(self, stage: Sequence[Names], finished: Finished | None) -> list[Names]:
         """The same from one set of a `stage` after another, until a further effect helps.
@@ -180,7 +185,7 @@ class Search:
         self.leads = chosen | self.leads
         stage = self._new(trials_of(unbent, fit, chosen.values()), finished)
         best = self.best_of(stage)
-        return stage if best is None else stage + self._siblings(names, best)
+        return stage if best is None else _once([*stage, *self._siblings(names, best)])
 
     def _siblings(self, names: Names, best: Names) -> list[Names]:
         """Try beside `names` what acts as the rest of the set `best` does, unless that is not the best of its size.

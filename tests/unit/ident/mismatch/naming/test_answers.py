@@ -175,6 +175,17 @@ def test_in_two_that_come_out_of_three_each_may_be_replaced_by_what_acts_as_it(c
     assert search.alike(tone.effects) == []  # once
 
 
+def test_what_acts_as_one_of_two_is_tried_before_they_are_the_answer(candidate, search_over, monkeypatch):
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.with_distances", lambda naming, *_: naming)
+    alone = [candidate(name, rms=7.0) for name in ("creep", "periodic_disturbance", "thermal_stiffness")]
+    pairs = candidate("creep", "periodic_disturbance", rms=2.1), candidate("creep", "thermal_stiffness", rms=5.0)
+    search = search_over(candidate(rms=9.0), *alone, *pairs)
+    swing = candidate("creep", "thermal_stiffness", rms=2.0)
+    monkeypatch.setattr(search, "fit_from", lambda full, several: None)
+    monkeypatch.setattr(search, "_siblings", lambda rest, full: search.tried.update({swing.effects: swing}) or [])
+    assert nearly(search).best is swing
+
+
 def test_an_idle_second_effect_does_not_become_a_cause(candidate, search_over):
     base, drift = candidate(rms=5.2), candidate("sensor_drift", rms=4.0)
     creep = candidate("creep", rms=2.2, unseen=3.1)

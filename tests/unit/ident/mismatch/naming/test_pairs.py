@@ -237,6 +237,7 @@ def test_after_a_single_effect_comes_what_pairs_explain(explained_alone, monkeyp
     monkeypatch.setattr(search, "with_one_more", lambda stage: asked.append(stage) or [])
     monkeypatch.setattr(search, "replacing", lambda before, best: asked.append(best) or [])
     monkeypatch.setattr(search, "fit_fewer", lambda full: asked.append(("fewer than", *full)) or [])
+    monkeypatch.setattr(search, "alike", lambda full: asked.append(("as one of", *full)) or [])
     asked, nothing = [], Naming(
         candidates=(search.tried[()],), best=None, rivals=(), probabilities={}, noise=search.noise
     )  # fmt: skip
@@ -245,7 +246,8 @@ def test_after_a_single_effect_comes_what_pairs_explain(explained_alone, monkeyp
     alone = [names for names in search.tried if len(names) == 1]
     monkeypatch.setattr(name, "_with_more", lambda *_: (search, replace(nothing, best=search.tried[CLIP])))
     assert answers(search) == [CLIP, PAIR]
-    assert asked[1:] == [alone, PAIR, pairs, ("fewer than", *PAIR), pairs]  # the first one was over single effects
+    looked = [("fewer than", *PAIR), ("as one of", *PAIR)]
+    assert asked[1:] == [alone, PAIR, pairs, *looked, pairs]  # the first one was over single effects
     monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.held_back_by", lambda c: ("damping",) * len(c.effects))
     assert answers(search) == [CLIP, None]
 
