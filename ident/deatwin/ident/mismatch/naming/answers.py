@@ -15,13 +15,14 @@ from deatwin.ident.mismatch.naming.decide import STRONG, Naming, cannot_rule_out
 from deatwin.ident.mismatch.naming.limits import with_limits
 from deatwin.ident.mismatch.naming.overlap import with_overlap
 from deatwin.ident.mismatch.naming.pairs import barely
-from deatwin.ident.mismatch.naming.sets import Names, Search
+from deatwin.ident.mismatch.naming.sets import Names, Search, once
 from deatwin.ident.mismatch.naming.versus import advantage, likeliest
 from deatwin.ident.mismatch.naming.whole import judged_on_everything, settled_on_everything
 from deatwin.ident.mismatch.naming.worth import MOST, explained, is_near_floor, suffices
 
 __all__ = ["decided", "decided_surely", "nearly", "of_two", "on_everything", "settled", "shown_first"]
 
+_Decision = Callable[[Search, Sequence[Names]], Naming]
 MOST_NEARLY = 2
 """More effects at once must explain the recordings to the plant's own error: three can bend to nearly anything."""
 
@@ -63,7 +64,7 @@ def decided_surely(search: Search, stage: Sequence[Names]) -> Naming:
     -------
     Naming
     """
-    return _surely(search, lambda: decided(search, stage), decided)
+    return _surely(search, partial(_over_all, search, decided, stage), decided)
 
 
 def of_two(search: Search) -> Naming:
@@ -84,7 +85,7 @@ def of_two(search: Search) -> Naming:
     best = search.best_that_counts(_possible_pairs(search))
     if best is not None:
         search.replacing(best, best)
-    return _surely(search, lambda: _over_pairs(search), _of_none)
+    return _surely(search, lambda _: _over_pairs(search), _of_none)
 
 
 def nearly(search: Search) -> Naming:
@@ -103,10 +104,10 @@ def nearly(search: Search) -> Naming:
     if alone.best is not None:
         return alone
 
-    def over_pairs() -> Naming:
+    def over_pairs(_: Sequence[Names]) -> Naming:
         return _sufficing(search, [names for names in search.tried if len(names) == MOST_NEARLY])
 
-    for decision in (over_pairs, partial(barely, search)):
+    for decision in (over_pairs, lambda _: barely(search)):
         naming = _surely(search, decision, _sufficing)
         if naming.best is not None:
             return naming
@@ -129,7 +130,7 @@ def settled(search: Search, stage: Sequence[Names]) -> Naming:
     """
     if all(len(names) == 1 for names in stage):
         return _settled(search, stage)
-    return _surely(search, lambda: _settled(search, stage), _enough)
+    return _surely(search, partial(_over_all, search, _settled, stage), _enough)
 
 
 def on_everything(search: Search, naming: Naming) -> Iterator[Naming]:
@@ -185,25 +186,31 @@ def shown_first(search: Search, naming: Naming) -> Naming:
     return replace(led, rivals=(*led.rivals, *near))
 
 
-def _surely(
-    search: Search, decision: Callable[[], Naming], over: Callable[[Search, Sequence[Names]], Naming]
-) -> Naming:
+def _over_all(search: Search, over: _Decision, stage: Sequence[Names], further: Sequence[Names]) -> Naming:
+    """The decision over a stage and `further` sets."""
+    return over(search, once([*stage, *further]))
+
+
+def _surely(search: Search, decision: Callable[[Sequence[Names]], Naming], over: _Decision) -> Naming:
     """A decision, or the one over fewer effects than its best has, if one of these explains the recordings by now.
 
     A rough fit of one effect alone says little of what another one does beside it: what is decided for is fitted once
     without each of its effects, and decided on again. It may have come out of more effects, and nothing been tried in
-    the place of each: so what acts as that is.
+    the place of each: so what acts as that is, and these further sets are decided on, too.
     """
-    naming, sure = decision(), set[Names]()
+    further: list[Names] = []
+    naming, sure = decision(further), set[Names]()
     while naming.best is not None and naming.best.effects not in sure:
         sure.add(naming.best.effects)
         fewer = search.fit_fewer(naming.best.effects)
         again = over(search, fewer)
+        if again.best is not None and len(again.best.effects) > 1:
+            surely = _surely(search, partial(_over_all, search, over, fewer), over)
+            return again if surely.best is None else surely
         if again.best is not None:
-            alike = search.alike(again.best.effects)
-            return over(search, list(dict.fromkeys([*fewer, *alike]))) if alike else again
-        search.alike(naming.best.effects)
-        naming = decision()
+            return again
+        further += search.alike(naming.best.effects)
+        naming = decision(further)
     return naming
 
 

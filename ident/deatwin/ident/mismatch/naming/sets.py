@@ -25,7 +25,7 @@ from deatwin.ident.parallel import run_jobs
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.model import Plant
 
-__all__ = ["CLEARLY_BETTER", "Finished", "Names", "Search", "each_without_one"]
+__all__ = ["CLEARLY_BETTER", "Finished", "Names", "Search", "each_without_one", "once"]
 
 BESIDE = 6
 """Effects that are tried beside others."""
@@ -42,8 +42,10 @@ def each_without_one(names: Names) -> list[Names]:
     return [tuple(name for name in names if name != old) for old in names]
 
 
-def _once(stage: Sequence[Names]) -> list[Names]:
-    """The sets of a stage, in which those that were tried again are twice."""
+
+
+def once(stage: Sequence[Names]) -> list[Names]:
+    """The sets of a `stage` in their order, of which those that were tried again are in it twice."""
     return list(dict.fromkeys(stage))
 
 
@@ -125,7 +127,7 @@ class Search:
         """
         beside = self._beside_one(stage, finished)
         together = [] if any(len(names) > 1 for names in stage) else self._together()
-        return _once([*beside, *together])
+        return once([*beside, *together])
 
     def _beside_one(self, stage: Sequence[Names], finished: Finished | None) -> list[Names]:
         """The same from one set of a `stage` after another, until a further effect helps.
@@ -185,7 +187,7 @@ class Search:
         self.leads = chosen | self.leads
         stage = self._new(trials_of(unbent, fit, chosen.values()), finished)
         best = self.best_of(stage)
-        return stage if best is None else _once([*stage, *self._siblings(names, best)])
+        return stage if best is None else once([*stage, *self._siblings(names, best)])
 
     def _siblings(self, names: Names, best: Names) -> list[Names]:
         """Try beside `names` what acts as the rest of the set `best` does, unless that is not the best of its size.
@@ -304,7 +306,7 @@ class Search:
     def alike(self, full: Names) -> list[Names]:
         """Try what acts as each of several effects of the set `full` in the place of it, unless that was done."""
         rests = [rest for rest in each_without_one(full) if rest and rest in self.tried]
-        return [new for rest in rests for new in self._once_in_place_of(full, rest)]
+        return once([new for rest in rests for new in self._once_in_place_of(full, rest)])
 
     def _once_in_place_of(self, full: Names, rest: Names) -> list[Names]:
         """Try what acts as the effects of `full` besides `rest` do, unless that was done."""

@@ -252,7 +252,8 @@ def _better(one: Calibration, other: Calibration) -> Calibration:
 
 def _with_little(trial: Trial) -> Plant:
     """The plant that was fitted without the new effects, with the least of them that `_otherwise` tries."""
-    return with_fitted(trial.without.plant, _stronger(trial, min(OTHERWISE, key=abs)) or trial.start)
+    without = trial.without.plant.with_rig(trial.start.rig)  # to be judged by the same model error
+    return with_fitted(without, _stronger(trial, min(OTHERWISE, key=abs)) or trial.start)
 
 
 def _otherwise(trial: Trial) -> Iterator[Plant]:

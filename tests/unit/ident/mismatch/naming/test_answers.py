@@ -171,19 +171,35 @@ def test_in_two_that_come_out_of_three_each_may_be_replaced_by_what_acts_as_it(c
     monkeypatch.setattr(search, "fit_from", fit)
     monkeypatch.setattr(search, "_siblings", siblings)
     assert decided_surely(search, [three.effects]).best is swing
-    assert sorted(asked) == [(names[:1], tone.effects), (names[1:2], tone.effects)]
+    rests = [(names[:1], tone.effects), (names[1:2], tone.effects)]
+    rests += [(names[:1], swing.effects), (names[2:], swing.effects)]  # what came in the place of one is looked at, too
+    assert sorted(asked) == sorted(rests)
     assert search.alike(tone.effects) == []  # once
 
 
-def test_what_acts_as_one_of_two_is_tried_before_they_are_the_answer(candidate, search_over, monkeypatch):
+@pytest.mark.parametrize("known", [True, False])
+@pytest.mark.parametrize("answered", [decided_surely, settled, lambda search, stage: nearly(search)])
+def test_what_acts_as_one_of_two_is_tried_before_they_are_the_answer(
+    candidate, search_over, monkeypatch, answered, known
+):
     monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.with_distances", lambda naming, *_: naming)
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.answers.with_distances", lambda naming, *_: naming)
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.whole._on_everything", lambda candidate, parts: candidate)
     alone = [candidate(name, rms=7.0) for name in ("creep", "periodic_disturbance", "thermal_stiffness")]
-    pairs = candidate("creep", "periodic_disturbance", rms=2.1), candidate("creep", "thermal_stiffness", rms=5.0)
-    search = search_over(candidate(rms=9.0), *alone, *pairs)
-    swing = candidate("creep", "thermal_stiffness", rms=2.0)
+    tone, swing = candidate("creep", "periodic_disturbance", rms=2.1), candidate("creep", "thermal_stiffness", rms=2.0)
+    before = (candidate("creep", "thermal_stiffness", rms=5.0),) if known else ()
+    search = search_over(candidate(rms=9.0), *alone, tone, *before)
     monkeypatch.setattr(search, "fit_from", lambda full, several: None)
-    monkeypatch.setattr(search, "_siblings", lambda rest, full: search.tried.update({swing.effects: swing}) or [])
-    assert nearly(search).best is swing
+
+    def siblings(rest, full):
+        search.tried[swing.effects] = swing
+        return [swing.effects]
+
+    monkeypatch.setattr(search, "_siblings", siblings)
+    naming = answered(search, [tone.effects, *(c.effects for c in before)])
+    assert naming.best is swing
+    named = [naming.best.effects, *(c.effects for c in naming.rivals)]
+    assert len(named) == len(set(named))
 
 
 def test_an_idle_second_effect_does_not_become_a_cause(candidate, search_over):
