@@ -15,7 +15,8 @@ from deatwin.ident.mismatch.naming.decide import STRONG, Naming, cannot_rule_out
 from deatwin.ident.mismatch.naming.limits import with_limits
 from deatwin.ident.mismatch.naming.overlap import with_overlap
 from deatwin.ident.mismatch.naming.pairs import barely
-from deatwin.ident.mismatch.naming.sets import Names, Search, once
+from deatwin.ident.mismatch.naming.sets import Search
+from deatwin.ident.mismatch.naming.tried import Names, once
 from deatwin.ident.mismatch.naming.versus import advantage, likeliest
 from deatwin.ident.mismatch.naming.whole import judged_on_everything, settled_on_everything
 from deatwin.ident.mismatch.naming.worth import MOST, explained, is_near_floor, suffices

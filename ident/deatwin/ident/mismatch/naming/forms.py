@@ -8,8 +8,9 @@ from dataclasses import replace
 from deatwin.ident.mismatch.naming.answers import decided, decided_surely, nearly
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming, cannot_rule_out, is_as_likely
-from deatwin.ident.mismatch.naming.sets import Names, Search, each_without_one
+from deatwin.ident.mismatch.naming.sets import Search
 from deatwin.ident.mismatch.naming.trial import Trial, trials_of, with_fitted
+from deatwin.ident.mismatch.naming.tried import Names, each_without_one
 from deatwin.ident.mismatch.naming.worth import suffices, takes_most
 
 __all__ = ["in_form", "with_fewer"]

@@ -15,8 +15,9 @@ from deatwin.ident.mismatch.naming.decide import Naming, cannot_rule_out, is_as_
 from deatwin.ident.mismatch.naming.forms import in_form, with_fewer
 from deatwin.ident.mismatch.naming.pairs import with_a_second
 from deatwin.ident.mismatch.naming.screen import Footprint
-from deatwin.ident.mismatch.naming.sets import CLEARLY_BETTER, Finished, Names, Search
+from deatwin.ident.mismatch.naming.sets import Search
 from deatwin.ident.mismatch.naming.trial import Fitted
+from deatwin.ident.mismatch.naming.tried import CLEARLY_BETTER, Finished, Names
 
 __all__ = ["explanations", "name_causes"]
 

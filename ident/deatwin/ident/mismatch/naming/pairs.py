@@ -8,7 +8,8 @@ from dataclasses import replace
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import STRONG, Naming
 from deatwin.ident.mismatch.naming.overlap import have_most_in_common
-from deatwin.ident.mismatch.naming.sets import Names, Search
+from deatwin.ident.mismatch.naming.sets import Search
+from deatwin.ident.mismatch.naming.tried import Names
 from deatwin.ident.mismatch.naming.worth import TRIFLE, gained, held_back_by, suffices
 
 __all__ = ["barely", "with_a_second"]

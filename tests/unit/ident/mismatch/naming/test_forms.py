@@ -66,7 +66,7 @@ def elsewhere(
 
             fakes = {
                 "attempt": attempt, "judge_by_the_best": judged.append, "fit_from": lambda *_: None,
-                "_fit_some": lambda full, rest: attempt([rest], np.inf),
+                "fit_some": lambda full, rest: attempt([rest], np.inf),
             }  # fmt: skip
             for name, does in fakes.items():
                 monkeypatch.setattr(other, name, does)
@@ -76,7 +76,7 @@ def elsewhere(
         return judged
 
     monkeypatch.setattr(forms, "_trial", lambda search, full, form, names: names)
-    monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.with_distances", lambda naming, *_: naming)
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.tried.with_distances", lambda naming, *_: naming)
     return leave
 
 

@@ -17,7 +17,7 @@ CLIP, CREEP, PAIR = ("amplifier_saturation",), ("creep",), ("amplifier_saturatio
 
 @pytest.fixture(autouse=True)
 def no_simulation(monkeypatch):
-    monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.with_distances", lambda naming, *_: naming)
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.tried.with_distances", lambda naming, *_: naming)
 
 
 @pytest.fixture
@@ -248,7 +248,7 @@ def test_after_a_single_effect_comes_what_pairs_explain(explained_alone, monkeyp
     assert answers(search) == [CLIP, PAIR]
     looked = [("fewer than", *PAIR), ("as one of", *PAIR)]
     assert asked[1:] == [alone, PAIR, pairs, *looked, pairs]  # the first one was over single effects
-    monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.held_back_by", lambda c: ("damping",) * len(c.effects))
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.tried.held_back_by", lambda c: ("damping",) * len(c.effects))
     assert answers(search) == [CLIP, None]
 
 

@@ -67,7 +67,7 @@ def test_an_effect_at_the_end_of_its_own_range_has_become_another_one_and_bends_
 def test_what_is_held_back_is_neither_an_answer_nor_a_rival_though_it_would_suffice(
     ended, candidate, search_over, monkeypatch, cost, possible
 ):
-    monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.with_distances", lambda naming, *_: naming)
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.tried.with_distances", lambda naming, *_: naming)
     base, alike, one = candidate(rms=9.0), candidate("delay", rms=2.999), ended(cost, "damping")
     search = search_over(base, alike, one)
     assert suffices(one, base)

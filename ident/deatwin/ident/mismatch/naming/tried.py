@@ -1,0 +1,234 @@
+"""What a search for missing physics knows: sets of effects that were tried, each fitted and judged."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from deatwin.ident.greybox.fit import Calibration
+from deatwin.ident.mismatch.bench import Bench
+from deatwin.ident.mismatch.floor import floor_of
+from deatwin.ident.mismatch.naming.candidate import Candidate, noise_seen
+from deatwin.ident.mismatch.naming.decide import Naming, decide, with_distances
+from deatwin.ident.mismatch.naming.trial import Fitted, Trial, refitted, run_trials, unbent_like
+from deatwin.ident.mismatch.naming.worth import TRIFLE, acts, explained, gained, held_back_by, takes_most
+from deatwin.plant.model import Plant
+
+__all__ = ["CLEARLY_BETTER", "Finished", "Names", "Tried", "each_without_one", "once"]
+
+CLEARLY_BETTER = 0.8
+"""A rival form is gone on with where its best single effect leaves less than this share of the mean square."""
+Finished = Callable[[float], None]
+Names = tuple[str, ...]
+
+
+def each_without_one(names: Names) -> list[Names]:
+    """The sets that are left when each effect of `names` in turn is taken out."""
+    return [tuple(name for name in names if name != old) for old in names]
+
+
+def once(stage: Sequence[Names]) -> list[Names]:
+    """The sets of a `stage` in their order, of which those that were tried again are in it twice."""
+    return list(dict.fromkeys(stage))
+
+
+def _is_better(fit: Calibration, known: Calibration) -> bool:
+    """Whether a fit is to be kept for a known one: one that was given up says little of where it would have ended."""
+    return known.given_up if known.given_up != fit.given_up else fit.rms < known.rms
+
+
+class Tried:
+    """Everything tried so far; sets of effects are known by their names, a stage is a list of such sets of one size.
+
+    Parameters
+    ----------
+    bench : Bench
+        Effects and recordings.
+    base : Candidate
+        Without further effects.
+    fitted : callable or None
+        Called with each fit.
+    """
+
+    def __init__(self, bench: Bench, base: Candidate, fitted: Fitted | None = None) -> None:
+        self.bench, self.fitted = bench, fitted
+        self.tried: dict[Names, Candidate] = {(): base}
+        self.lost: list[str] = []
+        self.unscreened: list[str] = []
+
+    @property
+    def failed(self) -> list[str]:
+        """Effects and sets of effects with which no plant could be simulated, in this form as far as that is known."""
+        known = dict.fromkeys((*self.unscreened, *self.lost))
+        return [names for names in known if tuple(names.split("+")) not in self.tried]
+
+    @property
+    def noise(self) -> float:
+        return self.tried[()].noise
+
+    def best_of(self, stage: Sequence[Names]) -> Names | None:
+        """The set of a `stage` with the most evidence; None of none."""
+        return max(stage, key=lambda names: self.tried[names].evidence, default=None)
+
+    def ranked(self, stage: Sequence[Names]) -> list[Names]:
+        """The sets of a `stage`, those with the most evidence first."""
+        return sorted(stage, key=lambda names: -self.tried[names].evidence)
+
+    def is_best_of_its_size(self, names: Names) -> bool:
+        """Whether of as many effects none that was tried has more evidence than the set `names`."""
+        return names == self.best_of([other for other in self.tried if len(other) == len(names)])
+
+    def best_that_counts(self, stage: Sequence[Names]) -> Names | None:
+        """The set of a `stage` with the most evidence in which each effect counts; None of none."""
+        # In their order, not all at once: to know whether a set counts may take a fit.
+        return next((names for names in self.ranked(stage) if self.each_counts(names)), None)
+
+    def least_rms(self, stage: Sequence[Names]) -> float:
+        """The least that a fit of a stage leaves, SI."""
+        return min((self.tried[names].calibration.rms for names in stage), default=float(np.inf))
+
+    def least(self, stage: Sequence[Names]) -> float:
+        """Mean square that the best of a `stage` leaves."""
+        return min((float(self.tried[names].losses.mean()) for names in stage), default=float(np.inf))
+
+    def missing(self, stage: Sequence[Names]) -> float:
+        """Mean square beyond the noise that the best of a `stage` leaves."""
+        return self._beyond_noise(self.least(stage))
+
+    def _beyond_noise(self, mean_square: float) -> float:
+        return max(mean_square - self.noise**2, 0.0)
+
+    def floor_power(self, names: Names) -> float:
+        """Power of the plant's own error, as the set `names` is judged by it."""
+        return float(self.tried[names].calibration.plant.rig.model_error ** 2)
+
+    def judge_by_the_best(self, stage: Sequence[Names]) -> None:
+        """The base plant was bent to imitate what is missing; the best of a `stage` knows the plant's error better."""
+        best = self.best_of(stage)
+        if best is None:
+            return
+        error = max(self.bench.nominal.rig.model_error, floor_of(self.tried[best].calibration.plant, self.bench))
+        for names in stage:
+            self.tried[names] = self.tried[names].with_floor(error)
+
+    def takes_most(self, names: Names) -> bool:
+        """Whether the set `names` takes away most of what is more than noise."""
+        return takes_most(self.tried[names], self.tried[()])
+
+    def one_takes_most(self, stage: Sequence[Names]) -> bool:
+        """Whether the best of a `stage` takes away most of what is more than noise."""
+        best = self.best_of(stage)
+        return best is not None and self.takes_most(best)
+
+    def leaves_a_trifle(self, names: Names) -> bool:
+        """Whether no further effect beside `names` could count."""
+        return explained(self.tried[names], self.tried[()]) > 1.0 - TRIFLE
+
+    def each_counts(self, names: Names) -> bool:
+        """Whether what returns when any effect of `names` is taken out is more than the model error, and no trifle."""
+        least = max(self.floor_power(names), TRIFLE * self.missing([()]))
+        return all(gained(self.tried[names], less) >= least for less in self.without_one(names))
+
+    def without_one(self, names: Names) -> Iterator[Candidate]:
+        """The sets without one effect of `names`, those first that are known: each other one takes a fit."""
+        for rest in sorted(each_without_one(names), key=lambda rest: rest not in self.tried):
+            if rest not in self.tried and "+".join(rest) not in self.failed:
+                self.fit_some(names, rest)
+            if rest in self.tried:
+                yield self.tried[rest]
+
+    def is_padded(self, names: Names) -> bool:
+        """Whether what would be an explanation, the effects `names`, has one that adds nothing to it."""
+        return len(names) > 1 and self.takes_most(names) and not self.each_counts(names)
+
+    def is_own(self, candidate: Candidate) -> bool:
+        """Whether a candidate was fitted in this search, in this form of the plant."""
+        known = self.tried.get(candidate.effects)
+        return known is not None and known.calibration is candidate.calibration
+
+    def is_possible(self, candidate: Candidate) -> bool:
+        """Whether a candidate takes away most of the mismatch, in a plant within its ranges."""
+        return takes_most(candidate, self.tried[()]) and not held_back_by(candidate)
+
+    def counts(self, candidate: Candidate) -> bool:
+        """Whether a candidate takes away most of the mismatch, and its effects do, in a plant within its ranges."""
+        return self.is_possible(candidate) and acts(candidate, self.tried[()])
+
+    def decision(self, competing: Sequence[Candidate], good: Callable[[Candidate], bool]) -> Naming:
+        """The decision among the `competing` candidates, of which those that are `good` may lead."""
+        naming = decide(tuple(self.tried.values()), competing, self.noise, good, self.is_possible)
+        return with_distances(naming, competing, self.bench, self.is_possible)
+
+    def is_clearly_worse_than(self, rival: Candidate) -> bool:
+        """Whether the `rival` form of the plant leaves clearly less without effects than this one."""
+        return self._beyond_noise(float(rival.losses.mean())) < CLEARLY_BETTER * self.missing([()])
+
+    def is_clearly_better_than(self, rival: Candidate) -> bool:
+        """Whether the `rival` form of the plant leaves clearly more without effects than this one."""
+        return self.missing([()]) <= CLEARLY_BETTER * self._beyond_noise(float(rival.losses.mean()))
+
+    def may_be_misread(self, stage: Sequence[Names], naming: Naming, rival: Candidate) -> bool:
+        """Whether the `rival` form of the plant could be what is missing, or what single effects of a `stage` lack.
+
+        What is missing beside a wrong form takes most of the mismatch in this one, or the other form does by itself.
+        `naming` is the decision over the stage.
+        """
+        if self.is_clearly_worse_than(rival):
+            return True
+        return naming.best is None and self.one_takes_most(stage)
+
+    def attempt(
+        self, trials: Sequence[Trial], finished: Finished | None = None, rival: float = np.inf
+    ) -> list[Names]:
+        """Fit and judge `trials`, which compete with a `rival` rms; `finished` is called with the share that is done.
+
+        What is returned are the sets of which no fit was known, or none as good.
+        """
+        found = run_trials(self.bench, trials, self.noise, finished, self.fitted, rival)
+        better = self._know(found)
+        self.lost += ["+".join(names) for names in map(self.names_of, trials) if names not in self.tried]
+        return better
+
+    def _know(self, found: Sequence[Candidate]) -> list[Names]:
+        """Keep what was `found`, unless a better fit is known; the sets that are kept."""
+        better = []
+        for candidate in found:
+            known = self.tried.get(candidate.effects)
+            if known is None or _is_better(candidate.calibration, known.calibration):
+                self.tried[candidate.effects] = candidate
+                better.append(candidate.effects)
+        # What a wrong plant leaves at the top of the spectrum is no noise: the best explanation shows the least.
+        noise = min([self.noise, *(noise_seen(c.calibration, self.bench.fitted) for c in found)])
+        self.tried = {names: replace(candidate, noise=noise) for names, candidate in self.tried.items()}
+        return better
+
+    def fit_some(self, full: Names, rest: Names) -> None:
+        """Fit the effects `rest` of the set `full`, from its values and from where nothing was bent."""
+        plant = self.plant_of(full, rest)
+        self.attempt([Trial(start=unbent_like(self.bench, plant), bent=plant, without=self.tried[()].calibration)])
+
+    def fit_fewer(self, full: Names) -> list[Names]:
+        """Fit `full` without each of its effects in turn, from its values; the sets that could be fitted.
+
+        A fit of fewer effects that was given up or left rough may have been far from its minimum.
+        """
+        fewer = each_without_one(full)
+        self.fit_from(full, fewer)
+        return [rest for rest in fewer if rest in self.tried]
+
+    def fit_from(self, full: Names, several: Sequence[Names]) -> None:
+        """Fit `several` sets of effects of the set `full` from the values of that."""
+        plants = [self.plant_of(full, rest) for rest in several]
+        # What cannot begin from there may from elsewhere: it is not lost yet.
+        self._know(refitted(self.bench, plants, self.noise, self.fitted))
+
+    def plant_of(self, full: Names, rest: Names) -> Plant:
+        """The plant of the set `full` with the effects of `rest` only, not fitted anew."""
+        plant, gone = self.tried[full].calibration.plant, [name for name in full if name not in rest]
+        return plant.without_effects(*gone) if gone else plant
+
+    def names_of(self, trial: Trial) -> Names:
+        """The set of effects that a `trial` is of."""
+        return tuple(name for name in trial.start.effect_names if name not in self.bench.nominal.effect_names)

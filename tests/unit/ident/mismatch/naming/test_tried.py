@@ -1,0 +1,68 @@
+"""What counts as a cause among the sets that were tried, and which fits are kept, on residuals of given sizes."""
+
+import pytest
+
+
+def test_an_effect_of_a_pair_must_count_for_more_than_the_model_error(candidate, search_over):
+    base = candidate(rms=5.7)
+    drift, creep = candidate("permittivity_drift", rms=2.54), candidate("creep", rms=4.98)
+    pair = candidate("creep", "permittivity_drift", rms=2.05)
+    # taking creep out costs 2.54² - 2.05² = 2.25, more than 1.2² = 1.44
+    assert search_over(base, drift, creep, pair).each_counts(pair.effects)
+    near = candidate("permittivity_drift", rms=2.2)
+    # taking creep out of this pair costs 2.2² - 2.05² = 0.64 only
+    assert not search_over(base, near, creep, pair).each_counts(pair.effects)
+
+
+def test_a_fit_that_cannot_be_had_is_tried_once(candidate, search_over, monkeypatch):
+    search = search_over(candidate(rms=5.0), candidate("creep", rms=4.0), candidate("creep", "delay", rms=2.1))
+    asked: list[tuple[str, ...]] = []
+
+    def lost(full, rest):
+        asked.append(rest)
+        search.lost.append("+".join(rest))
+
+    monkeypatch.setattr(search, "fit_some", lost)
+    assert search.each_counts(("creep", "delay"))  # as far as it is known: without delay much returns
+    assert search.each_counts(("creep", "delay"))
+    assert asked == [("delay",)]
+
+
+def test_an_effect_that_does_little_by_itself_is_no_cause(candidate, search_over):
+    """The fit with it is better since the one without had not found its minimum; from there it had to do 3.6."""
+    base = candidate(rms=5.7)
+    there, idle = candidate("creep", rms=2.1, alone=3.7), candidate("creep", rms=2.1, alone=1.7)
+    assert search_over(base, there).counts(there)
+    assert not search_over(base, idle).counts(idle)
+
+
+def test_what_takes_away_little_of_a_small_mismatch_is_no_explanation(candidate, search_over):
+    base = candidate(rms=2.4)  # with a noise of 2, 1.76 is missing in square, and 1.44 would be adequate
+    little, most = candidate("creep", rms=2.3), candidate("mullins", rms=2.1)
+    assert little.adequate and most.adequate
+    assert not search_over(base, little).counts(little)
+    assert search_over(base, most).counts(most)
+
+
+def test_some_effects_of_a_set_are_fitted_from_its_values_and_the_better_fits_stay(candidate, search_over, monkeypatch):
+    """That of the creep ends worse than before, that of the delay better, and that of the tone cannot be had."""
+    full = ("creep", "delay", "periodic_disturbance")
+    known = [candidate("creep", "delay", rms=3.0), candidate("delay", "periodic_disturbance", rms=4.0)]
+    search, asked = search_over(candidate(rms=9.0), *known, candidate(*full, rms=2.1)), []
+    search.bench.fitted = ()
+    found = {("creep", "delay"): 3.1, ("delay", "periodic_disturbance"): 2.5}
+    monkeypatch.setattr(search, "plant_of", lambda full, rest: rest)
+
+    def refitted(bench, plants, noise, fitted):
+        asked.append(plants)
+        return [candidate(*names, rms=rms) for names, rms in found.items()]
+
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.tried.refitted", refitted)
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.tried.noise_seen", lambda *_: 1.9)
+    fewer = search.fit_fewer(full)
+    assert len(asked) == 1 and set(asked[0]) == {*found, ("creep", "periodic_disturbance")}  # all at once
+    assert set(fewer) == set(found)
+    assert search.lost == []  # it may yet begin from elsewhere
+    left = {names: search.tried[names].calibration.rms for names in found}
+    assert left == {("creep", "delay"): pytest.approx(3.0), ("delay", "periodic_disturbance"): pytest.approx(2.5)}
+    assert {c.noise for c in search.tried.values()} == {1.9}  # whichever fit it is, it is judged by the same
