@@ -10,8 +10,9 @@ import casadi as ca
 import numpy as np
 
 from deatwin.plant.effects.base import Effect, Place
-from deatwin.plant.equations import SAMPLE_START, Equations
+from deatwin.plant.equations import SAMPLE_START, STEP_MIDDLE, Equations
 from deatwin.plant.errors import RigError, nearest
+from deatwin.plant.integrator.parts import Parts
 from deatwin.plant.parameters import ParameterSet
 
 __all__ = ["Builder"]
@@ -46,6 +47,7 @@ class Builder:
         self._offered: set[tuple[Enum, str]] = set()
         self._past: list[Symbol] = []
         self._channels: dict[str, tuple[Symbol, float]] = {}
+        self._parts: Parts | None = None
         self.command = ca.SX.sym("command")
         self.time = ca.SX.sym("time")
 
@@ -118,6 +120,33 @@ class Builder:
     def sample_start(self) -> Symbol:
         """Clock time at which the present sample begins, s; `time` runs on within it."""
         return self.channel(SAMPLE_START, 0.0)
+
+    def divide(self, first: Symbol) -> Parts:
+        """Divide each sample in two parts, each of which is solved in a step of its own: what jumps does so between.
+
+        Parameters
+        ----------
+        first : casadi.SX
+            Share of the sample that the first part takes, 0 to 1, in terms of parameters and constants.
+
+        Returns
+        -------
+        Parts
+            That tell in which one the present step is.
+
+        Raises
+        ------
+        RigError
+            If it is divided already.
+        """
+        if self._parts is not None:
+            raise RigError("two effects divide a sample, each elsewhere: leave one of them out")
+        # Nobody but a step tells a middle: all else looks at a sample's end, which is in its second part.
+        self._parts = Parts(
+            first=first, start=self.sample_start, middle=self.channel(STEP_MIDDLE, np.inf),
+            width=self.constant("sample_time", self.signal("sample_time")),
+        )  # fmt: skip
+        return self._parts
 
     def channel(self, name: str, default: float) -> Symbol:
         """A further measured input, such as the temperature.
@@ -342,6 +371,7 @@ class Builder:
         mass = _column(*(self._rates[n][1] for n in self._states))
         u = _column(self.command, *self._past, *(s for s, _ in self._channels.values()))
         arguments = [x, z, d, u, self.time, p, c]
+        moving = f if self._parts is None else self._parts.speed * f
         unknowns = {**{n: s[0] for n, s in self._states.items()},
                     **{n: s[0] for n, s in self._coordinates.items()}}  # fmt: skip
         guess = _column(*(self._guesses.get(n, 0.0) for n in unknowns))
@@ -353,16 +383,20 @@ class Builder:
             scale=np.array([s[1] for s in (*self._states.values(), *self._coordinates.values())]),
             constants=np.concatenate([self._parameters.array(known), *(v for _, v in self._constants)]),
             parameters=self._parameters,
-            dynamics=ca.Function("dynamics", arguments, [ca.vertcat(f, g)]),
+            dynamics=ca.Function("dynamics", arguments, [self._on_the_clock(ca.vertcat(moving, g))]),
             mass=ca.Function("mass", [p, c], [mass]),
-            output=ca.Function("output", arguments, [output]),
-            watched=ca.Function("watched", arguments, [_column(*self._watched.values())]),
+            output=ca.Function("output", arguments, [self._on_the_clock(output)]),
+            watched=ca.Function("watched", arguments, [self._on_the_clock(_column(*self._watched.values()))]),
             rest=ca.Function("rest", [x, z, u, p, c], [self._rest_residual(f, g, d)]),
             guess=ca.Function("guess", [p, c], [guess]),
             hold=ca.Function("hold", [x, z, p, c], [self._held_at_start()]),
             history=len(self._past),
             channels={name: default for name, (_, default) in self._channels.items()},
         )
+
+    def _on_the_clock(self, value: Symbol) -> Symbol:
+        """The same where the clock does not run as a step is taken."""
+        return value if self._parts is None else ca.substitute(value, self.time, self._parts.clock(self.time))
 
     def _rest_residual(self, f: Symbol, g: Symbol, held: Symbol) -> Symbol:
         rows = [

@@ -16,12 +16,17 @@ from dataclasses import dataclass, field
 import casadi as ca
 import numpy as np
 
+from deatwin.plant.integrator.parts import HALVES
 from deatwin.plant.parameters import ParameterSet
 
-__all__ = ["SAMPLE_START", "Equations"]
+__all__ = ["KNOWN", "SAMPLE_START", "STEP_MIDDLE", "Equations"]
 
 SAMPLE_START = "sample_start"
 """Name of the input that is the clock time at which a sample begins, s."""
+STEP_MIDDLE = "step_middle"
+"""Name of the input that is the clock time of the middle of a step, s; what asks for it divides each sample in two."""
+KNOWN = (SAMPLE_START, STEP_MIDDLE)
+"""Inputs that nobody measures: they are known."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -55,8 +60,8 @@ class Equations:
     history : int
         How many past samples of the command follow it in *u*.
     channels : mapping of str to float
-        Further inputs at the end of *u*, each with the value that it has where nobody measured it. `SAMPLE_START` is
-        measured by nobody: it is known.
+        Further inputs at the end of *u*, each with the value that it has where nobody measured it. Those that are
+        `KNOWN` are measured by nobody.
     """
 
     states: tuple[str, ...]
@@ -94,8 +99,16 @@ class Equations:
     @property
     def sample_start(self) -> int | None:
         """Where in *u* the clock time at which a sample begins is; None where no effect asks for it."""
+        return self._place_of(SAMPLE_START)
+
+    @property
+    def step_middle(self) -> int | None:
+        """Where in *u* the clock time of the middle of a step is; None where a sample is not divided."""
+        return self._place_of(STEP_MIDDLE)
+
+    def _place_of(self, channel: str) -> int | None:
         names = list(self.channels)
-        return 1 + self.history + names.index(SAMPLE_START) if SAMPLE_START in names else None
+        return 1 + self.history + names.index(channel) if channel in names else None
 
     def inputs(
         self,
@@ -126,6 +139,48 @@ class Equations:
         past = [before[self.history - k : self.history - k + n] for k in range(self.history + 1)]
         known = {**(measured or {}), SAMPLE_START: times}
         return np.vstack([*past, *(known.get(name, np.full(n, value))[:n] for name, value in self.channels.items())])
+
+    def steps(self, inputs: np.ndarray, begin: float, width: float) -> tuple[tuple[np.ndarray, float, float], ...]:
+        """The steps in which a sample is solved: one, or two where it is divided.
+
+        Parameters
+        ----------
+        inputs : ndarray, shape (n_u,)
+            Of the sample.
+        begin, width : float
+            When it begins, and for how long it lasts, s.
+
+        Returns
+        -------
+        tuple of (ndarray, float, float)
+            Inputs of each step, when it begins, and for how long it lasts.
+        """
+        if self.step_middle is None:
+            return ((inputs, begin, width),)
+        half = width / 2
+        return tuple(
+            (self.with_middle(inputs, begin + middle * width), begin + number * half, half)
+            for number, middle in enumerate(HALVES)
+        )
+
+    def with_middle(self, inputs: np.ndarray, time: float) -> np.ndarray:
+        """Inputs of a step whose middle is at a time.
+
+        Parameters
+        ----------
+        inputs : ndarray, shape (n_u,)
+            Of the sample.
+        time : float
+            Clock time, s.
+
+        Returns
+        -------
+        ndarray, shape (n_u,)
+        """
+        told = inputs.copy()
+        if self.step_middle is not None:
+            told[self.step_middle] = time
+        return told
 
     @property
     def free_values(self) -> np.ndarray:

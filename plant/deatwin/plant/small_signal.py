@@ -182,7 +182,7 @@ def _settled(
     done, step = 0.0, 1.0
     while done < 1.0:
         share = min(done + step, 1.0)
-        inputs = _inputs(equations.held_inputs(command), equations.sample_start, share * time)
+        inputs = _inputs(equations, equations.held_inputs(command), share * time, share * time)
         point = (here, own + share * (held - own), inputs, values)
         there = _solved(equations, point, share * time)
         # What is held changes the meaning of a charge, which lies in kV: it may move further than the film.
@@ -253,26 +253,52 @@ def _scaled_solution(slope: np.ndarray, value: np.ndarray, scale: np.ndarray) ->
     return np.asarray(np.linalg.lstsq(scaled / rows[:, None], value / rows, rcond=None)[0])
 
 
-def _inputs(inputs: np.ndarray, place: int | None, sample_start: float) -> np.ndarray:
-    """Inputs of a sample that begins at a time, s; the clock may stand still and the sample's phase run on."""
-    moved = inputs.copy()
-    if place is not None:
-        moved[place] = sample_start
+def _inputs(equations: Equations, inputs: np.ndarray, begin: float, middle: float) -> np.ndarray:
+    """Inputs of a sample that begins at a time, s, and of a step in it with its middle at another.
+
+    The clock may stand still and the sample's phase run on.
+    """
+    moved = equations.with_middle(inputs, middle)
+    if equations.sample_start is not None:
+        moved[equations.sample_start] = begin
     return moved
 
 
 def _differentiated(equations: Equations, point: Point, time: float, sample_time: float) -> SmallSignal:
-    """The step from rest, where all stages rest, and its derivatives by the states at its start and by the commands."""
+    """The sample from rest, where all stages rest, and its derivatives by the states at its start and by commands."""
+    here, held, inputs, values = point
+    functions, n_x = _functions(equations), len(equations.states)
+    step, *second = [_step(equations, point, time, at, h) for _, at, h in equations.steps(inputs, 0.0, sample_time)]
+    for later in second:
+        step = np.hstack([later[:, :n_x] @ step[:n_x, :n_x], later[:, :n_x] @ step[:n_x, n_x:] + later[:, n_x:]])
+
+    seen = _inputs(equations, inputs, time - sample_time, time)
+    reading = functions.output(here, held, seen, time, values, equations.constants)
+    level, by_end, by_last = (np.asarray(v) for v in reading)
+    through = (by_end * equations.scale @ step).ravel()
+    if not (np.isfinite(step).all() and np.isfinite(through).all() and np.isfinite(level).all()):
+        raise _NoRest
+    return SmallSignal(
+        a=step[:n_x, :n_x].copy(), b=step[:n_x, n_x:].copy(), c=through[:n_x].copy(),
+        d=through[n_x:] + by_last.ravel()[: 1 + equations.history], reading=float(level.item()),
+    )  # fmt: skip
+
+
+def _step(equations: Equations, point: Point, time: float, elapsed: float, width: float) -> np.ndarray:
+    """Derivatives of the unknowns after a step, by the states at its start and by the commands, in units of the scale.
+
+    The step begins when so much of its sample has elapsed, s. The clock stands still at a `time`, and the sample's
+    beginning moves away from it: all that differs between stages.
+    """
     here, held, inputs, values = point
     functions, constants, n_x = _functions(equations), equations.constants, len(equations.states)
     nodes, matrix = radau(STAGES)
     inverse, n, count = np.linalg.inv(matrix), here.size, 1 + equations.history
     mass = np.zeros(n)
     mass[:n_x] = np.asarray(equations.mass(values, constants)).ravel()
-    weight = np.where(np.arange(n) < n_x, sample_time, 1.0)[:, None]
-    # The clock stands still, and the sample's beginning moves away from it: all that differs between stages.
-    phases = nodes if equations.sample_start is not None else nodes[-1:]
-    known = [_inputs(inputs, equations.sample_start, time - phase * sample_time) for phase in phases]
+    weight = np.where(np.arange(n) < n_x, width, 1.0)[:, None]
+    begun = [time - elapsed - node * width for node in (nodes if equations.sample_start is not None else nodes[-1:])]
+    known = [_inputs(equations, inputs, begin, begin + elapsed + width / 2) for begin in begun]
     slopes = [functions.dynamics(here, held, u, time, values, constants)[1:] for u in known]
     slopes *= STAGES // len(slopes)
 
@@ -283,17 +309,7 @@ def _differentiated(equations: Equations, point: Point, time: float, sample_time
     by_start = np.kron(inverse.sum(axis=1)[:, None], np.diag(mass * equations.scale)[:, :n_x])
     by_commands = np.vstack([weight * np.asarray(by_inputs)[:, :count] for _, by_inputs in slopes])
     rows = np.abs(system).max(axis=1, keepdims=True, initial=0.0)
-    end = np.linalg.solve(system / rows, np.hstack([by_start, by_commands]) / rows)[-n:]
-
-    reading = functions.output(here, held, known[-1], time, values, constants)
-    level, by_end, by_last = (np.asarray(v) for v in reading)
-    through = (by_end * equations.scale @ end).ravel()
-    if not (np.isfinite(end).all() and np.isfinite(through).all() and np.isfinite(level).all()):
-        raise _NoRest
-    return SmallSignal(
-        a=end[:n_x, :n_x].copy(), b=end[:n_x, n_x:].copy(), c=through[:n_x].copy(),
-        d=through[n_x:] + by_last.ravel()[:count], reading=float(level.item()),
-    )  # fmt: skip
+    return np.linalg.solve(system / rows, np.hstack([by_start, by_commands]) / rows)[-n:]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

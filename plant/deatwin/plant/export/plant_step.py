@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from deatwin.plant.equations import SAMPLE_START
+from deatwin.plant.equations import KNOWN
 from deatwin.plant.errors import ModelError
 from deatwin.plant.export.sampled import SampledSource, Signal, comment, filled, require_identifier, table
 from deatwin.plant.integrator.collocation import step_functions
@@ -201,7 +201,7 @@ def plant_signals(plant: Plant, rest: RestState) -> tuple[Signals, Signals]:
     """
     rig, equations = plant.rig, plant.equations
     inputs = [Signal(name=rig.input_name, unit=rig.input_unit, start=rig.start.rest_command)]
-    inputs += [Signal(name=c, start=v) for c, v in equations.channels.items() if c != SAMPLE_START]
+    inputs += [Signal(name=c, start=v) for c, v in equations.channels.items() if c not in KNOWN]
     held = equations.held_inputs(rig.start.rest_command)
     point = (rest.x, rest.z, rest.d, held, 0.0, plant.free_values, equations.constants)
     seen = np.asarray(ca.densify(equations.watched(*point))).ravel()
@@ -232,8 +232,9 @@ def _shim(
     channels, k = [], 1
     for position, channel in enumerate(equations.channels, start=1 + equations.history):
         clock = f"state->start + (double)state->count * {name.upper()}_SAMPLE_TIME"
-        channels.append(f"    inputs[{position}] = {clock if channel == SAMPLE_START else f'u[{k}]'};")
-        k += channel != SAMPLE_START
+        # The step itself knows its middle.
+        channels.append(f"    inputs[{position}] = {clock if channel in KNOWN else f'u[{k}]'};")
+        k += channel not in KNOWN
     values: dict[str, ArrayLike] = {
         "x": rest.x, "z": rest.z, "d": rest.d, "p": plant.free_values, "c": equations.constants,
         "y": [signal.start for signal in outputs],

@@ -24,6 +24,7 @@ import numpy as np
 from deatwin.plant.equations import Equations
 from deatwin.plant.integrator.lanes import Exchange
 from deatwin.plant.integrator.newton import solved_stages
+from deatwin.plant.integrator.parts import HALVES
 from deatwin.plant.integrator.stages import Stages
 
 __all__ = ["STAGES", "StepFunctions", "radau", "step_functions"]
@@ -111,4 +112,25 @@ def step_functions(equations: Equations) -> StepFunctions:
     dy = ca.densify(by[0] @ new + by[1] @ dd + by[2])
     arguments = [x, z, dx, dd, *known]
     sensitive = ca.Function("sensitive", arguments, [x_end, z_end, new[: stages.n_x, :], reading, dy, error])
+    place = equations.step_middle
+    if place is not None:
+        plain, sensitive = _in_two(plain, 2, place), _in_two(sensitive, 3, place)
     return StepFunctions(plain=plain, sensitive=sensitive, in_lanes=stages.in_lanes)
+
+
+def _with_middle(u: ca.MX, place: int, middle: ca.MX) -> ca.MX:
+    """The inputs of a step with this middle, which has its `place` there."""
+    return ca.vertcat(u[:place], middle, u[place + 1 :])
+
+
+def _in_two(step: ca.Function, n_states: int, place: int) -> ca.Function:
+    """Two steps of half the width, each of which is told its middle; so many of the first results are handed on."""
+    arguments = step.mx_in()
+    at, kept, (u, t, h, p, c) = arguments[:n_states], arguments[n_states:-5], arguments[-5:]
+    errors = []
+    for number, middle in enumerate(HALVES):
+        told = _with_middle(u, place, t + middle * h)
+        *found, error = step.call([*at, *kept, told, t + number * h / 2, h / 2, p, c])
+        at = found[:n_states]
+        errors.append(error)
+    return ca.Function(f"{step.name()}_in_two", arguments, [*found, errors[0] + errors[1]])

@@ -49,14 +49,16 @@ def reference_outputs(
     rest = rest_state(equations, command, values)
     if not rest.found:
         raise SimulationError(f"the reference simulation cannot start: {RunStatus.NO_REST.value}")
-    system = _System(equations, values, timeline.sample_time, relative_tolerance)
+    width = equations.steps(equations.held_inputs(command), 0.0, timeline.sample_time)[0][2]
+    system = _System(equations, values, width, relative_tolerance)
     unknowns = np.concatenate([rest.x, rest.z])
     times = timeline.start + timeline.sample_time * np.arange(timeline.commands.size)
     inputs = equations.inputs(timeline.commands, command, times, timeline.channels)
     readings = [float(equations.output(rest.x, rest.z, rest.d, equations.held_inputs(command), times[0], *known))]
     for held, time in zip(inputs.T, times, strict=True):
         try:
-            unknowns = system.advance(unknowns, rest.d, held, time)
+            for inputs_then, begin, _ in equations.steps(held, time, timeline.sample_time):
+                unknowns = system.advance(unknowns, rest.d, inputs_then, begin)
         except RuntimeError as error:
             reason = str(error).strip().splitlines()[-1]
             raise SimulationError(
@@ -70,13 +72,13 @@ def reference_outputs(
 
 
 class _System:
-    """The DAE over one sample, in units of each unknown's typical size.
+    """The DAE over one step, in units of each unknown's typical size.
 
     A state whose mass is zero is an algebraic one here, so that a vanishing time constant is exact.
     """
 
     def __init__(
-        self, equations: Equations, values: np.ndarray, sample_time: float, relative_tolerance: float
+        self, equations: Equations, values: np.ndarray, width: float, relative_tolerance: float
     ) -> None:
         n_x = len(equations.states)
         mass = np.asarray(equations.mass(values, equations.constants)).ravel()
@@ -100,10 +102,10 @@ class _System:
             "ode": rate, "alg": residual[self._algebraic.tolist()],
         }  # fmt: skip
         options = {"reltol": relative_tolerance, "abstol": relative_tolerance, "max_num_steps": 100_000}
-        self._advance = ca.integrator("reference", "idas", problem, 0.0, sample_time, options)
+        self._advance = ca.integrator("reference", "idas", problem, 0.0, width, options)
 
     def advance(self, unknowns: np.ndarray, held: np.ndarray, inputs: np.ndarray, time: float) -> np.ndarray:
-        """States and coordinates at the end of a sample, shape (n_x + n_z,), SI."""
+        """States and coordinates at the end of a step, shape (n_x + n_z,), SI."""
         scaled = unknowns / self._scale
         found = self._advance(
             x0=scaled[self._moving], z0=scaled[self._algebraic], p=np.concatenate([held, inputs, [time]])

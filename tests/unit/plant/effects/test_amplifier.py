@@ -11,6 +11,10 @@ from deatwin.plant.effects.amplifier_offset import AmplifierOffset
 from deatwin.plant.effects.amplifier_saturation import AmplifierSaturation
 from deatwin.plant.effects.amplifier_slew import AmplifierSlew
 from deatwin.plant.effects.delay import Delay
+from deatwin.plant.effects.electrode_rc import ElectrodeRC
+from deatwin.plant.effects.periodic_disturbance import PeriodicDisturbance
+from deatwin.plant.effects.sensor_lag import SensorLag
+from deatwin.plant.errors import RigError
 from deatwin.plant.excitation import band_limited_noise
 
 NOISE = band_limited_noise(np.random.default_rng(4), 4.0, 0.02)
@@ -121,14 +125,14 @@ def test_a_delay_of_whole_samples_shifts_the_command(chain, samples, sample_time
     np.testing.assert_allclose(got, shifted, atol=1e-13)
 
 
-def test_a_delay_between_samples_mixes_two_neighbours_for_who_follows_at_once(chain):
+def test_who_follows_at_once_sees_the_command_that_acts_at_the_end_of_a_sample(chain):
     got = chain(NOISE, Delay(time=0.03))["acting_command"]
-    before = np.concatenate([[0.0, 0.0], NOISE])
-    np.testing.assert_allclose(got, (before[1:-1] + before[:-2]) / 2, atol=1e-13)
+    np.testing.assert_allclose(got, np.concatenate([[0.0], NOISE[:-1]]), atol=1e-13)
 
 
 FILM = Plant(rig=Diaphragm())
 STAIRS = np.repeat(np.random.default_rng(3).uniform(1.2, 3.2, 20), 25)
+FROM_ZERO = np.repeat(np.resize([0.0, 3.0], 20), 25)
 REVERSALS = STAIRS * np.repeat(np.resize([1.0, -1.0], 20), 25)
 
 
@@ -139,20 +143,53 @@ def film(plant, commands, sample_time=0.02):
     )
 
 
-@pytest.mark.parametrize("quarters", [1, 2, 6, 7])
+def shifted_by_quarters(plant, commands, quarters):
+    """What a plant reads under a command that is late by so many quarters of a sample, in four samples for each."""
+    finer = np.concatenate([np.full(quarters, 1.0), np.repeat(commands, 4)])[: 4 * commands.size]
+    return film(replace(plant, rig=Diaphragm(sample_time=0.005)), finer, 0.005).outputs[4::4]
+
+
+FOLLOWED = 6e-9
+"""m. A step of a whole sample follows a jump to 0.003 µm (`STAGES`), one of a quarter as well, and so their difference
+is no larger than both."""
+
+
+@pytest.mark.parametrize("quarters", [1, 2, 4, 6, 7])
 @pytest.mark.parametrize(
-    "commands", [STAIRS, REVERSALS, band_limited_noise(np.random.default_rng(4), 10.0, 0.02)],
-    ids=["stairs", "reversals", "noise"],
+    "commands", [STAIRS, REVERSALS, FROM_ZERO, band_limited_noise(np.random.default_rng(4), 10.0, 0.02)],
+    ids=["stairs", "reversals", "from 0 V", "noise"],
 )
 def test_a_delay_between_samples_is_one_of_whole_shorter_samples(commands, quarters):
     late = film(FILM.with_effects(Delay(time=quarters * 0.005)), commands).outputs[1:]
-    finer = np.concatenate([np.full(quarters, 1.0), np.repeat(commands, 4)])[: 4 * commands.size]
-    exact = film(Plant(rig=Diaphragm(sample_time=0.005)), finer, 0.005).outputs[4::4]
-    effect = film(FILM, commands).outputs[1:] - exact
-    # The pull goes with the square of the command. The mean of W² over a sample is off by at most 0.16 of what it
-    # should be, from a tenth of a sample on; of what a jump D adds to a command u that is a share of
-    # 0.16 D / (2 u + D), and no jump is larger than 2 u here.
-    assert np.sqrt(np.mean((late - exact) ** 2)) < 0.08 * np.sqrt(np.mean(effect**2))
+    assert np.abs(late - shifted_by_quarters(FILM, commands, quarters)).max() < FOLLOWED
+
+
+@pytest.mark.parametrize("quarters", [1, 3, 4])
+def test_the_clock_runs_as_it_does_in_shorter_samples_beside_a_delay(quarters):
+    """A tone of 5 Hz turns by 36 degrees in a sample, all along which a lag follows it."""
+    shaken = FILM.with_effects(PeriodicDisturbance(amplitude=20e-6, frequency=5.0), SensorLag(time=0.01))
+    late = film(shaken.with_effects(Delay(time=quarters * 0.005)), STAIRS).outputs[1:]
+    exact = shifted_by_quarters(shaken, STAIRS, quarters)
+    assert np.abs(late - exact).max() < FOLLOWED
+    assert np.abs(exact - shifted_by_quarters(FILM, STAIRS, quarters)).max() > 1e3 * FOLLOWED  # it does shake
+
+
+@pytest.mark.parametrize("time", [0.0, 0.015, 0.02])
+def test_beside_a_delay_a_lag_of_no_time_is_none(time):
+    late = FILM.with_effects(Delay(time=time))
+    lags = ElectrodeRC(time=0.0), SensorLag(time=0.0)
+    same = film(late.with_effects(*lags), STAIRS).outputs
+    # Newton's method leaves 1e-10 of a millimetre.
+    np.testing.assert_allclose(same, film(late, STAIRS).outputs, rtol=0, atol=1e-12)
+
+
+class _Second(Delay):
+    name = "second_delay"
+
+
+def test_a_sample_is_divided_once(chain):
+    with pytest.raises(RigError, match="two effects divide a sample"):
+        chain(NOISE, Delay(time=0.03), _Second(time=0.01))
 
 
 def delay_slope(time):

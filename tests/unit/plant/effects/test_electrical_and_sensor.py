@@ -70,7 +70,7 @@ def central_difference(run, plant, number):
     """Fourth order: (8 D(h) - D(2h))/6 with D(h) = y(p + h) - y(p - h)."""
     values = plant.free_values
     parameter = plant.parameters[plant.parameters.free[number]]
-    step = 1e-4 * (abs(parameter.value) or 1e-3 * (parameter.upper - parameter.lower))
+    step = 1e-4 * (abs(parameter.value) or 1e-2 * (parameter.upper - parameter.lower))
 
     def difference(size):
         up, down = (run(values + sign * size * np.eye(values.size)[number]) for sign in (1, -1))

@@ -1,0 +1,68 @@
+r"""A sample in two parts, each solved in a step of its own, though where it divides depends on parameters.
+
+A step takes half of the sample's width, whatever the parts' own widths; the clock runs faster or slower in it. With the
+share :math:`\sigma` of the first part and the phase :math:`0 \le \varphi \le 1`
+
+.. math:: t = t_k + h\,\theta(\varphi), \qquad
+          \theta = 2\sigma\varphi \ \text{in the first part}, \quad
+          \sigma + (1-\sigma)(2\varphi-1) \ \text{in the second}, \qquad
+          M\,\frac{dx}{d\varphi} = h\,\theta'(\varphi)\,f
+
+so that no step's width depends on a parameter, and a part of no width is one in which nothing moves.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+
+__all__ = ["HALVES", "Parts"]
+
+Symbol = Any  # casadi.SX
+
+HALVES = (0.25, 0.75)
+"""Phases of the middles of the two steps. A step's middle tells its part, since its ends may lie on a border."""
+LEAST = 1e-9
+"""Least share of a part: where nothing moves at all, a state without inertia would be free."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Parts:
+    """A sample that is divided in two.
+
+    Parameters
+    ----------
+    first : casadi.SX
+        Share of the first part, 0 to 1.
+    start, middle, width : casadi.SX
+        Clock time at which the sample begins and that of the middle of the present step, and the sample's width, s.
+    """
+
+    first: Symbol
+    start: Symbol
+    middle: Symbol
+    width: Symbol
+
+    @property
+    def in_first(self) -> Symbol:
+        """Whether the present step is in the first part."""
+        return self.middle - self.start < self.width / 2
+
+    @property
+    def speed(self) -> Symbol:
+        """Of the clock, against that by which a step is taken."""
+        share = self._share
+        return 2 * ca.if_else(self.in_first, share, 1 - share)
+
+    def clock(self, time: Symbol) -> Symbol:
+        """Clock time, s, at a `time` of the step, s."""
+        share, phase = self._share, (time - self.start) / self.width
+        return self.start + self.width * ca.if_else(
+            self.in_first, 2 * share * phase, share + (1 - share) * (2 * phase - 1)
+        )
+
+    @property
+    def _share(self) -> Symbol:
+        return LEAST + (1 - 2 * LEAST) * self.first
