@@ -75,10 +75,15 @@ def with_fewer(search: Search, naming: Naming, forms: Sequence[Candidate]) -> tu
     decision = _explained if naming.best is None else _in_its_place
     full, answers = _several(search, naming), []
     for form in forms if full else ():
-        if naming.best is None and search.is_clearly_better_than(form):
+        leaves_more = search.is_clearly_better_than(form)
+        if naming.best is None and leaves_more:
             continue
         other, found = decision(search, full, form)
-        if found.best is not None and _holds(found.best, search, naming, form):
+        # What mends a form that leaves clearly more without effects takes most there: it must be as likely.
+        comes_near = is_as_likely if leaves_more else cannot_rule_out
+        if found.best is None or not _explains(found.best, search):
+            continue
+        if naming.best is None or comes_near(found.best, naming.best):
             answers.append((found.best.evidence, other, found))
     return max(answers, key=lambda answer: answer[0], default=(0.0, search, naming))[1:]
 
@@ -92,17 +97,9 @@ def _several(search: Search, naming: Naming) -> list[Names]:
     return [names for names in found if len(names) > 1] if len(found[0]) > 1 else []
 
 
-def _holds(answer: Candidate, search: Search, naming: Naming, form: Candidate) -> bool:
-    """Whether an answer in another form explains what this form lacks, and as well as the answer in this form does.
-
-    In a form that leaves clearly more without effects it must be as likely: what mends a wrong form takes most there.
-    """
-    if not (takes_most(answer, search.tried[()]) and suffices(answer, search.tried[()])):
-        return False
-    if naming.best is None:
-        return True
-    comes_near = is_as_likely if search.is_clearly_better_than(form) else cannot_rule_out
-    return comes_near(answer, naming.best)
+def _explains(answer: Candidate, search: Search) -> bool:
+    """Whether an answer in another form explains what this form lacks."""
+    return takes_most(answer, search.tried[()]) and suffices(answer, search.tried[()])
 
 
 def _in_its_place(search: Search, full: Sequence[Names], form: Candidate) -> tuple[Search, Naming]:
