@@ -6,6 +6,7 @@ import pytest
 from deatwin.plant import (
     Coupon,
     Creep,
+    Delay,
     Diaphragm,
     ElectrodeRC,
     Experiment,
@@ -39,7 +40,9 @@ def largest_difference(plant, experiment):
 
 
 @pytest.mark.parametrize("experiment", [NOISE, HOLDS], ids=["noise", "holds"])
-@pytest.mark.parametrize("plant", [BASE, SMOOTH], ids=["base", "smooth effects"])
+@pytest.mark.parametrize(
+    "plant", [BASE, SMOOTH, SMOOTH.with_effects(Delay(time=0.033))], ids=["base", "smooth effects", "a dead time too"]
+)
 def test_every_reading_agrees_to_a_twentieth_of_a_micrometre(plant, experiment):
     assert largest_difference(plant, experiment) < 0.05e-6
 

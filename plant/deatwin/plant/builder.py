@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from enum import Enum
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
@@ -14,6 +14,9 @@ from deatwin.plant.equations import SAMPLE_START, STEP_MIDDLE, Equations
 from deatwin.plant.errors import RigError, nearest
 from deatwin.plant.integrator.parts import Parts
 from deatwin.plant.parameters import ParameterSet
+
+if TYPE_CHECKING:
+    from deatwin.plant.rigs.base import Rig
 
 __all__ = ["Builder"]
 
@@ -314,6 +317,17 @@ class Builder:
         """
         self._shared[name] = value
         return value
+
+    def share_sampling(self, rig: Rig) -> None:
+        """Let effects know when a rig is sampled: its ``sample_time`` and whether it ``follows_at_once``.
+
+        Parameters
+        ----------
+        rig : Rig
+            Whose equations are written.
+        """
+        self.share("sample_time", rig.sample_time)
+        self.share("follows_at_once", rig.follows_at_once)
 
     def signal(self, name: str, otherwise: Any = None) -> Any:
         """A watched or shared signal, for effects that need more than the one they rewrite.

@@ -44,7 +44,8 @@ class Equations:
     parameters : ParameterSet
         All parameters; the free ones are the argument *p* of the functions.
     dynamics : casadi.Function
-        ``(x, z, d, u, t, p, c) -> (f; g)``.
+        ``(x, z, d, u, t, p, c) -> (f; g)``. In a step over a part of a sample f and t are those of the step, whose
+        clock runs at its own pace (`deatwin.plant.integrator.parts`).
     mass : casadi.Function
         ``(p, c) -> diag M``, shape (n_x,).
     output : casadi.Function

@@ -344,7 +344,7 @@ class _Structure:
 def _equations(structure: _Structure) -> Equations:
     plant = structure.plant
     build = Builder(plant.parameters, plant.effects)
-    build.share("sample_time", plant.rig.sample_time)
+    build.share_sampling(plant.rig)
     return build.finish(plant.rig.write(build))
 
 

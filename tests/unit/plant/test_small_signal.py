@@ -78,6 +78,25 @@ def test_a_dead_time_of_whole_samples_only_moves_the_columns():
     np.testing.assert_allclose(late.d[2], now.d[0], rtol=1e-8)
 
 
+@pytest.mark.parametrize("time", [0.0, 300.0])
+def test_beside_a_dead_time_the_clock_stands_still_as_without_one(time):
+    drifting = Plant(rig=Diaphragm()).with_effects(PermittivityDrift(relative_change=-0.3, time=100.0))
+    late = drifting.with_effects(Delay(time=2 * H))
+    (without,), (with_it,) = small_signals(drifting, [2.5], time=time), small_signals(late, [2.5], time=time)
+    # Within a sample the clock may be off by a sample of 20 ms, of 100 s.
+    np.testing.assert_allclose(with_it.b[:, 2], without.b[:, 0], rtol=3e-4)
+    np.testing.assert_allclose(with_it.reading, without.reading, rtol=1e-9)
+    (half,) = small_signals(drifting.with_effects(Delay(time=1.5 * H)), [2.5], time=time)
+    # All of the command acts, sooner or later: in the end as without a dead time.
+    np.testing.assert_allclose(_settled(half), _settled(without), rtol=3e-4)
+
+
+def _settled(small):
+    """Change of the reading by a lasting change of the command."""
+    moved = np.linalg.solve(np.eye(len(small.a)) - small.a, small.b.sum(axis=1))
+    return small.c @ moved + small.d.sum()
+
+
 def test_what_drifts_by_the_clock_stands_still():
     drifting = Plant(rig=Diaphragm()).with_effects(PermittivityDrift(relative_change=-0.1, time=300.0))
     permittivity = drifting.parameters["permittivity"].value

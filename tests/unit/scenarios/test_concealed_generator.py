@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from deatwin.plant import Diaphragm, Experiment, Plant, Recording
+from deatwin.plant import Delay, Diaphragm, Experiment, Plant, Recording
 from deatwin.plant.effects import catalogue
 from deatwin.plant.errors import DataError, RigError, SimulationError
 from deatwin.plant.excitation import band_limited_noise
@@ -48,6 +48,13 @@ def thesis_noise(seconds, seed=0):
 def apparatus(*concealed, before=(), rig=None):
     plant = Plant(rig=rig or Diaphragm(ball="bonded"))
     return Apparatus(plant=plant, mechanisms=concealed, before=before, noise=SILENT, seed=1)
+
+
+def test_the_integrator_refuses_equations_that_divide_a_sample():
+    late = Plant(rig=Diaphragm(ball="bonded")).with_effects(Delay())
+    inputs = late.equations.held_inputs(0.0)[:, None]
+    with pytest.raises(ValueError, match="divide a sample"):
+        integrate(late.equations, late.free_values, np.zeros(1), inputs, np.array([0.02]))
 
 
 @pytest.mark.parametrize("resolution", ["reduced", "fine"])

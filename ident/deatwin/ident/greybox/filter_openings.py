@@ -98,7 +98,7 @@ def opened_equations(plant: Plant, openings: Sequence[Opening], ghosts: Sequence
     ]
     parameters = ParameterSet([*plant.parameters.values(), *added])
     build = _Opened(parameters, plant.effects, built_in)
-    build.share("sample_time", plant.rig.sample_time)
+    build.share_sampling(plant.rig)
     return build.finish(plant.rig.write(build))
 
 
@@ -125,7 +125,7 @@ def _is_number(signal: Any) -> bool:
 
 def _heard(plant: Plant) -> list[tuple[str, str]]:
     build = _Listener(plant.parameters, plant.effects)
-    build.share("sample_time", plant.rig.sample_time)
+    build.share_sampling(plant.rig)
     plant.rig.write(build)
     return build.heard
 

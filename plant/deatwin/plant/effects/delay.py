@@ -19,6 +19,8 @@ __all__ = ["Delay"]
 
 LONGEST = 0.1
 """Upper end of the dead time, s."""
+ROUNDING = 1e-10
+"""Of a sample: what is so little less than a whole one is one."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,11 +33,12 @@ class Delay(Effect):
               u_{-k} \ \text{in the second}
 
     No state: past commands are inputs. A sample is divided where the command jumps, each part is solved in a step of
-    its own (`deatwin.plant.integrator.parts`), and nothing is approximated. A reading that follows without any dynamics
-    sees what acts at the sample's end, so that of a dead time it tells the whole samples only. Typical: 0 to 40 ms.
-    Signature: phase linear in frequency, 7.2° per 20 ms at 1 Hz, without a change of gain, for all harmonics of the
-    command alike; below 1 Hz a short `electrode_rc` or `sensor_lag` looks the same, from 5 Hz on they roll off. Off at
-    :math:`\tau_d = 0`.
+    its own (`deatwin.plant.integrator.parts`), so that the jump costs no accuracy. A reading that follows the command
+    at once (`Rig.follows_at_once`) does not tell when within a sample it came: such a rig gets
+    :math:`u_{-k} + \sigma\,(u_{-k-1} - u_{-k})`, as if the command were sampled and not held, which a fit can follow
+    from one whole sample to the next. Typical: 0 to 40 ms. Signature: phase linear in frequency, 7.2° per 20 ms at
+    1 Hz, without a change of gain, for all harmonics of the command alike; below 1 Hz a short `electrode_rc` or
+    `sensor_lag` looks the same, from 5 Hz on they roll off. Off at :math:`\tau_d = 0`.
 
     Parameters
     ----------
@@ -65,9 +68,13 @@ class Delay(Effect):
         sample_time = build.signal("sample_time")
         past = build.past_commands(ceil(LONGEST / sample_time) + 1)
         shift = self.own("time", build) / build.constant("delay_sample_time", sample_time)
-        whole = ca.floor(shift)
-        parts = build.divide(shift - whole)
+        whole = ca.fmin(ca.fmax(ca.floor(shift + ROUNDING), 0.0), len(past) - 2.0)
+        share = ca.fmin(shift - whole, 1.0)
         after, before = past[0], past[1]
         for number, (later, earlier) in enumerate(pairwise(past)):
             after, before = (ca.if_else(whole == number, new, old) for new, old in ((later, after), (earlier, before)))
-        return signal + ca.if_else(parts.in_first, before, after) - build.command
+        if build.signal("follows_at_once", otherwise=False):
+            acting = after + share * (before - after)
+        else:
+            acting = ca.if_else(build.divide(share).in_first, before, after)
+        return signal + acting - build.command

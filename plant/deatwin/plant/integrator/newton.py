@@ -71,7 +71,8 @@ def solved_stages(stages: Stages) -> ca.Function:
     start, values = ca.repmat(here, stages.count, 1), ca.repmat(value, stages.count, 1)
     tangent, size = linear.correct(factors, start, values, x, mass, h)
 
-    found, known = [tangent, size, size], [factors, *step]
+    # That nothing moves at the start of a step says nothing of its stages, at which the clock has run on.
+    found, known = [tangent, size, size + 1], [factors, *step]
     correction = _correction(stages, linear, factors.numel())
     for number, count in enumerate(CORRECTIONS):
         found = _continued(f"corrections_{number}", correction, count, found, known)

@@ -51,17 +51,21 @@ class Parts:
         return self.middle - self.start < self.width / 2
 
     @property
+    def _in_step(self) -> Symbol:
+        """Whether a step is taken at all, and not only looked at what is after one."""
+        return self.middle - self.start < self.width
+
+    @property
     def speed(self) -> Symbol:
         """Of the clock, against that by which a step is taken."""
         share = self._share
-        return 2 * ca.if_else(self.in_first, share, 1 - share)
+        return ca.if_else(self._in_step, 2 * ca.if_else(self.in_first, share, 1 - share), 1.0)
 
     def clock(self, time: Symbol) -> Symbol:
         """Clock time, s, at a `time` of the step, s."""
         share, phase = self._share, (time - self.start) / self.width
-        return self.start + self.width * ca.if_else(
-            self.in_first, 2 * share * phase, share + (1 - share) * (2 * phase - 1)
-        )
+        passed = ca.if_else(self.in_first, 2 * share * phase, share + (1 - share) * (2 * phase - 1))
+        return ca.if_else(self._in_step, self.start + self.width * passed, time)
 
     @property
     def _share(self) -> Symbol:

@@ -87,6 +87,8 @@ class Rig(ABC):
     output_unit: ClassVar[str]
     model_share: ClassVar[float] = 0.0
     """Rms error of the rig's own equations as a share of the motion, where that is more than `model_error`."""
+    follows_at_once: ClassVar[bool] = False
+    """Whether the reading follows the command without any dynamics."""
     sizes: ClassVar[Sizes | None] = None
     """How large things are here, where the catalogue's effects are to be taken at other sizes than the diaphragm's."""
 

@@ -61,6 +61,7 @@ class Coupon(Rig):
     input_unit: ClassVar[str] = "1"
     output_name: ClassVar[str] = "force"
     output_unit: ClassVar[str] = "N"
+    follows_at_once: ClassVar[bool] = True
     sizes: ClassVar[Sizes] = Sizes(command=1.0, command_unit="1", reading=1.0, reading_unit="N")
     """The command is the strip's own length, not the longest pull: no offset in range takes all of it away."""
 

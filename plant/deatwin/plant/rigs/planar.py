@@ -163,6 +163,7 @@ class BlockedPlanar(Rig):
     input_unit: ClassVar[str] = "V"
     output_name: ClassVar[str] = "force"
     output_unit: ClassVar[str] = "N"
+    follows_at_once: ClassVar[bool] = True
     sizes: ClassVar[Sizes] = Sizes(voltage=1.2e3, reading=1.5, reading_unit="N")
     """The drive is the diaphragm's. The film pulls with 2.2 N without voltage, with 1.2 N at 3 kV."""
 

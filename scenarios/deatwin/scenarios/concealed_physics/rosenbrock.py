@@ -122,7 +122,11 @@ def integrate(
     ------
     SimulationError
         If there is no state of rest, or the steps become too short, for example at pull-in.
+    ValueError
+        If a sample is divided: these steps know nothing of samples.
     """
+    if equations.step_middle is not None:
+        raise ValueError("the equations divide a sample, of which this integrator knows nothing: give it late switches")
     rest = rest_state(equations, rest_command, values)
     if not rest.found:
         raise SimulationError("no state of rest was found: the film is too soft for its load")

@@ -25,6 +25,7 @@ class Chain(Rig):
     noise: float = 1e-6
 
     kind: ClassVar[str] = "chain"
+    follows_at_once: ClassVar[bool] = True
     input_name: ClassVar[str] = "command"
     input_unit: ClassVar[str] = "V"
     output_name: ClassVar[str] = "displacement"

@@ -5,14 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import least_squares
 
-from deatwin.plant import Diaphragm, Plant
+from deatwin.plant import BlockedPlanar, Coupon, Diaphragm, Plant
 from deatwin.plant.effects.amplifier_offset import AmplifierOffset
 from deatwin.plant.effects.amplifier_saturation import AmplifierSaturation
 from deatwin.plant.effects.amplifier_slew import AmplifierSlew
 from deatwin.plant.effects.delay import Delay
 from deatwin.plant.effects.electrode_rc import ElectrodeRC
 from deatwin.plant.effects.periodic_disturbance import PeriodicDisturbance
+from deatwin.plant.effects.sensor_drift import SensorDrift
 from deatwin.plant.effects.sensor_lag import SensorLag
 from deatwin.plant.errors import RigError
 from deatwin.plant.excitation import band_limited_noise
@@ -125,9 +127,33 @@ def test_a_delay_of_whole_samples_shifts_the_command(chain, samples, sample_time
     np.testing.assert_allclose(got, shifted, atol=1e-13)
 
 
-def test_who_follows_at_once_sees_the_command_that_acts_at_the_end_of_a_sample(chain):
+def test_a_delay_between_samples_mixes_two_neighbours_for_who_follows_at_once(chain):
     got = chain(NOISE, Delay(time=0.03))["acting_command"]
-    np.testing.assert_allclose(got, np.concatenate([[0.0], NOISE[:-1]]), atol=1e-13)
+    before = np.concatenate([[0.0, 0.0], NOISE])
+    np.testing.assert_allclose(got, (before[1:-1] + before[:-2]) / 2, atol=1e-13)
+
+
+@pytest.mark.parametrize(("samples", "sample_time"), [(3, 0.025), (43, 0.001), (9, 1 / 300)])
+def test_a_delay_that_is_whole_but_for_rounding_is_one(chain, samples, sample_time):
+    """0.075 s / 0.025 s is 3 - 4e-16."""
+    got = chain(NOISE, Delay(time=samples * sample_time), sample_time=sample_time)["acting_command"]
+    np.testing.assert_allclose(got[samples:], NOISE[:-samples], atol=1e-9)  # 1e-10 of a sample of a few volts
+
+
+def test_a_delay_outside_of_its_range_is_the_nearest_to_first_order():
+    off, longest = (film(FILM.with_effects(Delay(time=t)), STAIRS).outputs for t in (0.0, 0.1))
+    late = FILM.with_effects(Delay())
+    place = late.parameters.free.index("delay.time")
+
+    def beyond(time):
+        values = late.free_values.copy()
+        values[place] = time
+        return late.simulator.run(STAIRS, start=12.345, sample_time=0.02, rest_command=1.0, values=values).outputs
+
+    # 1e-9 s of a motion that reaches some 0.1 m/s
+    np.testing.assert_allclose(beyond(-1e-9), off, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(beyond(0.14), beyond(0.12), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(beyond(0.1), longest, rtol=0, atol=1e-12)
 
 
 FILM = Plant(rig=Diaphragm())
@@ -183,13 +209,39 @@ def test_beside_a_delay_a_lag_of_no_time_is_none(time):
     np.testing.assert_allclose(same, film(late, STAIRS).outputs, rtol=0, atol=1e-12)
 
 
+@pytest.mark.parametrize("time", [0.0, 0.005, 0.015])
+def test_a_rig_that_starts_late_by_the_clock_reads_the_same_before_the_first_command(time):
+    drifting = FILM.with_effects(SensorDrift(change=50e-6, time=20.0))
+    first = [film(plant, STAIRS).outputs[0] for plant in (drifting, drifting.with_effects(Delay(time=time)))]
+    np.testing.assert_allclose(first[1], first[0], rtol=0, atol=1e-12)
+    assert abs(first[0] - film(FILM, STAIRS).outputs[0]) > 1e-6
+
+
+@pytest.mark.parametrize("plant", [Plant(rig=Coupon()), Plant(rig=BlockedPlanar())], ids=["coupon", "blocked"])
+@pytest.mark.parametrize("time", [0.012, 0.06])
+def test_a_dead_time_is_found_from_elsewhere_where_the_reading_follows_at_once(plant, time):
+    late = plant.with_effects(Delay())
+    rest = plant.rig.start.rest_command
+    commands, place = rest + 0.2 * NOISE, late.parameters.free.index("delay.time")
+
+    def readings(at):
+        values = late.free_values.copy()
+        values[place] = at
+        return late.simulator.run(commands, start=0.0, sample_time=0.02, rest_command=rest, values=values).outputs
+
+    wanted = readings(time)
+    scale = np.std(wanted)
+    found = least_squares(lambda at: (readings(at[0]) - wanted) / scale, 0.03, x_scale=0.01, bounds=(0.0, 0.1))
+    assert found.x[0] == pytest.approx(time, abs=1e-6)
+
+
 class _Second(Delay):
     name = "second_delay"
 
 
-def test_a_sample_is_divided_once(chain):
+def test_a_sample_is_divided_once():
     with pytest.raises(RigError, match="two effects divide a sample"):
-        chain(NOISE, Delay(time=0.03), _Second(time=0.01))
+        _ = FILM.with_effects(Delay(time=0.03), _Second(time=0.01)).equations
 
 
 def delay_slope(time):
