@@ -56,6 +56,7 @@ class Wire(Rig):
     noise: float = 2e-6
 
     kind: ClassVar[str] = "wire"
+    follows_at_once: ClassVar[bool] = True
     input_name: ClassVar[str] = "command"
     input_unit: ClassVar[str] = "V"
     output_name: ClassVar[str] = "displacement"

@@ -38,6 +38,7 @@ class Mirror(Rig):
     noise: float = 1e-8
 
     kind: ClassVar[str] = "mirror"
+    follows_at_once: ClassVar[bool] = True
     input_name: ClassVar[str] = "command"
     input_unit: ClassVar[str] = "V"
     output_name: ClassVar[str] = "displacement"
