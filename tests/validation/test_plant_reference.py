@@ -46,7 +46,7 @@ def test_every_reading_agrees_to_a_twentieth_of_a_micrometre(plant, experiment):
 
 
 def test_a_dead_time_agrees_to_a_hundredth_of_a_micrometre():
-    """Both divide a sample, and within its parts nothing jumps."""
+    """Both divide a sample where the command jumps, which a step follows to 0.003 µm (`STAGES`)."""
     plant = SMOOTH.with_effects(Delay(time=0.033))
     assert largest_difference(plant, record(random_holds(np.random.default_rng(2), 6.0, 0.02, 1.1, 3.75))) < 0.01e-6
 
