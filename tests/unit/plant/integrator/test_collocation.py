@@ -91,3 +91,23 @@ def test_a_step_that_the_simplified_method_leaves_is_still_solved(base, monkeypa
     assert float(full[-1]) <= newton.SETTLED
     differences = np.asarray(ca.vertcat(*full[:2]) - ca.vertcat(*usual[:2])).ravel() / equations.scale
     assert np.abs(differences).max() < 2 * newton.SETTLED
+
+
+@pytest.mark.parametrize(("errors", "left"), [((1e-3, 2e-3), 2e-3), ((5e-3, 2e-3), 5e-3), ((np.nan, 1.0), np.nan),
+                                              ((1.0, np.nan), np.nan)])  # fmt: skip
+def test_two_steps_of_a_divided_sample_are_told_their_middles_and_as_wrong_as_the_worse(errors, left):
+    """A step that writes down what it was given: the state is 10 x + middle, the reading when it ends."""
+    names = ("x", "z", "d", "u", "t", "h", "p", "c")
+    x, z, d, u, t, h, p, c = (ca.MX.sym(name, 3 if name == "u" else 2 if name == "p" else 1) for name in names)
+    error = ca.if_else(u[1] < t_middle(0.5), p[0], p[1])
+    step = ca.Function("step", [x, z, d, u, t, h, p, c], [10 * x + u[1], z + h, t + h, u[0] + u[2], error])
+    found = collocation._in_two(step, 2, 1)(1.0, 0.0, 0.0, [7.0, 0.0, 8.0], 40.0, 2.0, errors, 0.0)
+    state, widths, end, others, worse = (float(v) for v in found)
+    assert state == pytest.approx(10 * (10 * 1.0 + t_middle(0.25)) + t_middle(0.75))
+    assert (widths, end, others) == (2.0, 42.0, 15.0)
+    np.testing.assert_allclose(worse, left, rtol=1e-12)
+
+
+def t_middle(phase):
+    """Clock time in a sample of 2 s that begins at 40 s."""
+    return 40.0 + 2.0 * phase
