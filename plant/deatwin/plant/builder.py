@@ -51,6 +51,7 @@ class Builder:
         self._past: list[Symbol] = []
         self._channels: dict[str, tuple[Symbol, float]] = {}
         self._parts: Parts | None = None
+        self._sample_time: Symbol | None = None
         self.command = ca.SX.sym("command")
         self.time = ca.SX.sym("time")
 
@@ -124,6 +125,13 @@ class Builder:
         """Clock time at which the present sample begins, s; `time` runs on within it."""
         return self.channel(SAMPLE_START, 0.0)
 
+    @property
+    def sample_time(self) -> Symbol:
+        """Width of a sample, s, among the constants; `signal` has its number."""
+        if self._sample_time is None:
+            self._sample_time = self.constant("sample_time", self.signal("sample_time"))
+        return self._sample_time
+
     def divide(self, first: Symbol) -> Parts:
         """Divide each sample in two parts, each of which is solved in a step of its own: what jumps does so between.
 
@@ -146,8 +154,7 @@ class Builder:
             raise RigError("two effects divide a sample, each elsewhere: leave one of them out")
         # Nobody but a step tells a middle: all else looks at a sample's end, which is in its second part.
         self._parts = Parts(
-            first=first, start=self.sample_start, middle=self.channel(STEP_MIDDLE, np.inf),
-            width=self.constant("sample_time", self.signal("sample_time")),
+            first=first, start=self.sample_start, middle=self.channel(STEP_MIDDLE, np.inf), width=self.sample_time,
         )  # fmt: skip
         return self._parts
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 import casadi as ca
 import numpy as np
 
-from deatwin.plant.integrator.parts import HALVES
+from deatwin.plant.integrator.parts import Step, halves
 from deatwin.plant.parameters import ParameterSet
 
 __all__ = ["KNOWN", "SAMPLE_START", "STEP_MIDDLE", "Equations"]
@@ -141,28 +141,19 @@ class Equations:
         known = {**(measured or {}), SAMPLE_START: times}
         return np.vstack([*past, *(known.get(name, np.full(n, value))[:n] for name, value in self.channels.items())])
 
-    def steps(self, inputs: np.ndarray, begin: float, width: float) -> tuple[tuple[np.ndarray, float, float], ...]:
+    def steps(self, begin: float, width: float) -> tuple[Step, ...]:
         """The steps in which a sample is solved: one, or two where it is divided.
 
         Parameters
         ----------
-        inputs : ndarray, shape (n_u,)
-            Of the sample.
         begin, width : float
-            When it begins, and for how long it lasts, s.
+            When the sample begins, and for how long it lasts, s.
 
         Returns
         -------
-        tuple of (ndarray, float, float)
-            Inputs of each step, when it begins, and for how long it lasts.
+        tuple of Step
         """
-        if self.step_middle is None:
-            return ((inputs, begin, width),)
-        half = width / 2
-        return tuple(
-            (self.with_middle(inputs, begin + middle * width), begin + number * half, half)
-            for number, middle in enumerate(HALVES)
-        )
+        return (Step(begin, begin + width / 2, width),) if self.step_middle is None else halves(begin, width)
 
     def with_middle(self, inputs: np.ndarray, time: float) -> np.ndarray:
         """Inputs of a step whose middle is at a time.

@@ -25,6 +25,7 @@ import numpy as np
 from deatwin.plant.equations import Equations
 from deatwin.plant.errors import DataError
 from deatwin.plant.integrator.collocation import STAGES, radau
+from deatwin.plant.integrator.parts import Step
 from deatwin.plant.integrator.stages import REVERSE
 from deatwin.plant.rest import TENSION, rest_state
 
@@ -268,7 +269,7 @@ def _differentiated(equations: Equations, point: Point, time: float, sample_time
     """The sample from rest, where all stages rest, and its derivatives by the states at its start and by commands."""
     here, held, inputs, values = point
     functions, n_x = _functions(equations), len(equations.states)
-    step, *second = [_step(equations, point, time, at, h) for _, at, h in equations.steps(inputs, 0.0, sample_time)]
+    step, *second = [_step_derivatives(equations, point, time, part) for part in equations.steps(0.0, sample_time)]
     for later in second:
         step = np.hstack([later[:, :n_x] @ step[:n_x, :n_x], later[:, :n_x] @ step[:n_x, n_x:] + later[:, n_x:]])
 
@@ -284,11 +285,11 @@ def _differentiated(equations: Equations, point: Point, time: float, sample_time
     )  # fmt: skip
 
 
-def _step(equations: Equations, point: Point, time: float, elapsed: float, width: float) -> np.ndarray:
+def _step_derivatives(equations: Equations, point: Point, time: float, step: Step) -> np.ndarray:
     """Derivatives of the unknowns after a step, by the states at its start and by the commands, in units of the scale.
 
-    The step begins when so much of its sample has elapsed, s. The clock stands still at a `time`, and the sample's
-    beginning moves away from it: all that differs between stages.
+    The step is that of a sample which begins at 0 s. The clock stands still at a `time`, and the sample's beginning
+    moves away from it: all that differs between stages.
     """
     here, held, inputs, values = point
     functions, constants, n_x = _functions(equations), equations.constants, len(equations.states)
@@ -296,9 +297,10 @@ def _step(equations: Equations, point: Point, time: float, elapsed: float, width
     inverse, n, count = np.linalg.inv(matrix), here.size, 1 + equations.history
     mass = np.zeros(n)
     mass[:n_x] = np.asarray(equations.mass(values, constants)).ravel()
-    weight = np.where(np.arange(n) < n_x, width, 1.0)[:, None]
-    begun = [time - elapsed - node * width for node in (nodes if equations.sample_start is not None else nodes[-1:])]
-    known = [_inputs(equations, inputs, begin, begin + elapsed + width / 2) for begin in begun]
+    weight = np.where(np.arange(n) < n_x, step.width, 1.0)[:, None]
+    used = nodes if equations.sample_start is not None else nodes[-1:]
+    begun = [time - step.begin - node * step.width for node in used]
+    known = [_inputs(equations, inputs, begin, begin + step.middle) for begin in begun]
     slopes = [functions.dynamics(here, held, u, time, values, constants)[1:] for u in known]
     slopes *= STAGES // len(slopes)
 

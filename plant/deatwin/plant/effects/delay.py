@@ -65,9 +65,8 @@ class Delay(Effect):
         return (Parameter(name="time", value=self.time, unit="s", lower=0.0, upper=LONGEST),)
 
     def rewrite(self, signal: Any, build: Builder) -> Any:
-        sample_time = build.signal("sample_time")
-        past = build.past_commands(ceil(LONGEST / sample_time) + 1)
-        shift = self.own("time", build) / build.constant("delay_sample_time", sample_time)
+        past = build.past_commands(ceil(LONGEST / build.signal("sample_time")) + 1)
+        shift = self.own("time", build) / build.sample_time
         whole = ca.fmin(ca.fmax(ca.floor(shift + ROUNDING), 0.0), len(past) - 2.0)
         share = ca.fmin(shift - whole, 1.0)
         after, before = past[0], past[1]

@@ -179,6 +179,10 @@ class _View:
     def sample_start(self) -> Any:
         return self._build.sample_start / self._ratio("s")
 
+    @property
+    def sample_time(self) -> Any:
+        return self._build.sample_time / self._ratio("s")
+
     def own(self, name: str) -> Any:
         return self._build.own(name) / self._ratio(self._units[name])
 

@@ -24,7 +24,7 @@ import numpy as np
 from deatwin.plant.equations import Equations
 from deatwin.plant.integrator.lanes import Exchange
 from deatwin.plant.integrator.newton import solved_stages
-from deatwin.plant.integrator.parts import HALVES
+from deatwin.plant.integrator.parts import halves
 from deatwin.plant.integrator.stages import Stages
 
 __all__ = ["STAGES", "StepFunctions", "radau", "step_functions"]
@@ -128,9 +128,9 @@ def _in_two(step: ca.Function, n_states: int, place: int) -> ca.Function:
     arguments = step.mx_in()
     at, kept, (u, t, h, p, c) = arguments[:n_states], arguments[n_states:-5], arguments[-5:]
     errors = []
-    for number, middle in enumerate(HALVES):
-        told = _with_middle(u, place, t + middle * h)
-        *found, error = step.call([*at, *kept, told, t + number * h / 2, h / 2, p, c])
+    for half in halves(t, h):
+        told = _with_middle(u, place, half.middle)
+        *found, error = step.call([*at, *kept, told, half.begin, half.width, p, c])
         at = found[:n_states]
         errors.append(error)
     first, second = errors

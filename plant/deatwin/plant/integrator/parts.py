@@ -14,18 +14,43 @@ so that no step's width depends on a parameter, and a part of no width is one in
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 
-__all__ = ["HALVES", "Parts"]
+__all__ = ["Parts", "Step", "halves"]
 
 Symbol = Any  # casadi.SX
 
-HALVES = (0.25, 0.75)
-"""Phases of the middles of the two steps. A step's middle tells its part, since its ends may lie on a border."""
 LEAST = 1e-9
 """Least share of a part: where nothing moves at all, a state without inertia would be free."""
+
+
+class Step(NamedTuple):
+    """A step over a sample or half of it: when it begins, its middle, and for how long it lasts, s.
+
+    The middle tells which half it is, since the ends of a step may lie on a border.
+    """
+
+    begin: Any
+    middle: Any
+    width: Any
+
+
+def halves(begin: Any, width: Any) -> tuple[Step, Step]:
+    """The two steps of a divided sample.
+
+    Parameters
+    ----------
+    begin, width : float or symbol
+        When the sample begins, and for how long it lasts, s.
+
+    Returns
+    -------
+    tuple of Step
+    """
+    half = width / 2
+    return Step(begin, begin + width / 4, half), Step(begin + half, begin + 3 * width / 4, half)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

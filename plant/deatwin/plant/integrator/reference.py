@@ -49,7 +49,7 @@ def reference_outputs(
     rest = rest_state(equations, command, values)
     if not rest.found:
         raise SimulationError(f"the reference simulation cannot start: {RunStatus.NO_REST.value}")
-    width = equations.steps(equations.held_inputs(command), 0.0, timeline.sample_time)[0][2]
+    width = equations.steps(0.0, timeline.sample_time)[0].width
     system = _System(equations, values, width, relative_tolerance)
     unknowns = np.concatenate([rest.x, rest.z])
     times = timeline.start + timeline.sample_time * np.arange(timeline.commands.size)
@@ -57,8 +57,8 @@ def reference_outputs(
     readings = [float(equations.output(rest.x, rest.z, rest.d, equations.held_inputs(command), times[0], *known))]
     for held, time in zip(inputs.T, times, strict=True):
         try:
-            for inputs_then, begin, _ in equations.steps(held, time, timeline.sample_time):
-                unknowns = system.advance(unknowns, rest.d, inputs_then, begin)
+            for step in equations.steps(time, timeline.sample_time):
+                unknowns = system.advance(unknowns, rest.d, equations.with_middle(held, step.middle), step.begin)
         except RuntimeError as error:
             reason = str(error).strip().splitlines()[-1]
             raise SimulationError(
