@@ -27,9 +27,16 @@ LEAST = 1e-9
 
 
 class Step(NamedTuple):
-    """A step over a sample or half of it: when it begins, its middle, and for how long it lasts, s.
+    """A step over a sample or half of it.
 
-    The middle tells which half it is, since the ends of a step may lie on a border.
+    Parameters
+    ----------
+    begin : float or symbol
+        When it begins, s.
+    middle : float or symbol
+        Its middle, s, which tells the half: the ends may lie on a border.
+    width : float or symbol
+        For how long it lasts, s.
     """
 
     begin: Any
