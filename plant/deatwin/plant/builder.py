@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from enum import Enum
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
@@ -51,7 +52,6 @@ class Builder:
         self._past: list[Symbol] = []
         self._channels: dict[str, tuple[Symbol, float]] = {}
         self._parts: Parts | None = None
-        self._sample_time: Symbol | None = None
         self.command = ca.SX.sym("command")
         self.time = ca.SX.sym("time")
 
@@ -125,12 +125,10 @@ class Builder:
         """Clock time at which the present sample begins, s; `time` runs on within it."""
         return self.channel(SAMPLE_START, 0.0)
 
-    @property
+    @cached_property
     def sample_time(self) -> Symbol:
         """Width of a sample, s, among the constants; `signal` has its number."""
-        if self._sample_time is None:
-            self._sample_time = self.constant("sample_time", self.signal("sample_time"))
-        return self._sample_time
+        return self.constant("sample_time", self.signal("sample_time"))
 
     def divide(self, first: Symbol) -> Parts:
         """Divide each sample in two parts, each of which is solved in a step of its own: what jumps does so between.
