@@ -170,13 +170,12 @@ def test_a11_the_softest_published_film_has_lost_its_tension_before_2_6_kilovolt
     assert 1.5e-3 < signals["tension_radius"] < 3e-3
 
 
-# 1.5 % of the displacement up to 2.6 kV and 6 % at 3 kV is what is demanded of a sliding ball, and what its docstring
-# says of a bonded one with the contact of a rig file; a smaller contact bends the film more.
+# What `deatwin.plant.rigs.reduced` states, a little rounded up; a smaller contact bends the film more.
 @pytest.mark.parametrize(
     ("ball", "contact_radius", "bounds"),
     [
-        ("sliding", 1.5e-3, (0.015, 0.015, 0.015, 0.06, 0.06)),
-        ("sliding", 3e-3, (0.015, 0.015, 0.015, 0.06, 0.06)),
+        ("sliding", 1.5e-3, (0.015, 0.015, 0.015, 0.02, 0.02)),
+        ("sliding", 3e-3, (0.015, 0.015, 0.015, 0.015, 0.016)),
         ("bonded", 3e-3, (0.015, 0.015, 0.015, 0.015, 0.04)),
         ("bonded", 1.5e-3, (0.02, 0.02, 0.02, 0.02, 0.04)),
     ],

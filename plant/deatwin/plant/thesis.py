@@ -15,7 +15,7 @@ def thesis_plant() -> Plant:
 
     Its 80 mm frame, 35 mm electrode, 3 g ball, gain of 800 and 50 Hz are the thesis'; "350 %" is taken as a
     stretch of 3.5. The thesis does not say how the ball sits: here the film slides on it, the case in which
-    four coordinates stay within 6 % of a finite-element membrane up to the 3 kV of the largest command. The
+    four coordinates stay within 2 % of a finite-element membrane up to the 3 kV of the largest command. The
     material's values are those with which the membrane gives the reported stroke: about a millimetre there,
     nearly linear below 2.5 V.
 

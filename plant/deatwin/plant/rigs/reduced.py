@@ -16,8 +16,8 @@ coordinates. The fourth depends on the ball:
 
   without which a bonded film is too stiff by 17 % at 2.8 kV.
 
-Against the fine film (25 kPa, contact radius 3 mm) displacements err by at most 0.9 % up to 3 kV (sliding), and by
-1.2 % up to 2.8 kV and 3.5 % at 3 kV (bonded).
+Against the fine film (contact radius 3 mm) displacements err by at most 1.5 % up to 3 kV (sliding), and by 1.2 % up to
+2.8 kV and 3.5 % at 3 kV (bonded); with 1.5 mm by 1.9 and 1.7 %.
 """
 
 from __future__ import annotations
