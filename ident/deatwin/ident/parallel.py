@@ -10,6 +10,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from deatwin.plant.errors import DataError
+
 __all__ = ["run_jobs", "spawn_generators", "stream_jobs"]
 
 Result = TypeVar("Result")
@@ -30,7 +32,14 @@ def spawn_generators(seed: int, count: int) -> list[np.random.Generator]:
     Returns
     -------
     list of numpy.random.Generator
+
+    Raises
+    ------
+    DataError
+        If the seed is no number that seeds.
     """
+    if seed < 0:
+        raise DataError(f"a seed of {seed} seeds nothing: give 0 or more")
     return [np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(count)]
 
 
@@ -87,7 +96,14 @@ def stream_jobs(
     ------
     result
         In the order of `jobs`.
+
+    Raises
+    ------
+    DataError
+        If there can be no such number of workers.
     """
+    if workers < 1 and workers != -1:
+        raise DataError(f"{workers} worker processes do nothing: give 1 or more, or -1 for all cores")
     tasks = list(jobs)
     if workers == 1:
         for task in tasks:

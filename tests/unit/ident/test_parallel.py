@@ -11,6 +11,7 @@ import pytest
 from threadpoolctl import threadpool_info
 
 from deatwin.ident.parallel import run_jobs, spawn_generators
+from deatwin.plant import DataError
 
 
 def draw(rng: np.random.Generator, count: int) -> np.ndarray:
@@ -89,3 +90,14 @@ def test_jobs_that_wait_are_not_run_once_their_master_is_killed(tmp_path):
     assert done > 0
     time.sleep(2.5)
     assert len(list(tmp_path.iterdir())) <= done + 2  # those that were being run; two more wait at each worker
+
+
+@pytest.mark.parametrize("workers", [0, -2])
+def test_a_number_of_workers_that_there_cannot_be_is_refused(workers):
+    with pytest.raises(DataError, match=f"^{workers} worker processes do nothing: .* -1 for all cores"):
+        run_jobs(int, [("1",)], workers=workers)
+
+
+def test_a_seed_below_zero_is_refused():
+    with pytest.raises(DataError, match="a seed of -1 seeds nothing: give 0 or more"):
+        spawn_generators(-1, 2)

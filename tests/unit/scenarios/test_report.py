@@ -156,6 +156,8 @@ def with_everything() -> Diagnosis:
         free_form={"place": "ball", "before": 10.2, "after": 4.41, "gain_low": 5.0, "terms": [
             {"term": "x v", "coefficient": -0.0123, "unit": "N s/m2", "shape": None, "inclusion": 0.94}]},
         indistinguishable=({"effects": ["creep", "delay"], "d2": 9.1},),
+        forms=({"form": {"ball": "sliding"}, "fitted": 9.77, "unseen": 10.4},
+               {"form": {}, "fitted": 11.3, "unseen": 12.6}),
     )  # fmt: skip
 
 
@@ -201,7 +203,7 @@ def test_the_page_shows_every_step_in_order(tmp_path: Path) -> None:
         "that of the readings while the command rests", "on a bound of its range", "30 kPa", "26.4 kPa", "25 to 27 kPa",
         "0.00250", "0.610 µm", "Fitted to all recordings, the plant leaves less than that", "film: stiffness", "1234",
         "creep and delay (9.10)", "x v", "-0.0123", "94 %",
-        "at the ball", "from 30 to 2.0 %",
+        "at the ball", "from 30 to 2.0 %", "ball = sliding", "as the rig file says", "12.6",
         "creep with the opposite sign does as well", "the error grows on unseen data: lowest amplitudes", "6.78",
         "97 %", "3.12 %", "not judged: it hardly differs", "-126 ± 8 %", "cannot be told",
         "the strength of creep would change by -126 % of itself over the fitted part",

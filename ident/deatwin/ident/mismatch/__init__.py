@@ -7,9 +7,10 @@ from deatwin.ident.mismatch.diagnose import diagnose
 from deatwin.ident.mismatch.diagnosis import Cause, Diagnosis, Interval, Verdict
 from deatwin.ident.mismatch.discover import Discovery, discover
 from deatwin.ident.mismatch.evidence import CandidateSummary, Evidence
-from deatwin.ident.mismatch.gate import Gate, gate
+from deatwin.ident.mismatch.gate import Gate, confirm, gate
 from deatwin.ident.mismatch.locate import Location, locate
-from deatwin.ident.mismatch.naming import Candidate, Distance, Naming, name_causes
+from deatwin.ident.mismatch.naming import Candidate, Distance, Footprint, Naming, footprints, name_causes
+from deatwin.ident.mismatch.prepare import prepare
 from deatwin.ident.mismatch.refit import Base, calibrate_base
 from deatwin.ident.mismatch.say import say
 from deatwin.ident.mismatch.steps import Step
@@ -28,6 +29,7 @@ __all__ = [
     "Discovery",
     "Distance",
     "Evidence",
+    "Footprint",
     "Gate",
     "Interval",
     "Location",
@@ -37,12 +39,15 @@ __all__ = [
     "Verification",
     "advise",
     "calibrate_base",
+    "confirm",
     "detect",
     "diagnose",
     "discover",
+    "footprints",
     "gate",
     "locate",
     "name_causes",
+    "prepare",
     "say",
     "verify",
 ]

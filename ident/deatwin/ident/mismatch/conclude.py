@@ -24,7 +24,9 @@ from deatwin.ident.mismatch.naming.decide import Naming
 from deatwin.ident.mismatch.naming.worth import held_back_by, suffices, takes_most
 from deatwin.ident.mismatch.refit.base import Base, differences
 from deatwin.ident.mismatch.refit.fitted import fitted_parameters
+from deatwin.ident.mismatch.refit.search import gap_around
 from deatwin.ident.mismatch.say import say
+from deatwin.ident.mismatch.steps import forms_tried
 from deatwin.ident.mismatch.verify.verification import Verification
 from deatwin.ident.mismatch.verify.verify import shares_explained
 from deatwin.plant.amplitudes import amplitude_unit
@@ -146,6 +148,7 @@ def conclude(findings: Findings) -> Diagnosis:
             *findings.checked.notes,
             *(findings.verification.failures if findings.naming.best is not None else ()),
             *_left_over(findings),
+            *_placed_unseen(findings),
             *_form(findings),
             *(f"{name} could not be tried: no fit with it could be simulated" for name in findings.naming.failed),
             *(f"{name} ended on a bound of its range" for name in findings.final.at_bound),
@@ -154,6 +157,7 @@ def conclude(findings: Findings) -> Diagnosis:
         verification=findings.verification.to_dict() if findings.verification.ablations else None,
         faults=faults_of(findings.checked),
         parameters=fitted_parameters(findings.bench.nominal, findings.calibrated),
+        forms=forms_tried(findings.bench, base),
         model=model,
         evidence=_evidence(findings, model),
     )
@@ -208,6 +212,14 @@ def _left_over(findings: Findings) -> list[str]:
     unit, size = findings.unit
     left = max(findings.answer.fitted_test.size, findings.answer.unseen_test.size) / size
     return [f"what is left ({left:.3g} {unit}) is more than the plant's own model error"]
+
+
+def _placed_unseen(findings: Findings) -> Iterator[str]:
+    """Events whose times no fitted reading could tell."""
+    bench, plant = findings.bench, findings.answer.calibration.plant
+    for name in plant.event_times if findings.named else ():
+        if gap_around(plant, name, bench.fitted, bench.everything) is not None:
+            yield f"{name} lies among unseen data, which alone could tell it: the error there saw this one number"
 
 
 def _form(findings: Findings) -> list[str]:

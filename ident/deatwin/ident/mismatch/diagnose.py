@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -15,14 +14,14 @@ from deatwin.ident.mismatch.detect import Detection, detect
 from deatwin.ident.mismatch.diagnosis import Diagnosis, Verdict
 from deatwin.ident.mismatch.discover.discover import discover
 from deatwin.ident.mismatch.excess import excess_over_floor
-from deatwin.ident.mismatch.floor import floor_of, with_model_error
-from deatwin.ident.mismatch.gate.gate import Gate, Soundness, confirm, gate, split
-from deatwin.ident.mismatch.locate import locate, locate_time, readings, tracks
+from deatwin.ident.mismatch.gate.gate import Gate, Soundness, confirm, gate
+from deatwin.ident.mismatch.locate import locate, readings
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming, nothing_tried
 from deatwin.ident.mismatch.naming.name import explanations
 from deatwin.ident.mismatch.naming.screen import Footprint, footprints
-from deatwin.ident.mismatch.refit.base import Base, beside_rivals, calibrate_base
+from deatwin.ident.mismatch.prepare import prepare
+from deatwin.ident.mismatch.refit.base import Base, beside_rivals
 from deatwin.ident.mismatch.refit.search import refit
 from deatwin.ident.mismatch.steps import Step, base_step, fit_step, found_step, gate_step
 from deatwin.ident.mismatch.verify.standing import first_that_stands
@@ -85,15 +84,14 @@ def diagnose(
             through(step)
 
     tell(0.0, "checking the recordings")
-    several = (experiments,) if isinstance(experiments, Experiment) else tuple(experiments)
-    checked = gate(plant, several)
+    checked = gate(plant, experiments)
     keep(gate_step(checked))
     for_detection, for_location, for_verification, for_advice, for_discovery = spawn_generators(seed, 5)
 
     tell(0.02, "calibrating the base plant")
-    bench, base = _calibrated(plant, checked, plant.rig.effects() if effects is None else effects, jobs)
+    bench, base = prepare(plant, checked, effects, jobs=jobs)
     for form in (base.chosen, *base.rivals):  # what is wrong with the readings stands out whatever the form
-        checked = confirm(checked, readings(form.calibration.plant, several))
+        checked = confirm(checked, readings(form.calibration.plant, checked.experiments))
     keep(gate_step(checked))
     keep(base_step(bench, base))
 
@@ -145,22 +143,6 @@ def diagnose(
     return diagnosis
 
 
-def _calibrated(plant: Plant, checked: Gate, effects: Sequence[Effect], jobs: int) -> tuple[Bench, Base]:
-    """The base plant, calibrated; where only the unseen part has a mismatch, some of it is fitted too."""
-    bench = _bench(plant, checked, effects, jobs)
-    base = calibrate_base(bench)
-    onset = _late_onset(base, checked)
-    later = bench if onset is None else _bench(plant, checked, effects, jobs, onset)
-    if not _same_parts(later, bench):
-        bench, base = later, calibrate_base(later)
-    error = floor_of(base.chosen.calibration.plant, bench)
-    rivals = tuple(rival.with_floor(error) for rival in base.rivals)
-    return (
-        replace(bench, nominal=with_model_error(bench.nominal, error)),
-        replace(base, chosen=base.chosen.with_floor(error), rivals=rivals),
-    )
-
-
 def _looked_into(bench: Bench, base: Candidate, rng: np.random.Generator) -> _Seen:
     """What each effect would do to a calibrated plant, and whether anything is missing in it."""
     known = footprints(bench, base.calibration, bench.effects, base.calibration)
@@ -206,42 +188,6 @@ def _in_a_form_that_lacks_nothing(
         if not again[1].mismatch and again[1].taken_up is None:
             return base.in_form_of(rival), again
     return base, seen
-
-
-def _bench(
-    plant: Plant, checked: Gate, effects: Sequence[Effect], jobs: int, onset: float | None = None
-) -> Bench:
-    fitted, unseen, everything = split(checked, onset)
-    rig = plant.rig.for_motion(_motion(checked))
-    return Bench(
-        nominal=plant.with_rig(rig), stated_error=plant.rig.model_error, expected_error=rig.model_error,
-        effects=tuple(e for e in effects if plant.accepts(e)), fitted=fitted, unseen=unseen,
-        everything=everything, jobs=jobs,
-    )  # fmt: skip
-
-
-def _same_parts(one: Bench, other: Bench) -> bool:
-    """Whether the same samples are fitted."""
-    masks = [[mask for part in bench.fitted for mask in part.masks] for bench in (one, other)]
-    return len(masks[0]) == len(masks[1]) and all(map(np.array_equal, *masks))
-
-
-def _motion(checked: Gate) -> float:
-    """Standard deviation of the sound readings within each experiment, SI, into however many records it is cut."""
-    pairs = zip(checked.experiments, checked.usable, strict=True)
-    whole = [np.concatenate([r.outputs[0, m] for r, m in zip(e.recordings, masks, strict=True)]) for e, masks in pairs]
-    pieces = [piece for piece in whole if piece.size]
-    return float(np.sqrt(sum(p.var() * p.size for p in pieces) / sum(p.size for p in pieces)))
-
-
-def _late_onset(base: Base, checked: Gate) -> float | None:
-    """Where a mismatch begins that only the unseen part has."""
-    chosen = base.chosen
-    if chosen.fitted_test.mismatch or not chosen.unseen_test.mismatch:
-        return None
-    floor = base.noise**2 + chosen.calibration.plant.rig.model_error**2
-    windows = locate_time(tracks(chosen.calibration.plant, checked.experiments), floor)
-    return max(windows, key=lambda w: w.score).from_s if windows else None
 
 
 def _verdict(

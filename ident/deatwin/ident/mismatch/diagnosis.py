@@ -163,6 +163,9 @@ class Diagnosis:
         Faults of the recordings.
     parameters : mapping of str to FittedParameter
         Of the calibrated base plant.
+    forms : tuple of mapping
+        The ways to read the rig file that competed, the one chosen first: ``form``, what is read otherwise than in the
+        file or where it is silent, and ``fitted`` and ``unseen``, the rms residuals without any effect.
     warnings : tuple of str
         What the user should know besides.
     model : CalibratedPlant or None
@@ -188,6 +191,7 @@ class Diagnosis:
     verification: Mapping[str, Any] | None = None
     faults: tuple[Mapping[str, Any], ...] = ()
     parameters: Mapping[str, FittedParameter] = field(default_factory=dict)
+    forms: tuple[Mapping[str, Any], ...] = ()
     warnings: tuple[str, ...] = ()
     model: CalibratedPlant | None = None
     evidence: Evidence | None = None
@@ -213,6 +217,7 @@ class Diagnosis:
             "verification": self.verification,
             "faults": [dict(fault) for fault in self.faults],
             "parameters": {name: asdict(p) for name, p in self.parameters.items()},
+            "forms": [dict(form) for form in self.forms],
             "warnings": list(self.warnings),
         }
 
@@ -275,6 +280,7 @@ class Diagnosis:
                 indistinguishable=tuple(data["indistinguishable"]), warnings=tuple(data["warnings"]),
                 verification=data.get("verification"), faults=tuple(data.get("faults", ())),
                 parameters={name: FittedParameter(**p) for name, p in data.get("parameters", {}).items()},
+                forms=tuple(data.get("forms", ())),
                 **{name: data[name] for name in same},
             )  # fmt: skip
         except (KeyError, TypeError, ValueError) as error:

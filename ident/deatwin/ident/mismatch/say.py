@@ -192,9 +192,10 @@ def _within(diagnosis: Diagnosis) -> str:
 
 
 def _gain(diagnosis: Diagnosis) -> str:
-    before, after = (diagnosis.fit["unseen"][which] for which in ("before", "after"))
+    before, after, low = (diagnosis.fit["unseen"][which] for which in ("before", "after", "gain_low"))
+    alone = "" if low > 0 else ", which alone could be chance"
     return (
-        f"the error on unseen data falls from {_rounded(before)} to {_amplitude(after, diagnosis)}, "
+        f"the error on unseen data falls from {_rounded(before)} to {_amplitude(after, diagnosis)}{alone}, "
         f"with {_noise(diagnosis)}"
     )
 

@@ -20,7 +20,7 @@ from deatwin.ident.mismatch.refit.fitted import fitted_parameters
 from deatwin.plant.amplitudes import amplitude_unit
 from deatwin.plant.calibrated import CalibratedPlant
 
-__all__ = ["Step", "base_step", "fit_step", "found_step", "gate_step"]
+__all__ = ["Step", "base_step", "fit_step", "forms_tried", "found_step", "gate_step"]
 
 
 class _Found(Protocol):
@@ -93,13 +93,32 @@ def base_step(bench: Bench, base: Base) -> Step:
         **_fit(bench, fit, chosen.unseen),
         "noise": base.noise / size,
         "model_error": fit.plant.rig.model_error / size,
-        "rivals": [_remainder(bench, rival) for rival in base.rivals],
+        "rivals": list(forms_tried(bench, base)[1:]),
     }
     model = CalibratedPlant(
         plant=with_model_error(fit.plant, bench.stated_error), noise=base.noise, model_error=chosen.unseen_test.size,
         names=fit.names, covariance=fit.covariance, provenance={"step": "base"},
     )  # fmt: skip
     return Step(name="base", result=result, model=model)
+
+
+def forms_tried(bench: Bench, base: Base) -> tuple[dict[str, Any], ...]:
+    """How each form of the base plant reads the rig file, and what it leaves.
+
+    Parameters
+    ----------
+    bench : Bench
+        With the nominal plant.
+    base : Base
+        The form that was chosen, and its rivals.
+
+    Returns
+    -------
+    tuple of dict
+        The one chosen first; ``form`` has what is read otherwise than in the file, or where the file is silent, and
+        ``fitted`` and ``unseen`` the rms residuals.
+    """
+    return tuple(_remainder(bench, form) for form in (base.chosen, *base.rivals))
 
 
 def fit_step(bench: Bench, fit: Calibration, unseen: np.ndarray | None) -> Step:
@@ -155,10 +174,10 @@ def _fit(bench: Bench, fit: Calibration, unseen: np.ndarray | None) -> dict[str,
     }
 
 
-def _remainder(bench: Bench, rival: Candidate) -> dict[str, Any]:
+def _remainder(bench: Bench, form: Candidate) -> dict[str, Any]:
     size = _size(bench)
-    left = {"fitted": rival.fitted_test.rms / size, "unseen": rival.unseen_test.rms / size}
-    return {"form": _form(bench, rival.calibration), **left}
+    left = {"fitted": form.fitted_test.rms / size, "unseen": form.unseen_test.rms / size}
+    return {"form": _form(bench, form.calibration), **left}
 
 
 def _form(bench: Bench, fit: Calibration) -> dict[str, Any]:

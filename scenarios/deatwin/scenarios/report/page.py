@@ -13,7 +13,7 @@ from deatwin.scenarios.report.figures import drawings
 from deatwin.scenarios.report.origin import Origin
 from deatwin.scenarios.report.quantities import with_interval
 from deatwin.scenarios.report.rendering import write_page
-from deatwin.scenarios.report.steps import noise_source, parameters, step_drawings, verification
+from deatwin.scenarios.report.steps import forms, noise_source, parameters, step_drawings, verification
 
 if TYPE_CHECKING:
     from deatwin.ident.mismatch import Diagnosis
@@ -47,7 +47,7 @@ def write_report(folder: ResultFolder, diagnosis: Diagnosis, origin: Origin) -> 
     write_page(
         folder, "diagnosis.html.j2", [*figures, *filter(None, steps.values())], origin, diagnosis=diagnosis,
         unit="µm" if unit == "um" else unit, figures={figure.name: figure for figure in figures}, steps=steps,
-        noise_source=noise_source(diagnosis), parameters=parameters(diagnosis),
+        noise_source=noise_source(diagnosis), parameters=parameters(diagnosis), forms=forms(diagnosis),
         verified=verification(diagnosis.verification), causes=_causes(diagnosis), candidates=_candidates(diagnosis),
         located=_located(diagnosis.locate),
     )  # fmt: skip

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from deatwin.ident.mismatch import Diagnosis, Evidence
 
-__all__ = ["noise_source", "parameters", "step_drawings", "verification"]
+__all__ = ["forms", "noise_source", "parameters", "step_drawings", "verification"]
 
 STEPS = ("checked", "detection", "region", "place", "lines", "free_form", "advice", "verification")
 WIDTH = 6.4
@@ -139,6 +139,28 @@ def parameters(diagnosis: Diagnosis) -> list[dict[str, Any]]:
         value, interval = with_interval(fitted.value, fitted.low, fitted.high, fitted.unit)
         before = "" if fitted.nominal is None else quantity(fitted.nominal, fitted.unit)
         rows.append({"name": name, "before": before, "value": value, "interval": interval, "at_bound": fitted.at_bound})
+    return rows
+
+
+def forms(diagnosis: Diagnosis) -> list[dict[str, Any]]:
+    """Rows of the table of the ways to read the rig file, the chosen one first.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+        With its forms.
+
+    Returns
+    -------
+    list of dict
+        Empty where the file's own reading had no rival.
+    """
+    if len(diagnosis.forms) < 2:
+        return []
+    rows = []
+    for place, form in enumerate(diagnosis.forms):
+        read = ", ".join(f"{name} = {value}" for name, value in form["form"].items())
+        rows.append({**form, "read": read or "as the rig file says", "chosen": place == 0})
     return rows
 
 

@@ -1,11 +1,14 @@
 """What is said beside a verdict."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from deatwin.ident.greybox import Part
 from deatwin.ident.mismatch import Verdict, conclude
+from deatwin.plant import Diaphragm, Experiment, Plant, Recording, SensorJump
 
 
 def candidate(*effects: str, rms: float) -> SimpleNamespace:
@@ -31,3 +34,18 @@ def test_what_only_the_ranges_of_the_plant_refuse_is_said(monkeypatch, verdict, 
     found = list(conclude._held_back(SimpleNamespace(verdict=verdict, naming=naming)))
     expected = "creep would explain the recordings if damping, branch_time might leave the range that is given"
     assert found == [expected] * said
+
+
+@pytest.mark.parametrize(("at", "causes", "said"), [(13.3, 1, True), (5.0, 1, False), (13.3, 0, False)])
+def test_an_event_that_unseen_data_placed_is_said(at, causes, said):
+    """What judges has told one number of what it judges."""
+    plant = Plant(rig=Diaphragm()).with_effects(SensorJump(at=at))
+    blank = np.zeros(1000)
+    whole = Part.whole(Experiment(recordings=(Recording.from_arrays(blank, blank, 0.02),)))
+    fitted = replace(whole, masks=((whole.timepts < 10.0) | (whole.timepts > 16.0),))
+    findings = SimpleNamespace(
+        named=causes > 0, bench=SimpleNamespace(fitted=(fitted,), everything=(whole,)),
+        answer=SimpleNamespace(calibration=SimpleNamespace(plant=plant)),
+    )  # fmt: skip
+    found = list(conclude._placed_unseen(findings))
+    assert [text.startswith("sensor_jump.at lies among unseen data") for text in found] == [True] * said

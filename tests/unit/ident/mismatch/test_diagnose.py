@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from deatwin.ident.mismatch import Diagnosis, Verdict, diagnose
-from deatwin.ident.mismatch.diagnose import _motion, _verdict
-from deatwin.ident.mismatch.gate.gate import Soundness, gate
+from deatwin.ident.mismatch.diagnose import _verdict
+from deatwin.ident.mismatch.gate.gate import Soundness
 from deatwin.ident.mismatch.refit.base import Base
 from deatwin.ident.mismatch.verify import standing
 from deatwin.ident.mismatch.verify.verify import verify
@@ -52,17 +52,6 @@ def recorded(*effects, seed: int = 0, values=WRONG_PARAMETERS) -> Experiment:
         )
     )
     return NOMINAL.with_values(values).with_effects(*effects).record(blank, rng)
-
-
-def test_the_motion_is_the_same_into_however_many_records_it_is_cut():
-    """By it the plant's own error is expected: a share of what moves."""
-    timepts = 0.02 * np.arange(6000)
-    staircase = 1e-4 * np.floor(timepts / 5.0) + 1e-6 * np.sin(timepts)
-    whole = Recording.from_arrays(np.sin(timepts), staircase, 0.02)
-    pieces = tuple(whole.section(first, first + 250) for first in range(0, 6000, 250))
-    cut = _motion(gate(NOMINAL, [Experiment(recordings=pieces)]))
-    assert cut == pytest.approx(_motion(gate(NOMINAL, [Experiment(recordings=(whole,))])), rel=1e-6)
-    assert cut == pytest.approx(np.std(staircase), rel=1e-3)
 
 
 @pytest.fixture(scope="module")
@@ -353,7 +342,7 @@ def test_what_the_plant_takes_up_once_all_is_fitted_is_its_parameters(soundness,
 
 def test_what_was_taken_up_is_reported_as_it_was_fitted_to_all_recordings(monkeypatch):
     """Small motions in what is fitted, large ones in the unseen part, which shows the stretch limit of the film."""
-    module = importlib.import_module("deatwin.ident.mismatch.diagnose")
+    module = importlib.import_module("deatwin.ident.mismatch.prepare")
     monkeypatch.setattr(module, "_late_onset", lambda base, checked: None)  # else some of it is fitted at once
     rng = np.random.default_rng(0)
     small, large = band_limited_noise(rng, 42.0, 0.02), random_holds(rng, 18.0, 0.02, 1.2, 3.2, 1.0, 3.0)
@@ -368,23 +357,3 @@ def test_what_was_taken_up_is_reported_as_it_was_fitted_to_all_recordings(monkey
     assert found.evidence.base_model.plant.free_values == pytest.approx(found.model.plant.free_values, rel=1e-12)
     # the same equations made the data: over 3000 samples the power of the noise scatters by 2.6 %
     assert found.model.model_error == found.evidence.base_model.model_error < np.sqrt(3 * 0.026) * found.model.noise
-
-
-def test_a_base_plant_is_not_calibrated_again_to_the_same_samples(monkeypatch):
-    """From where a mismatch begins that only the unseen part has some of it is fitted, too, unless it was."""
-    module = importlib.import_module("deatwin.ident.mismatch.diagnose")
-    part = lambda *masks: SimpleNamespace(fitted=(SimpleNamespace(masks=masks),), nominal=NOMINAL)  # noqa: E731
-    first, longer = np.arange(10) < 6, np.arange(10) < 8
-    candidate = SimpleNamespace(calibration=SimpleNamespace(plant=NOMINAL), with_floor=lambda error: candidate)
-    asked = []
-    monkeypatch.setattr(module, "_late_onset", lambda base, checked: 7.0)
-    monkeypatch.setattr(module, "floor_of", lambda plant, bench: 1e-6)
-    monkeypatch.setattr(module, "calibrate_base", lambda bench: asked.append(bench) or Base(
-        chosen=candidate, rivals=(), noise=2e-6
-    ))  # fmt: skip
-    monkeypatch.setattr(module, "replace", lambda thing, **_: thing)
-    for later, times in ((part(first), 1), (part(longer), 2), (part(first, first), 2)):
-        asked.clear()
-        monkeypatch.setattr(module, "_bench", lambda *given, later=later: part(first) if len(given) == 4 else later)
-        module._calibrated(NOMINAL, None, (), 1)
-        assert len(asked) == times

@@ -67,7 +67,7 @@ def cause(effect, rng: np.random.Generator, share: float) -> Cause:
 
 def made_up(verdict: Verdict, *causes: Cause, unit: str = "um", size: float = 1.0, **fields) -> Diagnosis:
     """A diagnosis of this verdict, with its sentence; amplitudes are `size` times those of a film in µm."""
-    after = 2.0961 * size if causes else None
+    after, gain_low = 2.0961 * size, fields.pop("gain_low", 7.4) * size
     rivals = ("delay",) if verdict is Verdict.AMBIGUOUS else ()
     diagnosis = Diagnosis(
         output={"name": "displacement", "unit": unit}, verdict=verdict, noise=2.0 * size, model_error=1.1873 * size,
@@ -77,8 +77,9 @@ def made_up(verdict: Verdict, *causes: Cause, unit: str = "um", size: float = 1.
                 "response": None},
         sentence="", causes=causes, names=(*(c.effect for c in causes), *rivals),
         rivals=tuple((name,) for name in rivals),
-        fit={"fitted": {"before": 9.8123 * size, "after": after},
-             "unseen": {"before": 10.2419 * size, "after": after, "gain_low": 7.4 * size if causes else None}},
+        fit={"fitted": {"before": 9.8123 * size, "after": after if causes else None},
+             "unseen": {"before": 10.2419 * size, "after": after if causes else None,
+                        "gain_low": gain_low if causes else None}},
         parameters={"shear_modulus": FittedParameter(value=26e3, low=25e3, high=27e3, unit="Pa", nominal=3e4)},
         **fields,
     )  # fmt: skip
@@ -121,6 +122,7 @@ DIAGNOSES = {
     "parameters, once all is fitted": made_up(Verdict.PARAMETERS, detect=DETECTED | {"taken_up": True}),
     "named": made_up(Verdict.NAMED, CREEP),
     "named, weakly": made_up(Verdict.NAMED, RC),
+    "named, by too few": made_up(Verdict.NAMED, CREEP, gain_low=-0.31),
     "two causes": made_up(Verdict.NAMED, CREEP, JUMP),
     "three causes": made_up(Verdict.NAMED, CREEP, JUMP, RC),
     "ambiguous": made_up(Verdict.AMBIGUOUS, CREEP),
@@ -188,6 +190,8 @@ def test_each_verdict_says_only_what_it_may():
     for diagnosis in DIAGNOSES.values():
         said = diagnosis.sentence
         assert ("the error on unseen data falls" in said) is bool(diagnosis.causes)
+        low = diagnosis.fit["unseen"]["gain_low"]
+        assert ("which alone could be chance" in said) is (low is not None and low <= 0.0)
         assert ("which the model does not have" in said or "missing from the model" in said) is (
             diagnosis.verdict is Verdict.NAMED
         )

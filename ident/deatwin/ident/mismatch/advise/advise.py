@@ -27,7 +27,6 @@ from deatwin.ident.mismatch.advise.question import Question
 from deatwin.ident.mismatch.advise.waveforms import REPERTOIRE
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.candidate import Candidate
-from deatwin.plant.effects.base import Family
 from deatwin.plant.errors import SimulationError
 from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter
@@ -56,6 +55,8 @@ TINY = 1e-3
 ATTEMPTS = 2
 HEAVIER = 2.0
 """The load after a mass has been added, as a multiple."""
+CHANNELS = {"temperature": "the temperature"}
+"""Inputs from outside that effects read where they were recorded, and replace by a law of their own where not."""
 SIGNALS = {"film_voltage": "the voltage on the film", "capacitance": "the capacitance", "current": "the current"}
 TELLING = 0.01
 """Share of a signal's variation by which explanations must differ in it for it to be worth measuring."""
@@ -268,9 +269,9 @@ def _labels(rivals: Sequence[Candidate]) -> tuple[str, ...]:
 def _to_measure(
     question: Question, rivals: Sequence[Candidate], fits: Sequence[Calibration], tried: dict[str, float]
 ) -> str:
-    """The further signal in which the explanations differ most, beyond its gain and offset."""
-    if any(e.family is Family.ENVIRONMENT for r in rivals for e in r.calibration.plant.effects if e.name in r.effects):
-        return "the temperature"
+    """What an explanation had to guess; else the signal in which they differ most, beyond its gain and offset."""
+    if guessed := _guessed(question, rivals):
+        return CHANNELS[guessed[0]]
     commands = question.commands(max(tried, key=lambda name: tried[name]), SCREENED) if tried else None
     if commands is None:
         return "another signal"
@@ -279,6 +280,13 @@ def _to_measure(
     apart = {n: min(_unlike(a[n], b[n]) for a, b in combinations(signals, 2)) for n in common}
     telling = max(apart, key=lambda name: apart[name], default="")
     return SIGNALS[telling] if telling and apart[telling] > TELLING else "another signal"
+
+
+def _guessed(question: Question, rivals: Sequence[Candidate]) -> list[str]:
+    """Channels that an explanation reads and no recording brings."""
+    records = [record for part in question.bench.everything for record in part.experiment.recordings]
+    read = {name for rival in rivals for name in rival.calibration.plant.equations.channels}
+    return [name for name in CHANNELS if name in read and not any(name in record.extras for record in records)]
 
 
 def _signals(plant: Plant, question: Question, commands: np.ndarray) -> dict[str, np.ndarray]:

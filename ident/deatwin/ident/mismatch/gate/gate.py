@@ -18,7 +18,7 @@ from deatwin.plant.amplitudes import written_amplitude
 from deatwin.plant.checks import require_excitation, require_samples
 from deatwin.plant.datasets import dataset
 from deatwin.plant.drawing import axes_or_new
-from deatwin.plant.errors import DataError
+from deatwin.plant.errors import DataError, ModelError
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
 
@@ -166,14 +166,14 @@ class Gate:
         return axes
 
 
-def gate(plant: Plant, experiments: Sequence[Experiment]) -> Gate:
+def gate(plant: Plant, experiments: Experiment | Sequence[Experiment]) -> Gate:
     """Check recordings, and mark the samples that are at fault.
 
     Parameters
     ----------
     plant : Plant
         Whose recordings they should be.
-    experiments : sequence of Experiment
+    experiments : Experiment or sequence of Experiment
         Each from rest.
 
     Returns
@@ -184,27 +184,40 @@ def gate(plant: Plant, experiments: Sequence[Experiment]) -> Gate:
     Raises
     ------
     DataError
-        If there is nothing to diagnose: no recording, no output, a constant input.
+        If there is nothing to diagnose: no recording, no output, a constant input; or something else than experiments.
     ModelError
-        If there are too few samples for the plant's parameters.
+        If there are too few samples for the plant's parameters, or there is no plant.
     """
-    if not experiments:
-        raise DataError("no recording was given: a diagnosis needs at least one")
-    records = [record for experiment in experiments for record in experiment.recordings]
+    if not isinstance(plant, Plant):
+        raise ModelError(f"a diagnosis needs a Plant, not a {type(plant).__name__}: Plant(rig=...) makes one of a rig")
+    given = _listed(experiments)
+    records = [record for experiment in given for record in experiment.recordings]
     for record in records:
         if record.outputs.shape[0] == 0:
             raise DataError("a recording has no output column: there is nothing to compare the plant with")
     require_excitation(records)
     require_samples(records, FEWEST_PER_PARAMETER * len(plant.parameters.free), "a diagnosis")
     return Gate(
-        experiments=tuple(experiments),
-        stuck=tuple(tuple(suspects.stuck(r) | suspects.lost(r) for r in e.recordings) for e in experiments),
-        outliers=tuple(
-            tuple(suspects.spikes(r.outputs[0]) & suspects.quiet(r) for r in e.recordings) for e in experiments
-        ),
-        clipped=tuple(tuple(suspects.clipped(r) for r in e.recordings) for e in experiments),
-        jumps=tuple(tuple(suspects.jumps(r.outputs[0]) & suspects.quiet(r) for r in e.recordings) for e in experiments),
+        experiments=given,
+        stuck=tuple(tuple(suspects.stuck(r) | suspects.lost(r) for r in e.recordings) for e in given),
+        outliers=tuple(tuple(suspects.spikes(r.outputs[0]) & suspects.quiet(r) for r in e.recordings) for e in given),
+        clipped=tuple(tuple(suspects.clipped(r) for r in e.recordings) for e in given),
+        jumps=tuple(tuple(suspects.jumps(r.outputs[0]) & suspects.quiet(r) for r in e.recordings) for e in given),
     )
+
+
+def _listed(experiments: Experiment | Sequence[Experiment]) -> tuple[Experiment, ...]:
+    """What was given as experiments, if it is that."""
+    given = tuple(experiments) if isinstance(experiments, Sequence) else (experiments,)
+    if not given:
+        raise DataError("no recording was given: a diagnosis needs at least one")
+    for place, one in enumerate(given):
+        if not isinstance(one, Experiment):
+            raise DataError(
+                f"experiment {place + 1} is a {type(one).__name__}, not an Experiment: "
+                "Experiment(recordings=(recording, ...)) makes one of recordings on one clock"
+            )
+    return given
 
 
 def confirm(checked: Gate, readings: Sequence[Sequence[np.ndarray]]) -> Gate:

@@ -3,10 +3,13 @@
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Distance, Naming
 from deatwin.ident.mismatch.naming.name import name_causes
+from deatwin.ident.mismatch.naming.screen import Footprint, footprints
 
 __all__ = [
     "Candidate",
     "Distance",
+    "Footprint",
     "Naming",
+    "footprints",
     "name_causes",
 ]

@@ -18,6 +18,7 @@ __all__ = [
     "approach",
     "at_its_time",
     "finish",
+    "gap_around",
     "in_its_gap",
     "is_promising",
     "opening",
@@ -229,17 +230,42 @@ def in_its_gap(fit: Calibration, fitted: Sequence[Part], everything: Sequence[Pa
         no fit.
     """
     plant = fit.plant
-    times, known = (reading_times(plant, parts) for parts in (fitted, everything))
     for name in plant.event_times:
-        at = plant.parameters[name].value
-        before, after = times[times < at], times[times >= at]
-        if before.size and after.size and ((known > before.max()) & (known < after.min())).any():
-            plant = _moved(plant, name, everything, (before.max(), after.min()))
+        if (gap := gap_around(plant, name, fitted, everything)) is not None:
+            plant = _moved(plant, name, everything, gap)
     if plant is fit.plant:
         return fit
     moved = replace(fit, plant=plant)
     found = finish(moved, fitted)
     return fit if found is moved else found
+
+
+def gap_around(
+    plant: Plant, name: str, fitted: Sequence[Part], everything: Sequence[Part]
+) -> tuple[float, float] | None:
+    """The fitted readings between which an event lies, if others were not fitted in between.
+
+    Parameters
+    ----------
+    plant : Plant
+        With the event.
+    name : str
+        Of the event's time among the plant's parameters.
+    fitted, everything : sequence of Part
+        As for `in_its_gap`.
+
+    Returns
+    -------
+    tuple of two floats, or None
+        Clock times of the last one before and of the first one after, s.
+    """
+    times, known = (reading_times(plant, parts) for parts in (fitted, everything))
+    at = plant.parameters[name].value
+    before, after = times[times < at], times[times >= at]
+    if not (before.size and after.size):
+        return None
+    first, last = float(before.max()), float(after.min())
+    return (first, last) if ((known > first) & (known < last)).any() else None
 
 
 def refit(found: Calibration, everything: Sequence[Part]) -> Calibration:

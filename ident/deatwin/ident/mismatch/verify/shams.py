@@ -180,6 +180,11 @@ class _Case:
         return Sham(effect=self.name, kind=kind, skipped=reason)
 
 
+def _none_judged(name: str, reason: str) -> tuple[Sham, ...]:
+    """No kind of sham has anything to say of an effect."""
+    return tuple(Sham(effect=name, kind=kind, skipped=reason) for kind in ShamKind)
+
+
 def sham_effects(
     without: Calibration,
     effect: Effect,
@@ -212,13 +217,15 @@ def sham_effects(
     Returns
     -------
     tuple of Sham
-        One of each kind; none where the effect gains nothing or cannot be simulated in the plant without it.
+        One of each kind; skipped where the effect gains nothing or cannot be simulated in the plant without it.
     """
     experiments = [part.experiment for part in everything]
     problem = Problem(plant=without.plant, parts=tuple(everything), names=without.names)
     evaluated, change = problem.evaluate(problem.start()), _change(without.plant, effect, experiments)
-    if evaluated is None or change is None or gain <= 0:
-        return ()
+    if evaluated is None or change is None:
+        return _none_judged(effect.name, "the plant that was fitted without it cannot be simulated, or not with it")
+    if gain <= 0:
+        return _none_judged(effect.name, "the effect gains nothing that a sham could gain as well")
     residual, jacobian = evaluated
     length = np.linalg.norm(jacobian, axis=0)
     court = _Court(jacobian=jacobian / np.where(length > 0, length, 1.0), fitted=_fitted(fitted, everything))

@@ -13,7 +13,7 @@ from scipy.stats import binom
 from deatwin.ident.greybox.fit import Problem, calibrate
 from deatwin.ident.greybox.parts import Part
 from deatwin.ident.mismatch.advise import distance, question
-from deatwin.ident.mismatch.advise.advise import SCREENED, _labels, _needed, advise
+from deatwin.ident.mismatch.advise.advise import SCREENED, _guessed, _labels, _needed, advise
 from deatwin.ident.mismatch.advise.waveforms import BIPOLAR, REPERTOIRE, Limits, bears, limits_of, safe_limits, waveform
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.excess import practical_size
@@ -39,6 +39,7 @@ from deatwin.plant import (
 )
 from deatwin.plant.builder import Builder
 from deatwin.plant.effects.base import Effect, Place
+from deatwin.plant.effects.catalogue import effect_named
 from deatwin.plant.files import read_commands
 from deatwin.plant.integrator.compiled import compiler
 
@@ -322,6 +323,21 @@ def test_an_input_that_decides_on_some_of_the_explanations_is_advised(monkeypatc
     assert found.confusion_after < found.confusion_before
     assert f"if electrode rc and sensor lag are left, measure {found.measure}." in found.sentence
     assert found.to_dict()["undecided"] == list(found.undecided)
+
+
+@pytest.mark.parametrize(("effect", "measured", "guessed"), [
+    ("thermal_stiffness", False, ["temperature"]),
+    ("thermal_stiffness", True, []),  # it was measured
+    ("periodic_disturbance", False, []),  # of the environment as well, and no thermometer shows it
+])  # fmt: skip
+def test_a_channel_is_to_be_measured_where_an_explanation_guesses_it(effect, measured, guessed):
+    commands = sine(2.0, 1.0)
+    extras = {"temperature": np.full(commands.size, 293.0)} if measured else {}
+    record = replace(blank(commands).recordings[0], extras=extras)
+    here = SimpleNamespace(bench=bench_of(NOMINAL, Experiment(recordings=(record,))))
+    plants = [NOMINAL.with_effects(effect_named(name)) for name in (effect, "creep")]
+    rivals = [SimpleNamespace(calibration=SimpleNamespace(plant=plant)) for plant in plants]
+    assert _guessed(here, rivals) == guessed
 
 
 def test_the_same_effects_on_another_form_of_the_rig_get_a_number():

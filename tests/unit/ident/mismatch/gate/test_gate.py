@@ -285,3 +285,19 @@ def test_the_gate_draws_what_it_found(sound):
     axes = gate(PLANT, [with_outputs(sound, outputs)]).plot()
     assert axes.get_ylabel() == "reading, µm"
     assert "stuck, 200 samples" in [text.get_text() for text in axes.get_legend().get_texts()]
+
+
+@pytest.mark.parametrize(("given", "said"), [
+    (lambda sound: (), "no recording was given"),
+    (lambda sound: None, "experiment 1 is a NoneType, not an Experiment"),
+    (lambda sound: sound.recordings[0], "experiment 1 is a Recording, not an Experiment: .*recordings="),
+    (lambda sound: [sound, sound.recordings[0]], "experiment 2 is a Recording"),
+])  # fmt: skip
+def test_what_are_no_experiments_is_said(sound, given, said):
+    with pytest.raises(DataError, match=said):
+        gate(PLANT, given(sound))
+
+
+def test_a_rig_is_no_plant(sound):
+    with pytest.raises(ModelError, match="needs a Plant, not a Diaphragm"):
+        gate(PLANT.rig, sound)

@@ -11,7 +11,7 @@ import pytest
 from deatwin.ident.greybox import Part, calibrate
 from deatwin.ident.greybox.parts import simulated
 from deatwin.ident.mismatch.refit import search
-from deatwin.ident.mismatch.refit.search import in_its_gap
+from deatwin.ident.mismatch.refit.search import gap_around, in_its_gap
 from deatwin.plant import Diaphragm, Experiment, Plant, ReadingTime, Recording, SensorJump
 from deatwin.plant.excitation import band_limited_noise
 from deatwin.plant.integrator.compiled import compiler
@@ -39,6 +39,11 @@ def test_an_event_between_fitted_stretches_is_placed_by_what_lies_there(parts):
     fit = calibrate(wrong, [fitted], evaluations=4)
     placed = in_its_gap(fit, [fitted], [whole])
     assert placed.plant.parameters[AT].value == pytest.approx(JUMP.at, abs=0.02)  # one sample
+    rests = fitted.timepts
+    # a reading is taken at the end of its sample
+    assert gap_around(placed.plant, AT, [fitted], [whole]) == pytest.approx(
+        (rests[rests < JUMP.at].max() + 0.02, rests[rests > JUMP.at].min() + 0.02)
+    )
     left = fitted.measured - simulated(placed.plant, [fitted])
     np.testing.assert_allclose(placed.residuals, left, rtol=0, atol=1e-12)  # of the plant that was moved
     assert placed.rms < 1.01 * fit.rms  # the fit knows hardly anything of it
@@ -66,6 +71,7 @@ def test_a_fit_beside_an_event_reaches_its_minimum_as_if_its_time_were_known(par
 def test_an_event_among_fitted_samples_stays_where_the_fit_has_it(parts):
     fitted, whole = parts
     fit = calibrate(Plant(rig=Diaphragm()).with_effects(replace(JUMP, at=5.0)), [fitted], evaluations=2)
+    assert gap_around(fit.plant, AT, [fitted], [whole]) is None
     assert in_its_gap(fit, [fitted], [whole]) is fit
 
 

@@ -13,6 +13,7 @@ from deatwin.ident.greybox.fit import calibrate
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.gate.gate import gate, split
 from deatwin.ident.mismatch.naming.candidate import Candidate, judge
+from deatwin.ident.mismatch.verify import shams
 from deatwin.ident.mismatch.verify.constancy import Constancy
 from deatwin.ident.mismatch.verify.shams import ShamKind, _Case, _Court, backwards, phase_randomised, sham_effects
 from deatwin.ident.mismatch.verify.verify import _ablation, _constancies, _whole, shares_explained, verify
@@ -208,6 +209,22 @@ def test_the_wrong_sign_is_noticed():
     for named, rejected in ((effect, True), (wrong, False)):
         found = sham_effects(base, named, gain, bench.fitted, bench.everything, np.random.default_rng(0))
         assert {s.kind: s for s in found}[ShamKind.OPPOSITE].rejected is rejected
+
+
+@needs_compiler
+@pytest.mark.parametrize(("gain", "simulates", "reason"), [
+    (0.0, True, "the effect gains nothing"), (1e-12, False, "cannot be simulated, or not with it"),
+])  # fmt: skip
+def test_shams_that_nothing_can_be_learned_of_say_so(monkeypatch, gain, simulates, reason):
+    bench = bench_of(seed=0)
+    base = fitted_with(bench).calibration
+    if not simulates:
+        monkeypatch.setattr(shams, "_change", lambda plant, effect, experiments: None)
+    found = sham_effects(
+        base, effect_named("hysteresis"), gain, bench.fitted, bench.everything, np.random.default_rng(0)
+    )
+    assert [sham.kind for sham in found] == list(ShamKind)
+    assert all(sham.share is None and reason in sham.skipped and sham.rejected for sham in found)
 
 
 def test_the_linear_refit_is_least_squares_of_all_regressors_together():

@@ -1,0 +1,111 @@
+"""From checked recordings to a bench with a calibrated base plant, by whose floor all later steps judge."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from deatwin.ident.mismatch.bench import Bench
+from deatwin.ident.mismatch.floor import floor_of, with_model_error
+from deatwin.ident.mismatch.gate.gate import Gate, split
+from deatwin.ident.mismatch.locate import locate_time, tracks
+from deatwin.ident.mismatch.refit.base import Base, calibrate_base
+from deatwin.plant.effects.base import Effect
+from deatwin.plant.errors import ModelError
+from deatwin.plant.model import Plant
+
+__all__ = ["prepare"]
+
+
+def prepare(
+    plant: Plant, checked: Gate, effects: Sequence[Effect] | None = None, *, jobs: int = 1
+) -> tuple[Bench, Base]:
+    """Put plant, effects and recordings on the bench, and calibrate the plant.
+
+    Where only the unseen part has a mismatch, some of it is fitted too.
+
+    Parameters
+    ----------
+    plant : Plant
+        Nominal.
+    checked : Gate
+        What `gate` returned.
+    effects : sequence of Effect, optional
+        What may be missing; by default all that the rig offers. Those that it cannot take are passed over.
+    jobs : int
+        Worker processes; -1 takes all cores.
+
+    Returns
+    -------
+    Bench
+        Its plant is judged by the model error that these recordings let expect.
+    Base
+        The calibrated plant, judged likewise.
+
+    Raises
+    ------
+    ModelError
+        If something among the effects is none.
+    SimulationError
+        If the plant cannot be simulated on the recordings.
+    """
+    known = plant.rig.effects() if effects is None else _checked(effects)
+    bench = _bench(plant, checked, known, jobs)
+    base = calibrate_base(bench)
+    onset = _late_onset(base, checked)
+    later = bench if onset is None else _bench(plant, checked, known, jobs, onset)
+    if not _same_parts(later, bench):
+        bench, base = later, calibrate_base(later)
+    error = floor_of(base.chosen.calibration.plant, bench)
+    rivals = tuple(rival.with_floor(error) for rival in base.rivals)
+    return (
+        replace(bench, nominal=with_model_error(bench.nominal, error)),
+        replace(base, chosen=base.chosen.with_floor(error), rivals=rivals),
+    )
+
+
+def _checked(effects: Sequence[Effect]) -> Sequence[Effect]:
+    for place, effect in enumerate(effects):
+        if not isinstance(effect, Effect):
+            raise ModelError(
+                f"effects[{place}] is {effect!r}, not an Effect: deatwin.plant.effect_named gives one by its name"
+            )
+    return effects
+
+
+def _bench(
+    plant: Plant, checked: Gate, effects: Sequence[Effect], jobs: int, onset: float | None = None
+) -> Bench:
+    fitted, unseen, everything = split(checked, onset)
+    rig = plant.rig.for_motion(_motion(checked))
+    return Bench(
+        nominal=plant.with_rig(rig), stated_error=plant.rig.model_error, expected_error=rig.model_error,
+        effects=tuple(e for e in effects if plant.accepts(e)), fitted=fitted, unseen=unseen,
+        everything=everything, jobs=jobs,
+    )  # fmt: skip
+
+
+def _same_parts(one: Bench, other: Bench) -> bool:
+    """Whether the same samples are fitted."""
+    masks = [[mask for part in bench.fitted for mask in part.masks] for bench in (one, other)]
+    return len(masks[0]) == len(masks[1]) and all(map(np.array_equal, *masks))
+
+
+def _motion(checked: Gate) -> float:
+    """Standard deviation of the sound readings within each experiment, SI, into however many records it is cut."""
+    pairs = zip(checked.experiments, checked.usable, strict=True)
+    whole = [np.concatenate([r.outputs[0, m] for r, m in zip(e.recordings, masks, strict=True)]) for e, masks in pairs]
+    pieces = [piece for piece in whole if piece.size]
+    return float(np.sqrt(sum(p.var() * p.size for p in pieces) / sum(p.size for p in pieces)))
+
+
+def _late_onset(base: Base, checked: Gate) -> float | None:
+    """Where a mismatch begins that only the unseen part has."""
+    chosen = base.chosen
+    if chosen.fitted_test.mismatch or not chosen.unseen_test.mismatch:
+        return None
+    floor = base.noise**2 + chosen.calibration.plant.rig.model_error**2
+    windows = locate_time(tracks(chosen.calibration.plant, checked.experiments), floor)
+    return max(windows, key=lambda w: w.score).from_s if windows else None

@@ -1,0 +1,74 @@
+"""From checked recordings to the bench, by the public steps."""
+
+import importlib
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from deatwin.ident.mismatch import confirm, detect, diagnose, footprints, gate, prepare
+from deatwin.ident.mismatch.locate import readings
+from deatwin.ident.mismatch.prepare import _motion
+from deatwin.ident.mismatch.refit.base import Base
+from deatwin.ident.parallel import spawn_generators
+from deatwin.plant import Creep, Diaphragm, ElectrodeRC, Experiment, ModelError, Plant, Recording
+from deatwin.plant.excitation import band_limited_noise
+from deatwin.plant.integrator.compiled import compiler
+
+NOMINAL = Plant(rig=Diaphragm())
+
+
+def test_the_motion_is_the_same_into_however_many_records_it_is_cut():
+    """By it the plant's own error is expected: a share of what moves."""
+    timepts = 0.02 * np.arange(6000)
+    staircase = 1e-4 * np.floor(timepts / 5.0) + 1e-6 * np.sin(timepts)
+    whole = Recording.from_arrays(np.sin(timepts), staircase, 0.02)
+    pieces = tuple(whole.section(first, first + 250) for first in range(0, 6000, 250))
+    cut = _motion(gate(NOMINAL, [Experiment(recordings=pieces)]))
+    assert cut == pytest.approx(_motion(gate(NOMINAL, [Experiment(recordings=(whole,))])), rel=1e-6)
+    assert cut == pytest.approx(np.std(staircase), rel=1e-3)
+
+
+def test_a_base_plant_is_not_calibrated_again_to_the_same_samples(monkeypatch):
+    """From where a mismatch begins that only the unseen part has some of it is fitted, too, unless it was."""
+    module = importlib.import_module("deatwin.ident.mismatch.prepare")
+    part = lambda *masks: SimpleNamespace(fitted=(SimpleNamespace(masks=masks),), nominal=NOMINAL)  # noqa: E731
+    first, longer = np.arange(10) < 6, np.arange(10) < 8
+    candidate = SimpleNamespace(calibration=SimpleNamespace(plant=NOMINAL), with_floor=lambda error: candidate)
+    asked = []
+    monkeypatch.setattr(module, "_late_onset", lambda base, checked: 7.0)
+    monkeypatch.setattr(module, "floor_of", lambda plant, bench: 1e-6)
+    monkeypatch.setattr(module, "calibrate_base", lambda bench: asked.append(bench) or Base(
+        chosen=candidate, rivals=(), noise=2e-6
+    ))  # fmt: skip
+    monkeypatch.setattr(module, "replace", lambda thing, **_: thing)
+    for later, times in ((part(first), 1), (part(longer), 2), (part(first, first), 2)):
+        asked.clear()
+        monkeypatch.setattr(module, "_bench", lambda *given, later=later: part(first) if len(given) == 4 else later)
+        prepare(NOMINAL, None, ())
+        assert len(asked) == times
+
+
+@pytest.mark.skipif(compiler() is None, reason="fits: without a C compiler they take ten times as long")
+def test_the_public_steps_one_by_one_find_what_a_diagnosis_does():
+    noise = band_limited_noise(np.random.default_rng(0), 60.0, 0.02)
+    blank = Experiment(recordings=(Recording.from_arrays(noise, np.zeros_like(noise), 0.02),))
+    experiment = NOMINAL.with_effects(ElectrodeRC(time=0.1)).record(blank, np.random.default_rng(1))
+    effects = [ElectrodeRC()]
+    checked = gate(NOMINAL, experiment)
+    bench, base = prepare(NOMINAL, checked, effects)
+    for form in (base.chosen, *base.rivals):
+        checked = confirm(checked, readings(form.calibration.plant, checked.experiments))
+    fit = base.chosen.calibration
+    known = footprints(bench, fit, bench.effects, fit)
+    detection = detect(base.chosen, bench, spawn_generators(0, 5)[0], known=known)
+    assert detection.mismatch
+    whole = diagnose(NOMINAL, experiment, effects=effects)
+    assert detection.to_dict() == whole.detect
+    assert base.chosen.unseen_test.rms == pytest.approx(whole.fit["unseen"]["before"] * 1e-6, rel=1e-12)
+    assert whole.forms[0]["unseen"] == whole.fit["unseen"]["before"]
+
+
+def test_what_is_no_effect_is_refused_with_where_it_stands():
+    with pytest.raises(ModelError, match=r"effects\[1\] is 'creep', not an Effect: .*effect_named"):
+        prepare(NOMINAL, None, [Creep(), "creep"])
