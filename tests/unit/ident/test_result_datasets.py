@@ -262,3 +262,18 @@ def test_what_is_not_there_has_no_variable():
     assert not {"command", "time", "predicted"} & set(measure.variables)
     assert "smoothed" not in EXPECTED["discovery without a smoothed force"][0].to_xarray()
     assert not [n for n in EXPECTED["location without a period"][0].to_xarray().variables if "lines" in str(n)]
+
+
+def test_a_location_draws_a_panel_of_each_side_where_it_is_told_or_in_new_axes():
+    found = LOCATION.plot()
+    labels = [axes.get_xlabel() for axes in found]
+    assert labels[-1] == "difference of the response over that of the plant (%)"
+    assert [bar.get_width() for bar in found[-1].patches] == [30.0]
+    assert labels[-2] == "lines of a period of 4 s"
+    assert len(found[0].figure.axes) == len(found) == 6
+    assert LOCATION.plot(found) == found
+    with pytest.raises(ValueError, match="argument 2 is longer"):
+        LOCATION.plot(found[:5])
+    bare = replace(LOCATION, lines=None, response=())
+    assert len(bare.plot()) == 4
+    assert len(replace(bare, lines=LINES).plot()[0].figure.axes) == 5

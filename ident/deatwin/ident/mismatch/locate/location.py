@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +13,7 @@ from deatwin.ident.mismatch.locate.frequency import Bands, locate_frequency
 from deatwin.ident.mismatch.locate.lines import Lines, locate_lines
 from deatwin.ident.mismatch.locate.place import Places, locate_place
 from deatwin.ident.mismatch.locate.region import Regions, locate_region
-from deatwin.ident.mismatch.locate.response import ResponseDifference, locate_response
+from deatwin.ident.mismatch.locate.response import ResponseDifference, draw_response, locate_response
 from deatwin.ident.mismatch.locate.time import Times, locate_time
 from deatwin.ident.mismatch.locate.track import Unit, readings, tracks
 from deatwin.plant.amplitudes import amplitude_unit, written_amplitude
@@ -81,23 +81,43 @@ class Location:
         """Return times, bands, regions and places as tables in an `xarray.Dataset`, amplitudes in the unit reported."""
         return dataset(places(self.to_dict(), self.unit[0]), {}, {"period_s": self.time.period_s})
 
-    def plot(self) -> list[Axes]:
-        """Draw time, frequency, operating region and place in a figure of four panels.
+    def plot(self, ax: Sequence[Axes] | None = None) -> list[Axes]:
+        """Draw time, frequency, operating region and place, then lines and response where there is something of them.
+
+        Parameters
+        ----------
+        ax : sequence of four to six matplotlib Axes, optional
+            Where to draw; a new figure otherwise.
 
         Returns
         -------
         list of matplotlib Axes
         """
-        from matplotlib import pyplot
+        unit = (written_amplitude(self.unit[0])[0], self.unit[1])
+        panels: list[Callable[[Axes], object]] = [
+            lambda axes: self.time.plot(axes, unit=unit),
+            self.frequency.plot,
+            lambda axes: self.region.plot(axes).set_ylabel(f"mean residual ({unit[0]})"),
+            self.place.plot,
+        ]
+        if (lines := self.lines) is not None:
+            panels.append(lambda axes: lines.plot(axes, unit=unit))
+        if response := self.response:
+            panels.append(lambda axes: draw_response(response, axes))
+        given = list(ax) if ax is not None else _new_axes(len(panels))
+        for axes, panel in zip(given, panels, strict=True):
+            panel(axes)
+        return given
 
-        axes = pyplot.subplots(2, 2, figsize=(11, 7), layout="constrained")[1].ravel().tolist()
-        unit = written_amplitude(self.unit[0])[0]
-        self.time.plot(axes[0], unit=(unit, self.unit[1]))
-        self.frequency.plot(axes[1])
-        self.region.plot(axes[2])
-        axes[2].set_ylabel(f"mean residual ({unit})")
-        self.place.plot(axes[3])
-        return list(axes)
+
+def _new_axes(count: int) -> list[Axes]:
+    from matplotlib import pyplot
+
+    rows = (count + 1) // 2
+    axes: list[Axes] = pyplot.subplots(rows, 2, figsize=(11, 3.5 * rows), layout="constrained")[1].ravel().tolist()
+    for unused in axes[count:]:
+        unused.remove()
+    return axes[:count]
 
 
 def locate(base: Candidate, bench: Bench, checked: Gate, rng: np.random.Generator) -> Location:

@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import factorial, sqrt
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,10 +27,14 @@ from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.robust import Cosines, pseudovalues
 from deatwin.ident.narx.rules import AtMost
 from deatwin.ident.narx.terms import generate_terms
+from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
-__all__ = ["ResponseDifference", "locate_response"]
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["ResponseDifference", "draw_response", "locate_response"]
 
 Array = np.ndarray
 
@@ -109,6 +114,30 @@ def locate_response(
     return tuple(
         replace(difference, p_value=float(p)) for difference, p in zip(found, corrected, strict=True) if p < LEVEL
     )
+
+
+def draw_response(found: Sequence[ResponseDifference], ax: Axes | None = None) -> Axes:
+    """Draw by how much each order differs in each band, with how likely chance would do as much.
+
+    Parameters
+    ----------
+    found : sequence of ResponseDifference
+        What `locate_response` found.
+    ax : matplotlib Axes, optional
+        Where to draw; new axes otherwise.
+
+    Returns
+    -------
+    matplotlib Axes
+    """
+    axes = axes_or_new(ax)
+    names = [f"$H_{d.order}$, {d.from_Hz:.2g} to {d.to_Hz:.2g} Hz" for d in found]
+    bars = axes.barh(names, [100 * d.size for d in found], color="C0")
+    axes.bar_label(bars, [f"p = {d.p_value:.2g}" for d in found], fontsize="small", padding=3)
+    axes.margins(x=0.2)
+    axes.invert_yaxis()
+    axes.set_xlabel("difference of the response over that of the plant (%)")
+    return axes
 
 
 def _top_frequency(readings: Sequence[Array], sample_time: float) -> float:
