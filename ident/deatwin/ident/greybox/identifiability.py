@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,6 +19,8 @@ from deatwin.plant.parameters import Parameter
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+    from deatwin.plant.model import Plant
 
 __all__ = ["Profile", "profile"]
 
@@ -46,7 +48,8 @@ class Profile:
     deviances : ndarray, shape (n,)
         Twice the loss of log likelihood at each, scaled to the calibration's covariance.
     low, high : float
-        Ends of the 95 % interval, SI; an end of the physical range where the likelihood does not fall far enough.
+        Ends of the 95 % interval, SI; an end of the physical range, or the last value with which the plant could be
+        fitted, where the likelihood does not fall far enough.
     bounded : tuple of bool
         Whether the recordings bound the parameter from below and from above.
     """
@@ -154,25 +157,41 @@ class _Side:
 
 
 def _side(calibration: Calibration, parts: Sequence[Part], name: str, sign: int) -> _Side:
-    """Where the deviance reaches its limit: steps by the root of its ratio to that, exact for a parabola."""
+    """Where the deviance reaches its limit: steps by the root of its ratio to that, exact for a parabola.
+
+    Where the steps run out before it is found the next value beyond is taken; where none beyond has a fit, as where the
+    film loses its tension, the last one that has.
+    """
     parameter, scale = calibration.plant.parameters[name], calibration.plant.parameters[name].scale
     deviation, white = _deviations(calibration, name)
     centre = scale.to_coordinate(parameter.value)
     ends = sorted(scale.to_coordinate(v) for v in (parameter.lower, parameter.upper))
     furthest = (ends[1] - centre) if sign > 0 else (centre - ends[0])
-    step, tried, inner, outer, warm = np.sqrt(LIMIT) * deviation, {}, 0.0, np.inf, calibration
-    for _ in range(MOST_POINTS):
-        step = min(step, furthest)
+    step, inner, outer = min(np.sqrt(LIMIT) * deviation, furthest), 0.0, np.inf
+    within, beyond, tried = parameter.value, None, {}
+    for _ in range(MOST_POINTS if furthest > 0 else 0):
         value = min(max(scale.to_value(centre + sign * step), parameter.lower), parameter.upper)
-        deviance, warm = _deviance(calibration, warm, parts, name, value)
-        deviance *= (white / deviation) ** 2
-        tried[value] = deviance
-        if abs(deviance / LIMIT - 1) < CLOSE or (step == furthest and deviance < LIMIT):
+        deviance = _deviance(calibration, parts, name, value) * (white / deviation) ** 2
+        if np.isfinite(deviance):
+            tried[value] = deviance
+        if abs(deviance / LIMIT - 1) < CLOSE:
+            return _Side(end=value, bounded=True, tried=tried)
+        if deviance < LIMIT:
+            inner, within = step, value
+        else:
+            outer, beyond = step, value if np.isfinite(deviance) else beyond
+        if inner == furthest:
             break
-        inner, outer = (step, outer) if deviance < LIMIT else (inner, step)
-        guess = step * np.sqrt(LIMIT / max(deviance, 1e-2 * LIMIT))
-        step = guess if inner < guess < outer else (inner + min(outer, 2 * guess)) / 2
-    return _Side(end=value, bounded=bool(deviance > LIMIT * (1 - CLOSE)), tried=tried)
+        step = min(_next_step(step, deviance, inner, outer), furthest)
+    return _Side(end=within if beyond is None else beyond, bounded=beyond is not None, tried=tried)
+
+
+def _next_step(step: float, deviance: float, inner: float, outer: float) -> float:
+    """Where the parabola through the last point reaches the limit, or between the points that enclose that."""
+    guess = step * np.sqrt(LIMIT / max(deviance, 1e-2 * LIMIT))
+    if inner < guess < outer:
+        return float(guess)
+    return (inner + (outer if np.isfinite(outer) else 2 * guess)) / 2
 
 
 def _deviations(calibration: Calibration, name: str) -> tuple[float, float]:
@@ -190,21 +209,31 @@ def _variance(calibration: Calibration) -> float:
     return float(residuals @ residuals) / max(residuals.size - len(calibration.names), 1)
 
 
-def _deviance(
-    best: Calibration, warm: Calibration, parts: Sequence[Part], name: str, value: float
-) -> tuple[float, Calibration]:
-    """Twice the loss of log likelihood with one parameter held, and the fit of the others."""
-    others = [n for n in best.names if n != name]
-    plant = warm.plant.with_values({name: value})
+def _deviance(best: Calibration, parts: Sequence[Part], name: str, value: float) -> float:
+    """Twice the loss of log likelihood with one parameter held, the others fitted; infinite without a fit."""
+    plant, others = _moved(best, name, value), [n for n in best.names if n != name]
     if others:
         refit = calibrate(plant, parts, names=others, tolerance=1e-6)
-        if not refit.status.ok:
-            return np.inf, warm
-        residuals = refit.residuals
+        residuals = refit.residuals if refit.status.ok else None
     else:
-        left = free_run_residuals(plant, parts)
-        if left is None:
-            return np.inf, warm
-        residuals, refit = left, warm
-    loss = float(residuals @ residuals) - float(best.residuals @ best.residuals)
-    return max(loss, 0.0) / _variance(best), replace(refit, plant=plant if not others else refit.plant)
+        residuals = free_run_residuals(plant, parts)
+    if residuals is None:
+        return float(np.inf)
+    return max(float(residuals @ residuals) - float(best.residuals @ best.residuals), 0.0) / _variance(best)
+
+
+def _moved(best: Calibration, name: str, value: float) -> Plant:
+    """The plant with one parameter moved and the others where the covariance expects them then.
+
+    Parameters that do the same are known far less than their combination: one of them moved alone leaves the valley
+    of good fits, and with it perhaps the plants that can be simulated.
+    """
+    known, k = [best.plant.parameters[n] for n in best.names], best.names.index(name)
+    along = np.nan_to_num(best.covariance[:, k] / best.covariance[k, k], posinf=0.0, neginf=0.0)
+    moved = known[k].scale.to_coordinate(value) - known[k].scale.to_coordinate(known[k].value)
+    values = {
+        p.name: float(np.clip(p.scale.to_value(p.scale.to_coordinate(p.value) + slope * moved), p.lower, p.upper))
+        for p, slope in zip(known, along, strict=True)
+        if p.name not in best.plant.event_times
+    }
+    return best.plant.with_values({**values, name: value})

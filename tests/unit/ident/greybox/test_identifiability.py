@@ -1,12 +1,12 @@
 """Profile likelihoods against the parabola that they are for a plant that is linear in its parameters."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
 import pytest
 
-from deatwin.ident.greybox import Part, calibrate
+from deatwin.ident.greybox import FitStatus, Part, calibrate, identifiability
 from deatwin.ident.greybox.identifiability import profile
 from deatwin.plant import Experiment, Parameter, Plant, Recording, Rig, StartProcedure
 from deatwin.plant.builder import Builder
@@ -43,6 +43,20 @@ class Scales(Rig):
         return build.parameter("gain") * lagged + build.parameter("offset")
 
 
+@dataclass(frozen=True, kw_only=True)
+class Limited(Scales):
+    """The same with a largest gain."""
+
+    top: float
+
+    kind: ClassVar[str] = "limited scales"
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        gain, offset = super().parameters
+        return replace(gain, upper=self.top), offset
+
+
 def fitted(commands: np.ndarray):
     rng = np.random.default_rng(3)
     blank = Experiment(recordings=(Recording.from_arrays(commands, np.zeros_like(commands), 0.02),))
@@ -77,3 +91,56 @@ def test_only_fitted_parameters_have_a_profile():
     calibration, parts = fitted(np.random.default_rng(4).standard_normal(60))
     with pytest.raises(ModelError, match="'gian' was not fitted"):
         profile(calibration, parts, "gian")
+
+
+def test_a_parameter_that_others_can_stand_in_for_is_followed_along_their_valley(monkeypatch):
+    """Gain and offset under a load that hardly changes: one of them moved alone is far from any good fit."""
+    _, whole = fitted(5.0 + 0.2 * np.random.default_rng(4).standard_normal(800))
+    parts = [Part(experiment=whole[0].experiment, masks=(np.arange(800) >= 200,))]  # the load has come through
+    calibration = calibrate(Plant(rig=Scales()), parts, tolerance=1e-10)
+    begun = []
+
+    def noted(plant, parts, **options):
+        begun.append(calibrate(plant, parts, evaluations=1, names=options["names"]).rms)
+        return calibrate(plant, parts, **options)
+
+    monkeypatch.setattr(identifiability, "calibrate", noted)
+    found = profile(calibration, parts, "gain")
+    low, high = calibration.interval("gain")
+    assert (found.low, found.high) == pytest.approx((low, high), abs=0.01 * (high - low))
+    assert 5.0 * (high - low) / 2 > 1.5 * calibration.rms  # what the readings would be off by, were it moved alone
+    assert max(begun) < 1.01 * calibration.rms  # at the limit the squared residual has grown by 3.84 of 600
+
+
+@pytest.mark.parametrize("nearest", [0.4, 0.8, 1.5])
+def test_where_the_plant_has_no_fit_the_interval_ends_at_the_last_value_that_has_one(monkeypatch, nearest):
+    calibration, parts = fitted(np.random.default_rng(4).standard_normal(600))
+    gain = calibration.plant.parameters["gain"].value
+    low, high = calibration.interval("gain")
+    wall = gain + nearest * (high - gain)
+
+    def stopped(plant, parts, **options):
+        fit = calibrate(plant, parts, **options)
+        return fit if plant.parameters["gain"].value < wall else replace(fit, status=FitStatus.IMPOSSIBLE)
+
+    monkeypatch.setattr(identifiability, "calibrate", stopped)
+    found = profile(calibration, parts, "gain")
+    assert np.all(np.isfinite(found.deviances))
+    assert found.deviances[found.values == gain] == 0.0
+    assert found.low == pytest.approx(low, abs=0.01 * (high - low))
+    if nearest > 1.1:
+        assert found.bounded == (True, True)
+        assert found.high == pytest.approx(high, abs=0.01 * (high - low))
+    else:
+        assert found.bounded == (True, False)
+        # six points, of which each halves what lies between the last value with a fit and the first without one
+        assert wall - (high - gain) / 2**5 < found.high < wall
+
+
+def test_at_a_bound_the_interval_ends_there():
+    calibration, parts = fitted(np.random.default_rng(4).standard_normal(600))
+    gain = calibration.plant.parameters["gain"]
+    held = replace(calibration, plant=Plant(rig=Limited(top=gain.value), values=calibration.plant.values))
+    found = profile(held, parts, "gain")
+    assert (found.high, found.bounded) == (gain.value, (True, False))
+    assert found.low < gain.value
