@@ -6,7 +6,7 @@ import numpy as np
 
 from deatwin.plant.errors import DataError, ModelError
 from deatwin.plant.recording import Recording, label
-from deatwin.plant.rigs.rigfile import DriveSpec
+from deatwin.plant.rigs.rigfile import DriveSpec, FilmSpec
 
 # Without a command range in the rig file: no amplifier for these actuators gives more than this, V.
 _HIGHEST_FILM_VOLTAGE = 30e3
@@ -14,6 +14,8 @@ _HIGHEST_FILM_VOLTAGE = 30e3
 _RANGE_MARGIN = 0.5
 # Film volts drive a film: divided by the gain they use at least this share of the highest command.
 _LEAST_USE = 0.01
+# Between these a reading spends 90 % of its samples: spikes do not count as motion.
+_MOST_SAMPLES = (5.0, 95.0)
 
 
 def require_excitation(recordings: Sequence[Recording]) -> None:
@@ -98,4 +100,33 @@ def check_command_range(recording: Recording, drive: DriveSpec) -> None:
             f"; these look like film volts: {worst:g} V / gain {drive.gain:g} = {worst / drive.gain:g} V, "
             "so divide the column by the gain"
         )
+    raise DataError(text)
+
+
+def check_motion(recording: Recording, film: FilmSpec) -> None:
+    """Refuse displacements that no film in this frame makes.
+
+    Parameters
+    ----------
+    recording : Recording
+        Its first output, if any, is the displacement in m.
+    film : FilmSpec
+        The film of the rig.
+
+    Raises
+    ------
+    DataError
+        If most of the readings spread over more than the frame is wide; the text says so where they look like µm.
+    """
+    if recording.outputs.shape[0] == 0:
+        return
+    span = float(np.ptp(np.percentile(recording.outputs[0], _MOST_SAMPLES)))
+    if span <= film.frame_diameter:
+        return
+    text = (
+        f"{label(recording)}: the displacement moves over {1e3 * span:.3g} mm, in a frame of "
+        f"{1e3 * film.frame_diameter:.3g} mm"
+    )
+    if 1e-3 * span <= film.frame_diameter:
+        text += "; this looks like µm: call the column displacement_um, or divide it by 1000"
     raise DataError(text)

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.plant.checks import check_command_range
+from deatwin.plant.checks import check_command_range, check_motion
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.clock import Piece, even_pieces
 from deatwin.plant.files.columns import extra_columns, no_times, time_column
@@ -72,6 +72,7 @@ def recordings_of(
     if rig is not None:
         for recording in recordings:
             check_command_range(recording, rig.drive)
+            check_motion(recording, rig.film)
     return recordings
 
 
