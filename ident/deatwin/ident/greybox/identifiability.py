@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammaincinv
 
-from deatwin.ident.greybox.fit import Calibration, calibrate
+from deatwin.ident.greybox.fit import Calibration, Problem, calibrate
 from deatwin.ident.greybox.parts import Part, free_run_residuals
 from deatwin.plant.datasets import dataset
 from deatwin.plant.drawing import axes_or_new
@@ -165,8 +165,8 @@ def _side(calibration: Calibration, parts: Sequence[Part], name: str, sign: int)
     parameter, scale = calibration.plant.parameters[name], calibration.plant.parameters[name].scale
     deviation, white = _deviations(calibration, name)
     centre = scale.to_coordinate(parameter.value)
-    ends = sorted(scale.to_coordinate(v) for v in (parameter.lower, parameter.upper))
-    furthest = (ends[1] - centre) if sign > 0 else (centre - ends[0])
+    first, last = parameter.ends
+    furthest = (last - centre) if sign > 0 else (centre - first)
     step, inner, outer = min(np.sqrt(LIMIT) * deviation, furthest), 0.0, np.inf
     within, beyond, tried = parameter.value, None, {}
     for _ in range(MOST_POINTS if furthest > 0 else 0):
@@ -211,7 +211,7 @@ def _variance(calibration: Calibration) -> float:
 
 def _deviance(best: Calibration, parts: Sequence[Part], name: str, value: float) -> float:
     """Twice the loss of log likelihood with one parameter held, the others fitted; infinite without a fit."""
-    plant, others = _moved(best, name, value), [n for n in best.names if n != name]
+    plant, others = _moved(best, parts, name, value), [n for n in best.names if n != name]
     if others:
         refit = calibrate(plant, parts, names=others, tolerance=1e-6)
         residuals = refit.residuals if refit.status.ok else None
@@ -222,18 +222,14 @@ def _deviance(best: Calibration, parts: Sequence[Part], name: str, value: float)
     return max(float(residuals @ residuals) - float(best.residuals @ best.residuals), 0.0) / _variance(best)
 
 
-def _moved(best: Calibration, name: str, value: float) -> Plant:
+def _moved(best: Calibration, parts: Sequence[Part], name: str, value: float) -> Plant:
     """The plant with one parameter moved and the others where the covariance expects them then.
 
     Parameters that do the same are known far less than their combination: one of them moved alone leaves the valley
     of good fits, and with it perhaps the plants that can be simulated.
     """
-    known, k = [best.plant.parameters[n] for n in best.names], best.names.index(name)
+    problem, k = Problem(plant=best.plant, parts=tuple(parts), names=best.names), best.names.index(name)
     along = np.nan_to_num(best.covariance[:, k] / best.covariance[k, k], posinf=0.0, neginf=0.0)
-    moved = known[k].scale.to_coordinate(value) - known[k].scale.to_coordinate(known[k].value)
-    values = {
-        p.name: float(np.clip(p.scale.to_value(p.scale.to_coordinate(p.value) + slope * moved), p.lower, p.upper))
-        for p, slope in zip(known, along, strict=True)
-        if p.name not in best.plant.event_times
-    }
-    return best.plant.with_values({**values, name: value})
+    start = problem.start()
+    moved = best.plant.parameters[name].scale.to_coordinate(value) - start[k]
+    return best.plant.with_values({**problem.values(start + problem.smooth() * along * moved), name: value})
