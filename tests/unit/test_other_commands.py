@@ -24,6 +24,8 @@ PLACES = {
     "jupyter nbconvert --to notebook --execute --inplace docs/notebooks/simulate_and_identify.ipynb":
         ".ci/run executes the notebooks",
     "mkdocs serve": ".ci/run builds the site that it would serve",
+    "python tests/benchmarks/bench_diagnose.py --case CASE --jobs 2":
+        "a benchmark takes minutes, and no timing decides a test",
     "python tests/benchmarks/bench_plant.py": "a benchmark takes minutes, and no timing decides a test",
     "python tests/benchmarks/bench_sweep.py": "a benchmark takes minutes, and no timing decides a test",
     "python tests/fuzz/fuzz_recordings.py --seconds 300": "tests/property/test_readers_fuzzed.py, for ten seconds",
