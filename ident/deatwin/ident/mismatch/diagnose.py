@@ -124,7 +124,8 @@ def diagnose(
     answer = naming.best if named and naming.best is not None else base.chosen
 
     tell(0.85, "looking for a better experiment")
-    advice = advise(bench, (answer, *naming.rivals), for_advice) if verdict is Verdict.AMBIGUOUS else None
+    rivals = (answer, *naming.rivals) if verdict is Verdict.AMBIGUOUS else ()
+    advice = advise(bench, rivals, for_advice, distances=naming.distances)
     keep(found_step("advise", advice))
     discovery = discover(bench, base.chosen, for_discovery) if verdict is Verdict.UNKNOWN else None
     keep(found_step("discover", discovery))

@@ -27,6 +27,7 @@ from deatwin.ident.mismatch.advise.question import Question
 from deatwin.ident.mismatch.advise.waveforms import REPERTOIRE
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.candidate import Candidate
+from deatwin.ident.mismatch.naming.decide import Distance
 from deatwin.plant.errors import SimulationError
 from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter
@@ -67,6 +68,7 @@ def advise(
     rivals: Sequence[Candidate],
     rng: np.random.Generator,
     *,
+    distances: Sequence[Distance] = (),
     progress: Callable[[float, str], None] | None = None,
 ) -> Advice | None:
     """Find the shortest safe input that tells explanations apart, or one that leaves fewer of them.
@@ -79,6 +81,9 @@ def advise(
         The explanations that the recordings leave, the best first; of many the first eight count.
     rng : numpy.random.Generator
         Source of posterior plants and of what is random in waveforms.
+    distances : sequence of Distance, optional
+        Between rivals, where they are known from refits with simulations: the confusion before the input is told by
+        them, for a rival that is far off may come nearer in a refit than its derivatives promise.
     progress : callable, optional
         Called with the share that is done and what is being done.
 
@@ -94,7 +99,7 @@ def advise(
     loads = _loads(Question.of(bench, [rival.calibration for rival in left], left[0].noise, rng))
     found, here = _search(loads, tell), loads[0].question
     tell(0.9, "writing the advice")
-    rig, before = bench.nominal.rig, _confused(here.before)
+    rig, before = bench.nominal.rig, _confused(here.before_told(_by_number(left, distances)))
     tried = {name: float(nearest.min()) for name, nearest in loads[0].screened.items()}
     common: dict[str, Any] = {"rivals": _labels(left), "confusion_before": before, "tried": tried,
                               "noise": here.noise, "output": (rig.output_name, rig.output_unit)}  # fmt: skip
@@ -249,6 +254,13 @@ def _judged(load: _Load, name: str, count: int) -> _Input | None:
 def _confused(nearest: np.ndarray) -> float:
     """Probability of taking the nearest wrong explanation, averaged over which is the truth."""
     return float(np.mean([confusion(float(squared)) for squared in nearest]))
+
+
+def _by_number(rivals: Sequence[Candidate], distances: Sequence[Distance]) -> dict[frozenset[int], float]:
+    """d² of pairs of explanations, by their numbers; not of effects that explain the recordings in several forms."""
+    names = ["+".join(rival.effects) for rival in rivals]
+    number = {name: k for k, name in enumerate(names) if names.count(name) == 1}
+    return {frozenset(number[n] for n in d.effects): d.d2 for d in distances if {*d.effects} <= {*number}}
 
 
 def _predicted(question: Question, commands: np.ndarray) -> tuple[np.ndarray, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Self
@@ -97,7 +97,27 @@ class Question:
     @property
     def before(self) -> np.ndarray:
         """d² on the recordings at hand from each explanation to the one that is nearest to it, to first order."""
-        return self._nearest(np.array([memory.refitted.squared_distance(self.noise) for memory in self.memories]))
+        return self._nearest(self._before)
+
+    @cached_property
+    def _before(self) -> np.ndarray:
+        """The same of each pair."""
+        return np.array([memory.refitted.squared_distance(self.noise) for memory in self.memories])
+
+    def before_told(self, known: Mapping[frozenset[int], float]) -> np.ndarray:
+        """The same as `before`, where a refit has brought a pair nearer than that.
+
+        Parameters
+        ----------
+        known : mapping of frozenset of int to float
+            d² of pairs of explanations, by number.
+
+        Returns
+        -------
+        ndarray, shape (n_fits,)
+        """
+        told = np.array([known.get(frozenset(pair), np.inf) for pair in self.pairs])
+        return self._nearest(np.minimum(self._before, told))
 
     @property
     def sample_time(self) -> float:

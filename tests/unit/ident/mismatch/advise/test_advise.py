@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-from scipy.stats import binom
+from scipy.stats import binom, norm
 
 from deatwin.ident.greybox.fit import Problem, calibrate
 from deatwin.ident.greybox.parts import Part
@@ -18,6 +18,7 @@ from deatwin.ident.mismatch.advise.waveforms import BIPOLAR, REPERTOIRE, Limits,
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.excess import practical_size
 from deatwin.ident.mismatch.naming.candidate import Candidate, judge
+from deatwin.ident.mismatch.naming.decide import Distance
 from deatwin.ident.mismatch.refit.search import finish, search
 from deatwin.plant import (
     AmplifierSaturation,
@@ -216,6 +217,25 @@ def test_where_the_reading_cannot_tell_another_signal_is_advised(tmp_path):
     axes = found.plot()
     assert axes.get_xlabel()
     plt.close(axes.figure)
+
+
+@compiled
+def test_a_refit_that_brought_rivals_nearer_tells_the_confusion_before():
+    nominal = Plant(rig=Wire(noise=4e-5))
+    experiment = nominal.with_effects(Delay(time=0.01)).record(blank(sine(8.0, 0.2)), np.random.default_rng(0))
+    bench = bench_of(nominal, experiment)
+    rivals = rivals_on(bench, Delay(time=0.03), SensorLag(time=0.03))
+
+    def before(*squared: float) -> float:
+        known = [Distance(effects=("delay", "sensor_lag"), d2=d2) for d2 in squared]
+        found = advise(bench, rivals, np.random.default_rng(0), distances=known)
+        assert found is not None
+        return found.confusion_before
+
+    first_order = before()
+    squared = 4 * norm.ppf(first_order) ** 2  # of two explanations, of which each is the other's nearest
+    assert before(0.25 * squared) == pytest.approx(norm.cdf(norm.ppf(first_order) / 2))
+    assert before(4 * squared) == first_order  # what refits could not bring nearer, derivatives may
 
 
 @compiled
