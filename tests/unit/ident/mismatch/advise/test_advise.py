@@ -1,5 +1,6 @@
 """The next experiment: that it is safe, that it decides, and what is advised where no input can."""
 
+import importlib
 import sys
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
@@ -12,6 +13,7 @@ from scipy.stats import binom, norm
 
 from deatwin.ident.greybox.fit import Problem, calibrate
 from deatwin.ident.greybox.parts import Part
+from deatwin.ident.mismatch import Verdict, diagnose
 from deatwin.ident.mismatch.advise import distance, question
 from deatwin.ident.mismatch.advise.advise import SCREENED, _guessed, _labels, _needed, advise
 from deatwin.ident.mismatch.advise.waveforms import BIPOLAR, REPERTOIRE, Limits, bears, limits_of, safe_limits, waveform
@@ -236,6 +238,25 @@ def test_a_refit_that_brought_rivals_nearer_tells_the_confusion_before():
     squared = 4 * norm.ppf(first_order) ** 2  # of two explanations, of which each is the other's nearest
     assert before(0.25 * squared) == pytest.approx(norm.cdf(norm.ppf(first_order) / 2))
     assert before(4 * squared) == first_order  # what refits could not bring nearer, derivatives may
+
+
+@compiled
+def test_a_diagnosis_tells_the_confusion_by_the_distances_that_it_lists(monkeypatch):
+    module, known = importlib.import_module("deatwin.ident.mismatch.diagnose"), []
+
+    def telling(*arguments, distances):
+        known.extend(distances)
+        return advise(*arguments, distances=distances)
+
+    monkeypatch.setattr(module, "advise", telling)
+    nominal = Plant(rig=Wire())
+    experiment = nominal.with_effects(ElectrodeRC(time=0.1)).record(blank(sine(40.0, 0.5)), np.random.default_rng(0))
+    found = diagnose(nominal, experiment, effects=[ElectrodeRC(), SensorLag()])
+    assert found.verdict is Verdict.AMBIGUOUS
+    (pair,) = found.indistinguishable
+    assert pair in [{"effects": list(d.effects), "d2": d.d2} for d in known]
+    assert found.next_experiment is not None
+    assert found.next_experiment["confusion_before"] >= distance.confusion(pair["d2"])
 
 
 @compiled
