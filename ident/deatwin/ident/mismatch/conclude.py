@@ -150,6 +150,7 @@ def conclude(findings: Findings) -> Diagnosis:
             *_left_over(findings),
             *_placed_unseen(findings),
             *_form(findings),
+            *_forms_of_rivals(findings),
             *(f"{name} could not be tried: no fit with it could be simulated" for name in findings.naming.failed),
             *(f"{name} ended on a bound of its range" for name in findings.final.at_bound),
             *_held_back(findings),
@@ -231,6 +232,15 @@ def _form(findings: Findings) -> list[str]:
     ]
 
 
+def _forms_of_rivals(findings: Findings) -> Iterator[str]:
+    """Rivals that explain the recordings on another form of the rig than the answer's."""
+    for rival in findings.naming.rivals if findings.named else ():
+        _, found = differences([findings.answer.calibration.plant.rig, rival.calibration.plant.rig])
+        if found:
+            form = ", ".join(f"{name} = {value!r}" for name, value in found.items())
+            yield f"{'+'.join(rival.effects) or 'nothing missing'} explains the recordings on a rig with {form}"
+
+
 def _causes(findings: Findings) -> tuple[Cause, ...]:
     naming, final, base = findings.naming, findings.final, findings.base
     shares = shares_explained(base.chosen, findings.answer, naming.candidates, base.noise)
@@ -288,7 +298,6 @@ def _places(findings: Findings) -> list[dict[str, Any]]:
 def _evidence(findings: Findings, model: CalibratedPlant) -> Evidence:
     base, experiments = findings.base, findings.checked.experiments
     calibration = findings.calibrated
-    apart = {pair.effects[1]: pair.d2 for pair in findings.naming.distances}
     return Evidence(
         experiments=experiments,
         base=readings(calibration.plant, experiments),
@@ -296,7 +305,8 @@ def _evidence(findings: Findings, model: CalibratedPlant) -> Evidence:
         unseen=tuple(part.masks for part in findings.bench.unseen),
         candidates=tuple(
             CandidateSummary(
-                effects=c.effects, fitted=c.calibration.rms, unseen=c.unseen_test.rms, d2=apart.get("+".join(c.effects))
+                effects=c.effects, fitted=c.calibration.rms, unseen=c.unseen_test.rms,
+                d2=_distance_to(c, findings.naming),
             )
             for c in findings.naming.candidates
         ),
@@ -312,6 +322,15 @@ def _evidence(findings: Findings, model: CalibratedPlant) -> Evidence:
         verification=findings.verification if findings.named else None,
         rivals=_rivals(findings) if findings.named else {},
     )  # fmt: skip
+
+
+def _distance_to(candidate: Candidate, naming: Naming) -> float | None:
+    """d² from the answer, where it is known; that to a rival is not that of its effects in another form of the rig."""
+    told = next((rival for rival in naming.rivals if rival.effects == candidate.effects), candidate)
+    if any(differences([told.calibration.plant.rig, candidate.calibration.plant.rig])):
+        return None
+    name = "+".join(candidate.effects)
+    return next((pair.d2 for pair in naming.distances if pair.effects[1] == name), None)
 
 
 def _rivals(findings: Findings) -> dict[str, CalibratedPlant]:

@@ -17,7 +17,7 @@ from deatwin.ident.mismatch.excess import excess_over_floor
 from deatwin.ident.mismatch.gate.gate import Gate, Soundness, confirm, gate
 from deatwin.ident.mismatch.locate import locate, readings
 from deatwin.ident.mismatch.naming.candidate import Candidate
-from deatwin.ident.mismatch.naming.decide import Naming, nothing_tried
+from deatwin.ident.mismatch.naming.decide import Naming, nothing_tried, with_all_distances
 from deatwin.ident.mismatch.naming.name import explanations
 from deatwin.ident.mismatch.naming.screen import Footprint, footprints
 from deatwin.ident.mismatch.prepare import prepare
@@ -124,6 +124,7 @@ def diagnose(
     answer = naming.best if named and naming.best is not None else base.chosen
 
     tell(0.85, "looking for a better experiment")
+    naming = with_all_distances(naming, bench) if verdict is Verdict.AMBIGUOUS else naming
     rivals = (answer, *naming.rivals) if verdict is Verdict.AMBIGUOUS else ()
     advice = advise(bench, rivals, for_advice, distances=naming.distances)
     keep(found_step("advise", advice))

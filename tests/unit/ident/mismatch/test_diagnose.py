@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from deatwin.ident.mismatch import Diagnosis, Verdict, diagnose
+from deatwin.ident.mismatch.advise.distance import confusion
 from deatwin.ident.mismatch.diagnose import _verdict
 from deatwin.ident.mismatch.gate.gate import Soundness
 from deatwin.ident.mismatch.refit.base import Base
@@ -238,6 +239,25 @@ def test_a_doubt_of_one_of_two_effects_ends_as_ambiguous(doubted):
     assert certain["creep"] == pytest.approx(0.95 / 2)
     assert doubted.rivals == (("electrode_rc",),)
     assert ", perhaps without creep; with the first two" in doubted.sentence
+
+
+def test_a_rival_on_another_form_of_the_rig_has_its_own_distance():
+    """A lag of the sensor is no delay, unless readings were taken a sample later than the rig file says."""
+    rng, rig = np.random.default_rng(1), Plant(rig=Diaphragm(noise=8e-6))
+    noise = band_limited_noise(rng, 40.0, 0.02)
+    blank = Experiment(recordings=(Recording.from_arrays(noise, np.zeros_like(noise), 0.02),))
+    hidden = rig.with_effects(effect_named("delay")).record(blank, rng)
+    found = diagnose(rig, hidden, effects=[effect_named("delay"), effect_named("sensor_lag")])
+    assert found.verdict is Verdict.AMBIGUOUS
+    assert found.rivals == (("sensor_lag",),)
+    assert "sensor_lag explains the recordings on a rig with reading = 'start of hold'" in found.warnings
+    (pair,) = found.indistinguishable
+    # that of the lag on the rig of the file is above 100: it was told apart, and is no rival
+    assert pair["d2"] < 16
+    assert found.next_experiment["confusion_before"] >= confusion(pair["d2"])
+    lags = [c for c in found.evidence.candidates if c.effects == ("sensor_lag",)]
+    elsewhere, filed = sorted(lags, key=lambda c: c.fitted)
+    assert (elsewhere.d2, filed.d2) == (pair["d2"], None)
 
 
 def test_the_plant_of_a_refuted_explanation_is_not_the_answer(monkeypatch):

@@ -26,6 +26,7 @@ __all__ = [
     "is_as_likely",
     "normalised",
     "nothing_tried",
+    "with_all_distances",
     "with_distances",
 ]
 
@@ -99,10 +100,13 @@ class Naming:
         Naming
         """
         rivals = {c.effects: c for c in sorted(others, key=lambda c: c.evidence)}
+        elsewhere = {"+".join(effects) for effects in rivals}
         competing = {c.effects: c for c in self.candidates if c.effects in self.probabilities} | rivals
         return replace(
             self, candidates=(*self.candidates, *rivals.values()), rivals=(*self.rivals, *rivals.values()),
             probabilities=_probabilities(list(competing.values())),
+            # That of the same effects in another form says nothing of these.
+            distances=tuple(d for d in self.distances if d.effects[1] not in elsewhere),
         )  # fmt: skip
 
     def led_by(self, first: Candidate) -> Naming:
@@ -341,11 +345,38 @@ def with_distances(
         c for c, close, d2 in zip(others, alike, found, strict=True)
         if close and d2 < TOLD_APART and c not in naming.rivals
     ]  # fmt: skip
-    distances = tuple(
-        Distance(effects=("+".join(best.effects), "+".join(c.effects)), d2=d2)
-        for c, d2 in zip(others, found, strict=True)
-    )
+    distances = tuple(_distance(best, c, d2) for c, d2 in zip(others, found, strict=True))
     return replace(naming, rivals=(*naming.rivals, *near), distances=distances)
+
+
+def with_all_distances(naming: Naming, bench: Bench) -> Naming:
+    """The same answer, with the distances from its best to those rivals of which none is known yet.
+
+    Evidence alone may have kept them, or another form of the rig brought them, or another one led before.
+
+    Parameters
+    ----------
+    naming : Naming
+        An answer with rivals.
+    bench : Bench
+        Recordings.
+
+    Returns
+    -------
+    Naming
+    """
+    best, known = naming.best, {d.effects[1] for d in naming.distances}
+    if best is None:
+        return naming
+    others = [c for c in naming.rivals if "+".join(c.effects) not in known]
+    tasks = [(best.calibration, c.calibration, bench.everything, naming.noise) for c in others]
+    found = run_jobs(separation, tasks, workers=bench.jobs)
+    further = (_distance(best, c, d2) for c, d2 in zip(others, found, strict=True))
+    return replace(naming, distances=(*naming.distances, *further))
+
+
+def _distance(best: Candidate, other: Candidate, d2: float) -> Distance:
+    return Distance(effects=("+".join(best.effects), "+".join(other.effects)), d2=d2)
 
 
 def cannot_rule_out(rival: Candidate, best: Candidate) -> bool:

@@ -13,6 +13,7 @@ from deatwin.ident.mismatch.naming.decide import (
     cannot_rule_out,
     decide,
     is_as_likely,
+    with_all_distances,
     with_distances,
 )
 from deatwin.ident.mismatch.naming.worth import suffices
@@ -62,6 +63,29 @@ def test_another_head_keeps_the_distances_that_are_known_from_it(candidate, nois
     assert led.best is other
     assert led.rivals == (one, third)
     assert led.distances == (Distance(effects=("delay", "creep"), d2=9.0),)
+
+
+def test_the_distance_to_a_rival_is_not_that_of_the_same_effects_in_another_form(candidate, noise, monkeypatch):
+    best, near, twin = candidate("creep", rms=2.1), candidate("leakage", rms=2.1), candidate("delay", rms=9.0)
+    distances = (Distance(effects=("creep", "leakage"), d2=4.0), Distance(effects=("creep", "delay"), d2=147.0))
+    naming = Naming(
+        candidates=(best, near, twin), best=best, rivals=(near,), probabilities={("creep",): 1.0, ("leakage",): 0.5},
+        noise=noise, distances=distances,
+    )  # fmt: skip
+    rival, bench = candidate("delay", rms=2.1), SimpleNamespace(everything=(), jobs=1)
+    asked = []
+
+    def apart(one, other, parts, level):
+        asked.append((one, other, level))
+        return 2.0
+
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.decide.separation", apart)
+    told = with_all_distances(naming.beside([rival]), bench)
+    assert asked == [(best.calibration, rival.calibration, noise)]  # of what is known nothing is asked again
+    assert {d.effects: d.d2 for d in told.distances} == {("creep", "leakage"): 4.0, ("creep", "delay"): 2.0}
+    led = with_all_distances(told.led_by(rival), bench)  # from which only one distance is known
+    assert {d.effects: d.d2 for d in led.distances} == {("delay", "creep"): 2.0, ("delay", "leakage"): 2.0}
+    assert {d.effects[1] for d in led.distances} == {"+".join(r.effects) for r in led.rivals}
 
 
 def test_a_short_experiment_of_its_own_rules_out_what_a_long_one_cannot(candidate):
