@@ -1,10 +1,18 @@
-"""The order in which tests are handed to workers: long ones first, so that no worker is left alone with them."""
+"""What holds for all tests: their order, and the examples that property tests draw.
+
+Long ones are handed to workers first, so that no worker is left alone with them.
+"""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
+
+# What a property test draws follows from its code alone: every run sees the same examples.
+settings.register_profile("fixed", derandomize=True, database=None)
+settings.load_profile("fixed")
 
 LONG = Path(__file__).parent / "validation"
 """Few tests a module, but whole diagnoses and studies."""

@@ -28,6 +28,9 @@ ENERGIES = {
 every = pytest.mark.parametrize(("energy", "parameters"), ENERGIES.values(), ids=ENERGIES)
 stretches = st.floats(0.6, 3.5)
 quick = settings(deadline=None, max_examples=40)
+ROUNDING = 1e-12
+"""Of the parameters: powers that cancel in the unstretched film, and Gent's modulus times its limit of up to 1000, are
+rounded to 2e-16 each, some at a stretch that was rounded before."""
 
 
 def floats(parts):
@@ -41,10 +44,10 @@ def test_no_direction_is_special(energy, parameters, data, first, second):
     # Isotropic and incompressible: any two of the three stretches give the same energy.
     values = data.draw(parameters)
     here, third = float(energy(first, second, *values)), 1 / (first * second)
-    size = here + 1e-10 * sum(abs(v) for v in values)
-    assert here >= -1e-10 * size
+    rounding = ROUNDING * sum(abs(v) for v in values)
+    assert here >= -rounding
     for pair in ((second, first), (first, third), (third, second)):
-        assert float(energy(*pair, *values)) == pytest.approx(here, rel=1e-8, abs=1e-8 * size)
+        assert float(energy(*pair, *values)) == pytest.approx(here, rel=1e-8, abs=rounding)
 
 
 @every

@@ -77,7 +77,7 @@ def symbolic(terms, z, ybar, ubar):
 
 
 @pytest.mark.parametrize("order", [1, 2, 3])
-@settings(max_examples=25, deadline=None, derandomize=True)
+@settings(max_examples=25, deadline=None)
 @given(
     terms=models(),
     tangents=st.tuples(tangents, tangents, tangents),

@@ -23,7 +23,7 @@ def regressions(draw):
     return phi, phi @ theta + 10 ** draw(st.floats(-4, 2)) * rng.normal(size=n)
 
 
-@settings(max_examples=150, deadline=None, derandomize=True)
+@settings(max_examples=150, deadline=None)
 @given(
     regression=regressions(),
     priors=st.builds(

@@ -62,7 +62,7 @@ def drawn(data, name: str) -> Plant:
 
 
 @pytest.mark.parametrize("name", PASSIVE)
-@settings(max_examples=20, deadline=None, derandomize=True)
+@settings(max_examples=20, deadline=None)
 @given(data=st.data())
 def test_no_command_draws_work_from_a_passive_effect(name, data):
     plant = drawn(data, name)

@@ -43,9 +43,7 @@ NEEDS = {
     "public hdf5": ["h5py"],
     "mat73": ["h5py"], "tdms": ["nptdms"], "netcdf": ["xarray"], "netcdf4": ["xarray", "h5netcdf", "h5py"],
 }  # fmt: skip
-bounded = settings(
-    deadline=None, derandomize=True, database=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+bounded = settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 json_values = st.recursive(
     st.none() | st.booleans() | st.integers(-(10**400), 10**400) | st.floats(allow_nan=False, allow_infinity=False)
     | st.text(max_size=8),
