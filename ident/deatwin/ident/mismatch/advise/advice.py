@@ -42,8 +42,8 @@ class Advice:
         Where no input tells all of them apart: another signal that would.
     confusion_before, confusion_after : float
         Probability of taking the wrong explanation for the nearest other one, averaged over which of them is the
-        truth, before the input and after it; the same where there is none. Before it, each for the
-        nearest to first order on the fitted part, or for one that refits to all recordings have brought nearer.
+        truth, before the input and after it; the same where there is none. How near the others are before it is told to
+        first order by the fitted part, and where refits to all recordings bring them nearer, by these.
     undecided : tuple of str
         Those of `rivals` that still have another one nearby (d² below 16) after it.
     tried : mapping of str to float
