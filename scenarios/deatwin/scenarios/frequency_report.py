@@ -12,6 +12,7 @@ from deatwin.ident.frequency import FrequencyResponse
 from deatwin.ident.frequency.output_responses.excitation import TestSignal
 from deatwin.ident.frequency.output_responses.powers import AMPLIFICATION
 from deatwin.ident.frequency.output_responses.result import Nofrf, NofrfStatus
+from deatwin.ident.narx import Reliance
 from deatwin.scenarios.folder import ResultFolder
 from deatwin.scenarios.frequency_responses import Responses, columns_of, first_columns, symbol_of, written
 from deatwin.scenarios.provenance import RunRecord
@@ -171,10 +172,20 @@ def _page(found: Responses, drawings: list[Drawing]) -> StoryPage:
         rows=[[str(n), written(bands)] for n, bands in enumerate(found.ranges_Hz, start=1)],
     )  # fmt: skip
     return StoryPage(
-        title="frequency", sentence=f"Frequency responses of {orders} about {about}: {found.first.status.value}.",
+        title="frequency",
+        sentence=f"Frequency responses of {orders} about {about}: {found.first.status.value}."
+        + "".join(f" {text[:1].upper()}{text[1:]}." for text in found.caveats),
         rows=_rows(found),
         notes=[Note(title="In words", paragraphs=[f"{text[:1].upper()}{text[1:]}." for text in messages])],
         figures=drawings, tables=[ranges],
+    )  # fmt: skip
+
+
+def _reliance(known: Reliance) -> Row:
+    """What held-out data said of the model itself."""
+    return Row(
+        measure="failed residual tests and bias of the model on held-out data", demanded="none",
+        reached="; ".join(known.caveats) or "none", passed=not known.caveats,
     )  # fmt: skip
 
 
@@ -182,6 +193,8 @@ def _rows(found: Responses) -> list[Row]:
     """What a reader has to know before relying on a response."""
     poles = "stable" if found.first.status.ok else "unstable"
     rows = [Row(measure="operating point", demanded="stable", reached=poles, passed=found.first.status.ok)]
+    if (known := Reliance.of_provenance(found.model.provenance)) is not None:
+        rows.append(_reliance(known))
     for response in found.gfrfs:
         share = float(np.mean(response.band(found.level).linear_law))
         rows.append(Row(

@@ -19,7 +19,7 @@ from deatwin.ident.frequency.output_responses.excitation import TestSignal, desi
 from deatwin.ident.frequency.output_responses.ranges import output_frequencies
 from deatwin.ident.frequency.output_responses.result import Nofrf, NofrfStatus, NofrfWarning
 from deatwin.ident.frequency.uncertainty.propagate import Propagated, UncertaintyStatus, UncertaintyWarning, propagate
-from deatwin.ident.narx import NarxModel
+from deatwin.ident.narx import NarxModel, Reliance
 from deatwin.plant.errors import ModelError
 
 __all__ = ["Responses", "columns_of", "first_columns", "respond", "symbol_of", "written"]
@@ -97,6 +97,12 @@ class Responses:
         return None if low <= self.first.point.operating_input[0] <= high else (low, high)
 
     @cached_property
+    def caveats(self) -> tuple[str, ...]:
+        """What the model's file says against relying on it."""
+        reliance = Reliance.of_provenance(self.model.provenance)
+        return () if reliance is None else reliance.caveats
+
+    @cached_property
     def laws(self) -> tuple[Propagated, ...]:
         """How far the linear law of propagation holds, for each of ``gfrfs``."""
         with warnings.catch_warnings():
@@ -110,6 +116,7 @@ class Responses:
     def lines(self) -> Iterator[str]:
         """What there is to say, in lines."""
         point, unit = self.first.point, self.model.input_units[0]
+        yield from self.caveats
         yield f"operating input {point.operating_input[0]:.4g} {unit}".rstrip() + f": {self.first.status.value}"
         if point.outputs.size > 1:
             others = ", ".join(
@@ -156,7 +163,7 @@ class Responses:
             "operating_input": float(point.operating_input[0]), "stable": self.first.status.ok,
             "equilibria": point.outputs.tolist(), "order": len(self.gfrfs), "level": self.level,
             "band_Hz": list(self.band_Hz), "output_ranges_Hz": [bands.tolist() for bands in self.ranges_Hz],
-            "messages": list(self.lines), "nofrf": self._nofrf_json(),
+            "caveats": list(self.caveats), "messages": list(self.lines), "nofrf": self._nofrf_json(),
             "unit": self.first.unit,
             **{name: [_number(v) for v in column] for name, column in first_columns(self.first, self.level).items()},
         }  # fmt: skip

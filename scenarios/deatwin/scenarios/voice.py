@@ -12,13 +12,13 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any
 
+from deatwin.scenarios.timeleft import TimeLeft
+
 __all__ = ["PlainProgress", "Progress", "Voice", "complain"]
 
 Progress = Callable[[float, str], None]
 EVERY = 30.0
 """Off a terminal a line of progress comes so often, s."""
-TELLING = 0.05
-"""Share of the work that tells how long the rest takes."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,13 +97,21 @@ class Voice:
                 yield plain.tell
             return
         from rich.console import Console
-        from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
+        from rich.progress import BarColumn, TaskProgressColumn, TextColumn
         from rich.progress import Progress as Bar
 
-        columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
+        left = TimeLeft()
+        description, remaining = TextColumn("{task.description}"), TextColumn("{task.fields[left]}")
+        columns = (description, BarColumn(), TaskProgressColumn(), remaining)
         with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
-            task = bar.add_task(title, total=1.0)
-            yield lambda share, text: bar.update(task, completed=share, description=text or title)
+            task = bar.add_task(title, total=1.0, left=left.text)
+
+            def show(share: float, text: str) -> None:
+                left.tell(share)
+                told = "" if text.endswith(" left") else left.text
+                bar.update(task, completed=share, description=text or title, left=told)
+
+            yield show
 
 
 class PlainProgress:
@@ -118,9 +126,8 @@ class PlainProgress:
     """
 
     def __init__(self, title: str, clock: Callable[[], float] = time.monotonic) -> None:
-        self._title, self._clock = title, clock
+        self._title, self._left = title, TimeLeft(clock)
         self._share, self._doing = 0.0, title
-        self._first: tuple[float, float] | None = None  # what is done already when work is gone on with took no time
 
     def tell(self, share: float, text: str = "") -> None:
         """Take how far the work is.
@@ -132,8 +139,7 @@ class PlainProgress:
         text : str
             What is being done.
         """
-        if self._first is None:
-            self._first = (self._clock(), share)
+        self._left.tell(share)
         self._share, self._doing = share, text or self._title
 
     @property
@@ -142,15 +148,8 @@ class PlainProgress:
         doing = "".join(c if c.isprintable() else " " for c in self._doing)
         parts = [" ".join(doing.split()), f"{100 * self._share:.0f} % done"]
         if not doing.endswith(" left"):  # a study knows better how long its cases take, and says so
-            parts.append(self._left())
+            parts.append(self._left.text)
         return ", ".join(parts)
-
-    def _left(self) -> str:
-        began, before = self._first or (self._clock(), self._share)
-        done = self._share - before
-        if done < TELLING * (1.0 - before) or done <= 0.0:
-            return "time left not known yet"
-        return f"about {_in_words((self._clock() - began) * (1.0 - self._share) / done)} left"
 
 
 def print_lines(progress: PlainProgress, wait: Callable[[float], bool]) -> None:
@@ -179,13 +178,6 @@ def _lines(progress: PlainProgress) -> Iterator[PlainProgress]:
     finally:
         ended.set()
         printer.join()
-
-
-def _in_words(seconds: float) -> str:
-    minutes = seconds / 60
-    if minutes >= 180:
-        return f"{minutes / 60:.0f} h"
-    return f"{minutes:.0f} min" if minutes >= 1.5 else f"{max(seconds, 1):.0f} s"
 
 
 def complain(text: str) -> None:

@@ -14,6 +14,8 @@ from deatwin.control.checking.cycles import judge_cycles
 from deatwin.control.checking.designed import SAME, Design, UndesignedError, designed
 from deatwin.control.checking.film import judge_film
 from deatwin.control.checking.given import (
+    integral_only,
+    known_caveats,
     known_excitation,
     known_residual,
     require_controller,
@@ -164,12 +166,15 @@ def check(
         require_pair(model, one.plant)
     linear = linearise(model, operating_input if controller is None else controller.operating_input)
     require_inside(model, [linear.operating_input])
+    caveats = known_caveats(model)
+    refused = partial(_refused, caveats=caveats)
     if not linear.status.ok:
-        return _refused(linear, "model", linear.status.value + (f" ({linear.detail})" if linear.detail else ""))
+        return refused(linear, "model", linear.status.value + (f" ({linear.detail})" if linear.detail else ""))
+    asked = controller is None
     try:
         excited, residual = known_excitation(model, recording), known_residual(model, recording)
     except DivergedError as error:
-        return _refused(linear, "model", str(error))
+        return refused(linear, "model", str(error))
     seen = linear.in_loop(known.plant.rig.reading)
     if controller is None:
         band = None if excited is None else excited.highest_Hz
@@ -179,7 +184,7 @@ def check(
         try:
             controller = designed(chosen, seen, limits)
         except UndesignedError as error:
-            return _refused(seen, "design", str(error))
+            return refused(seen, "design", str(error))
     require_short_runs(controller)
     points = _points(model, controller, operating_inputs)
     require_laws(controller, [controller.operating_input, *points])
@@ -187,6 +192,7 @@ def check(
         model=model, linear=seen, controller=controller, plant=known, others=everyone, rng=rng, samples=samples,
         points=points, specification=specification or Specification(),
         residual=residual, excited=excited, trajectory=trajectory,
+        caveats=(*caveats, *(integral_only(controller) if asked else ())),
     )  # fmt: skip
     return subject.judged(progress)
 
@@ -207,6 +213,7 @@ class _Subject:
     residual: Residual | None
     excited: Excitation | None
     trajectory: ThetaTrajectory | None
+    caveats: tuple[str, ...]
 
     @property
     def band_Hz(self) -> float | None:
@@ -251,7 +258,7 @@ class _Subject:
         return Check(
             findings=tuple(findings), operating=OperatingPoint.of(self.linear), controller=self.controller,
             margins=here, table=(*rows, *more), excited_band_Hz=self.band_Hz, steps=runs.steps, sine=runs.sine,
-            others=seen, predicted=predicted, sine_predicted=sine_predicted,
+            others=seen, predicted=predicted, sine_predicted=sine_predicted, caveats=self.caveats,
         )  # fmt: skip
 
     def _model_rows(self) -> tuple[MarginRow, tuple[MarginRow, ...]]:
@@ -335,9 +342,9 @@ def _judged(rows: Sequence[MarginRow], sample_time: float, specification: Specif
     ]
 
 
-def _refused(linear: LinearModel, subject: str, text: str) -> Check:
+def _refused(linear: LinearModel, subject: str, text: str, *, caveats: tuple[str, ...]) -> Check:
     finding = Finding(subject=subject, value=None, verdict=Verdict.FAIL, text=text)
-    return Check(findings=(finding,), operating=OperatingPoint.of(linear))
+    return Check(findings=(finding,), operating=OperatingPoint.of(linear), caveats=caveats)
 
 
 def _known(plant: Plant | CalibratedPlant) -> CalibratedPlant:

@@ -54,6 +54,7 @@ def to_document(check: Check) -> dict[str, Any]:
         "least_margins": _finite(check.least_margins) if check.table else None,
         "table": [_finite(asdict(row)) for row in check.table],
         "measures": {name: {m: getattr(run, m) for m in _MEASURES[name]} for name, run in runs.items()},
+        "caveats": list(check.caveats),
         "findings": [_finite({**asdict(f), "verdict": f.verdict.value}) for f in check.findings],
         **{name: runs[name].to_dict() if name in runs else None for name in _RUNS},
         "others": {name: run.to_dict() for name, run in check.others.items()},
@@ -81,6 +82,7 @@ def from_document(document: Mapping[str, Any]) -> dict[str, Any]:
     status = LinearStatus[operating["status"].upper()]
     return {
         **{name: document[name] for name in _PLAIN},
+        "caveats": tuple(document["caveats"]),
         "findings": tuple(Finding(**{**f, "verdict": Verdict(f["verdict"])}) for f in document["findings"]),
         "operating": OperatingPoint(**{**operating, "status": status}),
         "controller": None if controller is None else controller_from_dict(controller),

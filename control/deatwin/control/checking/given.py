@@ -8,17 +8,20 @@ from typing import Any
 from deatwin.control.arguments import instance
 from deatwin.control.controllers.base import Controller
 from deatwin.control.controllers.law import Law
+from deatwin.control.design.pid import PidGains
 from deatwin.control.errors import ControlError
 from deatwin.control.linear.model import LinearModel
 from deatwin.control.loop.residual import Residual, free_run_residual
 from deatwin.control.stability.excited import Excitation, excitation
-from deatwin.ident.narx import NarxModel
+from deatwin.ident.narx import NarxModel, Reliance
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.errors import DeatwinError, ModelError
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Recording
 
 __all__ = [
+    "integral_only",
+    "known_caveats",
     "known_excitation",
     "known_residual",
     "require_controller",
@@ -177,6 +180,35 @@ def trained_range(model: NarxModel) -> tuple[float, float]:
     if model.operating is None:
         raise ModelError("the model does not know the range of its training data: give command_limits")
     return float(model.operating.input_min[0]), float(model.operating.input_max[0])
+
+
+def known_caveats(model: NarxModel) -> tuple[str, ...]:
+    """What the model's file says against relying on it.
+
+    Parameters
+    ----------
+    model : NarxModel
+        Carries what `Reliance` keeps, or not.
+    """
+    reliance = Reliance.of_provenance(model.provenance)
+    return () if reliance is None else reliance.caveats
+
+
+def integral_only(controller: Controller) -> tuple[str, ...]:
+    """A sentence on a designed controller that came out without a proportional part.
+
+    Parameters
+    ----------
+    controller : Controller
+        As it was designed.
+    """
+    gains = PidGains.of_law(controller.local(controller.operating_input), controller.sample_time)
+    if gains is None or gains.proportional:
+        return ()
+    return (
+        "the tuning left out the proportional part, so that the controller is purely integral: the model's lag is "
+        f"shorter than the closed-loop time of {controller.closed_loop_time:.2g} s, and there is nothing to cancel",
+    )
 
 
 def known_excitation(model: NarxModel, recording: Recording | None) -> Excitation | None:

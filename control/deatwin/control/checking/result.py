@@ -52,6 +52,9 @@ class Check:
         The steps as the model predicts them; not in the file but for its band.
     sine_predicted : float or None
         Rms error on the sine that the model predicts, in the output's unit.
+    caveats : tuple of str
+        What a reader has to know beside the findings: residual tests that the model failed, a bias, a controller that
+        has not all the parts that were asked for. They do not decide on the verdict.
     """
 
     findings: tuple[Finding, ...]
@@ -65,6 +68,7 @@ class Check:
     others: Mapping[str, ClosedLoop] = field(default_factory=dict)
     predicted: PredictedLoop | None = None
     sine_predicted: float | None = None
+    caveats: tuple[str, ...] = ()
 
     @property
     def verdict(self) -> Verdict:
@@ -105,7 +109,7 @@ class Check:
     def sentence(self) -> str:
         """The check in one plain sentence; every number in it is a field of the file."""
         if self.controller is None or self.margins is None:
-            return f"{self.verdict.value}: {self.reason}."
+            return f"{self.verdict.value}: {self.reason}.{self._warned}"
         tuned, at, least = self.controller, self.operating, self.least_margins
         margins = ", ".join(
             f"{name} {value:.2g}{unit}" if isfinite(value) else f"{name} infinite"
@@ -115,9 +119,14 @@ class Check:
         )  # fmt: skip
         return (
             f"{self.verdict.value}: the {tuned.name} controller with a closed-loop time of "
-            f"{tuned.closed_loop_time:.2g} s at {f'{at.input:.3g} {at.input_unit}'.rstrip()} (crossover "
-            f"{self.margins.crossover_Hz:.2g} Hz; at worst {margins}): {self.reason}."
+            f"{tuned.closed_loop_time:.2g} s at {f'{at.input:.3g} {at.input_unit}'.rstrip()} (crossover there "
+            f"{self.margins.crossover_Hz:.2g} Hz; at worst {margins}): {self.reason}.{self._warned}"
         )
+
+    @property
+    def _warned(self) -> str:
+        """The caveats as sentences."""
+        return "".join(f" {text[0].upper()}{text[1:]}." for text in self.caveats)
 
     def to_xarray(self) -> Any:
         """Return findings, margins and runs as an `xarray.Dataset`; see `deatwin.control.checking.datasets`."""

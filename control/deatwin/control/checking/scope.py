@@ -33,20 +33,20 @@ def judge_band(crossovers_Hz: Sequence[float], excited: Excitation) -> Finding:
     crossover, band = max(crossovers_Hz), excited.highest_Hz
     if crossover > band:
         text = (
-            f"the crossover at {crossover:.2f} Hz lies outside the band that the recording excited, up to {band:.2f} "
-            f"Hz: the margins there are extrapolated; a recording excited up to {2 * crossover:.2g} Hz would settle it"
+            f"the highest crossover, {crossover:.2f} Hz, lies outside the band that the recording excited, up to "
+            f"{band:.2f} Hz: the margins there are extrapolated; a recording excited up to {2 * crossover:.2g} Hz would settle it"
         )
         return Finding(subject="excitation", value=crossover, verdict=Verdict.MARGINAL, text=text)
     for inside in sorted(crossovers_Hz, reverse=True):
         if (hole := excited.hole_at(inside)) is not None:
             low, high = hole
             text = (
-                f"the crossover at {inside:.2g} Hz lies in a hole of what the recording excited, {low:.2g} to "
+                f"a crossover, {inside:.2g} Hz, lies in a hole of what the recording excited, {low:.2g} to "
                 f"{high:.2g} Hz: nothing backs the margins there; a recording with power there, such as noise up to "
                 f"{max(2 * inside, band):.2g} Hz, would settle it"
             )
             return Finding(subject="excitation", value=inside, verdict=Verdict.MARGINAL, text=text)
-    text = f"the crossover at {crossover:.2f} Hz lies inside the band that the recording excited, up to {band:.2f} Hz"
+    text = f"the highest crossover, {crossover:.2f} Hz, lies inside the band that the recording excited, up to {band:.2f} Hz"
     return Finding(subject="excitation", value=crossover, verdict=Verdict.PASS, text=text)
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from deatwin.control.arguments import finite, instance, number, pair, require_fields, taking
-from deatwin.control.controllers.law import Law
+from deatwin.control.controllers.law import REFERENCE, Law
 from deatwin.control.controllers.linear import LinearController
 from deatwin.control.errors import ControlError
 from deatwin.control.linear.model import LinearModel, linear_model
@@ -57,6 +57,47 @@ class PidGains:
     def name(self) -> str:
         """``I``, ``PI`` or ``PID``."""
         return ("P" if self.proportional else "") + "I" + ("D" if self.derivative else "")
+
+    @classmethod
+    def of_law(cls, law: Law, sample_time: float) -> PidGains | None:
+        """The gains of a law that `law` made, perhaps scaled.
+
+        Parameters
+        ----------
+        law : Law
+            Of any controller.
+        sample_time : float
+            h, s.
+
+        Returns
+        -------
+        PidGains or None
+            None where the law is of another form.
+        """
+        if law.c.size not in (1, 2) or law.a[0, 0] != 1.0 or not law.c[0]:
+            return None
+        step = float(law.b[0, REFERENCE] * law.c[0])
+        derivative = filter_time = 0.0
+        if law.c.size == 2:
+            pole = float(law.a[1, 1])
+            if not 0.0 < pole < 1.0:
+                return None
+            filter_time = pole * sample_time / (1.0 - pole)
+            derivative = float(law.c[1]) * (filter_time + sample_time)
+        proportional = float(law.d[REFERENCE]) - step
+        if abs(proportional) <= 1e-12 * abs(step):  # rounding of the difference
+            proportional = 0.0
+        if step == 0.0:
+            return None
+        found = cls(
+            proportional=proportional, integral=step / sample_time, derivative=derivative, filter_time=filter_time
+        )
+        again = found.law(sample_time)
+        same = all(
+            np.allclose(one, other, rtol=1e-9, atol=0.0)
+            for one, other in ((again.a, law.a), (again.d, law.d), (again.b * again.c[:, None], law.b * law.c[:, None]))
+        )
+        return found if same else None
 
     def law(self, sample_time: float) -> Law:
         """The sampled law: integral and derivative by backward differences.

@@ -175,7 +175,7 @@ class ClosedLoop:
         """
         axes = axes_or_new(ax)
         unit, size = written_amplitude(self.output_unit)
-        axes.plot(self.timepts, self.measured / size, color="0.8", linewidth=0.8, label="measured")
+        axes.plot(self.timepts, self.measured / size, color="0.8", linewidth=0.8, label="simulated reading")
         axes.plot(self.timepts, self.reference / size, "--", label="reference")
         axes.plot(self.timepts, self.output / size, label="output")
         axes.set_xlabel("time (s)")

@@ -103,6 +103,8 @@ def diagnose(
         if base is not before:
             keep(base_step(bench, base))
     keep(found_step("detect", detection))
+    if detection.mismatch:
+        tell(0.28, "locating the mismatch")
     location = locate(base.chosen, bench, checked, for_location) if detection.mismatch else None
     keep(found_step("locate", location))
 

@@ -18,6 +18,7 @@ from deatwin.ident.narx.predictive import PredictiveBand, free_run_band, one_ste
 from deatwin.ident.narx.random_walk import ThetaSmoother
 from deatwin.ident.narx.recursive import Rls
 from deatwin.ident.narx.refine import extend, prune, refine
+from deatwin.ident.narx.reliance import Reliance, assess_reliance
 from deatwin.ident.narx.residual_tests import CorrelationTest
 from deatwin.ident.narx.response import NarxResponse, ResponseStatus
 from deatwin.ident.narx.robust import robust, robust_covariance
@@ -47,6 +48,7 @@ __all__ = [
     "PredictiveBand",
     "PruningStep",
     "Recording",
+    "Reliance",
     "ResponseStatus",
     "Ridge",
     "Rls",
@@ -62,6 +64,7 @@ __all__ = [
     "Validation",
     "ValidationStatus",
     "Variable",
+    "assess_reliance",
     "extend",
     "free_run_band",
     "generate_terms",

@@ -46,7 +46,7 @@ def draw_steps(view: View, steps: ClosedLoop) -> tuple[Drawing, Columns]:
         upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1.5))
         _draw_prediction(upper, view)
         upper.plot(*envelope(steps.timepts, steps.measured / view.size), color=MEASURED, linewidth=0.5, alpha=0.6,
-                   label="measured")  # fmt: skip
+                   label="simulated reading")  # fmt: skip
         _draw_reference(upper, view, steps)
         upper.plot(*envelope(steps.timepts, steps.output / view.size), color=BEFORE, linewidth=1.3,
                    label="on the physics plant")  # fmt: skip
@@ -184,7 +184,7 @@ def _run_columns(view: View, run: ClosedLoop) -> Columns:
     return {
         header("reference", unit): run.reference / scale,
         header("achieved", unit): run.output / scale,
-        header("measured", unit): run.measured / scale,
+        header("simulated_reading", unit): run.measured / scale,
         header("command", view.check.operating.input_unit): run.command,
     }
 

@@ -183,16 +183,19 @@ def _say(voice: Voice, model: NarxModel, errors: list[dict[str, Any]], labels: l
 
 
 def _for_check(model: NarxModel, records: list[Recording], unseen: list[Recording]) -> NarxModel:
-    """The model with what `deatwin check` asks for: the band that was excited, and what the free run leaves."""
+    """The model with what `frequency` and `check` ask for: excited band, free-run residual, and the residual tests."""
     from dataclasses import replace
 
     import numpy as np
 
     from deatwin.control.stability.excited import Excitation, excitation
+    from deatwin.ident.narx import assess_reliance
 
     excited = Excitation.joined(excitation(record) for record in records if np.ptp(record.inputs[0]) > 0)
     left = _largest_residual(model, records, unseen)
-    return replace(model, provenance={**model.provenance, **excited.provenance, **left})
+    reliance = assess_reliance(model, unseen)
+    told = {} if reliance is None else reliance.provenance
+    return replace(model, provenance={**model.provenance, **excited.provenance, **left, **told})
 
 
 def _largest_residual(model: NarxModel, records: list[Recording], unseen: list[Recording]) -> dict[str, str]:

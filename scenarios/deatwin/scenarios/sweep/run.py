@@ -15,6 +15,7 @@ from deatwin.plant.errors import DataError
 from deatwin.plant.interrupts import obey
 from deatwin.scenarios.interrupts import heard
 from deatwin.scenarios.sweep.store import CaseStore
+from deatwin.scenarios.timeleft import TimeLeft
 
 __all__ = ["run_sweep"]
 
@@ -172,7 +173,8 @@ class _Progress:
         self.count, self.total = len(cases), sum(efforts.get(name, 1.0) for name in cases)
         self.left = {name: efforts.get(name, 1.0) for name in missing}
         self.todo = self.to_come = sum(self.left.values())
-        self.begun = time.monotonic()
+        self.time_left = TimeLeft()
+        self.time_left.tell(0.0)
         if cases:
             tell(1.0 - self.todo / self.total, f"{noun} {self.count - len(missing)} of {self.count}")
 
@@ -183,17 +185,9 @@ class _Progress:
 
     def through(self, name: str) -> None:
         self.to_come -= self.left.pop(name, 0.0)
-        done = self.todo - self.to_come
-        left = max(self.to_come, 0.0) * (time.monotonic() - self.begun) / done if done > 0 else 0.0
-        text = f"{self.noun} {self.count - len(self.left)} of {self.count}, about {_in_words(left)} left"
+        self.time_left.tell(1.0 - self.to_come / self.todo if self.todo else 1.0)
+        text = f"{self.noun} {self.count - len(self.left)} of {self.count}, {self.time_left.text}"
         self.tell(1.0 - self.to_come / self.total, text)
-
-
-def _in_words(seconds: float) -> str:
-    minutes = seconds / 60
-    if minutes >= 180:
-        return f"{minutes / 60:.0f} h"
-    return f"{minutes:.0f} min" if minutes >= 1.5 else f"{max(seconds, 1):.0f} s"
 
 
 def _listed(names: list[str]) -> str:

@@ -1,0 +1,68 @@
+"""How long a piece of work still takes, from the share of it that is done."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+__all__ = ["TimeLeft", "duration_in_words"]
+
+_GROWTH = 1.25
+"""An estimate is at most so many times the one before: a reader who plans by it is not sent back."""
+_KNOWN = 0.05
+"""Share of the work after which its pace is known."""
+_KEPT = 5.0
+"""An estimate grows at most once in so many seconds: on a terminal it would grow with each look."""
+
+
+class TimeLeft:
+    """An estimate of the time left, by the mean pace so far.
+
+    Parameters
+    ----------
+    clock : callable
+        Gives the time in s.
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._share = 0.0
+        self._first: tuple[float, float] | None = None  # work that an earlier run did took no time of this one
+        self._told: tuple[float, float] | None = None  # when, and the seconds that were told
+
+    def tell(self, share: float) -> None:
+        """Take the share that is done, from 0 to 1."""
+        if self._first is None:
+            self._first = (self._clock(), share)
+        self._share = share
+
+    @property
+    def seconds(self) -> float | None:
+        """Seconds left; None before the pace is known."""
+        if self._first is None:
+            return None
+        now, (began, before) = self._clock(), self._first
+        done = self._share - before
+        if done <= 0.0 or done < _KNOWN * (1.0 - before):
+            return None
+        estimate = (now - began) * (1.0 - self._share) / done
+        told = (now, estimate) if self._told is None else self._told
+        if now - told[0] < _KEPT:
+            self._told = (told[0], min(estimate, told[1]))
+        else:
+            self._told = (now, min(estimate, _GROWTH * told[1]))
+        return self._told[1]
+
+    @property
+    def text(self) -> str:
+        """The estimate in words."""
+        seconds = self.seconds
+        return "some minutes left" if seconds is None else f"about {duration_in_words(seconds)} left"
+
+
+def duration_in_words(seconds: float) -> str:
+    """A time in the unit that a person would use."""
+    minutes = seconds / 60
+    if minutes >= 180:
+        return f"{minutes / 60:.0f} h"
+    return f"{minutes:.0f} min" if minutes >= 1.5 else f"{max(seconds, 1):.0f} s"
