@@ -34,7 +34,8 @@ def judge_band(crossovers_Hz: Sequence[float], excited: Excitation) -> Finding:
     if crossover > band:
         text = (
             f"the highest crossover, {crossover:.2f} Hz, lies outside the band that the recording excited, up to "
-            f"{band:.2f} Hz: the margins there are extrapolated; a recording excited up to {2 * crossover:.2g} Hz would settle it"
+            f"{band:.2f} Hz: the margins there are extrapolated; a recording excited up to {2 * crossover:.2g} Hz would "
+            "settle it"
         )
         return Finding(subject="excitation", value=crossover, verdict=Verdict.MARGINAL, text=text)
     for inside in sorted(crossovers_Hz, reverse=True):
@@ -46,7 +47,10 @@ def judge_band(crossovers_Hz: Sequence[float], excited: Excitation) -> Finding:
                 f"{max(2 * inside, band):.2g} Hz, would settle it"
             )
             return Finding(subject="excitation", value=inside, verdict=Verdict.MARGINAL, text=text)
-    text = f"the highest crossover, {crossover:.2f} Hz, lies inside the band that the recording excited, up to {band:.2f} Hz"
+    text = (
+        f"the highest crossover, {crossover:.2f} Hz, lies inside the band that the recording excited, up to "
+        f"{band:.2f} Hz"
+    )
     return Finding(subject="excitation", value=crossover, verdict=Verdict.PASS, text=text)
 
 

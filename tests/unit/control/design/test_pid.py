@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from deatwin.control import ControlError
+from deatwin.control.controllers.law import Law
 from deatwin.control.design.pid import PidGains
 
 H = 0.02
@@ -47,3 +48,31 @@ def test_senseless_gains_are_refused(changes, message):
     values = {"proportional": 0.5, "integral": 2.0, "derivative": 0.05, "filter_time": 0.03}
     with pytest.raises(ControlError, match=message):
         PidGains(**(values | changes))
+
+
+@pytest.mark.parametrize(
+    "gains",
+    [
+        PidGains(proportional=0.0, integral=2.0),
+        PidGains(proportional=0.5, integral=2.0),
+        PidGains(proportional=-3e4, integral=-1e5),
+        PID,
+    ],
+)
+def test_the_gains_come_back_from_the_law_whatever_it_is_scaled_by(gains):
+    for factor in (1.0, -4.0):
+        found = PidGains.of_law(gains.law(H).scaled(factor), H)
+        assert found is not None and found.name == gains.name
+        np.testing.assert_allclose(
+            [found.proportional, found.integral, found.derivative],
+            factor * np.array([gains.proportional, gains.integral, gains.derivative]),
+            rtol=1e-9,
+        )
+        assert found.filter_time == pytest.approx(gains.filter_time)
+
+
+def test_a_law_of_another_form_has_no_gains():
+    leaky = Law.of_error([[0.9]], [0.1], [1.0], 0.5)
+    assert PidGains.of_law(leaky, H) is None
+    coupled = Law(a=np.array([[1.0, 0.2], [0.0, 0.5]]), b=PID.law(H).b, c=PID.law(H).c, d=PID.law(H).d)
+    assert PidGains.of_law(coupled, H) is None

@@ -1,0 +1,88 @@
+"""What held-out data say of a model: a bias of a known size is found with its interval, a true model has none."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from deatwin.ident.narx import NarxModel, Recording, Reliance, ValidationStatus, assess_reliance
+from deatwin.plant.errors import ModelError
+
+MODEL = NarxModel.from_terms({"y(k-1)": 0.8, "u(k-1)": 0.2}, sample_time=0.01)
+
+
+def recorded(seed: int, factor: float = 1.0, samples: int = 1500) -> Recording:
+    """The model's own output, `factor` times as large, under measurement noise that is correlated over ten samples."""
+    from scipy.signal import lfilter
+
+    rng = np.random.default_rng(seed)
+    u = np.repeat(rng.uniform(-1, 1, samples // 10), 10)
+    y = lfilter([0.0, 0.2], [1.0, -0.8], factor * u)
+    noise = lfilter([0.05], [1.0, -0.9], rng.standard_normal(samples))
+    return Recording.from_arrays(u, y + noise, 0.01)
+
+
+def test_the_interval_of_the_gain_error_holds_the_truth() -> None:
+    # 200 recordings, 95 % intervals: fewer than 180 by chance has a probability of 0.2 %
+    held = 0
+    for seed in range(200):
+        found = assess_reliance(MODEL, [recorded(seed, factor=1.15)])
+        assert found is not None and found.gain_error is not None and found.gain_error_half_width is not None
+        held += abs(found.gain_error - 0.15) <= found.gain_error_half_width
+    assert held >= 180
+
+
+def test_a_biased_model_says_so_with_its_size() -> None:
+    found = assess_reliance(MODEL, [recorded(1, factor=1.5), recorded(2, factor=1.5)])
+    assert found is not None and found.biased
+    assert found.gain_error == pytest.approx(0.5, abs=0.1)
+    assert any("biased" in text and "more than the model's free run" in text for text in found.caveats)
+
+
+def test_a_missing_input_term_is_a_caveat() -> None:
+    rng = np.random.default_rng(0)
+    u = rng.standard_normal(2000)
+    y = np.zeros(2000)
+    for k in range(2, 2000):
+        y[k] = 0.5 * y[k - 1] + 0.3 * u[k - 1] + 0.3 * u[k - 2]
+    record = Recording.from_arrays(u, y + 0.01 * rng.standard_normal(2000), 1.0)
+    model = NarxModel.from_terms({"y(k-1)": 0.5, "u(k-1)": 0.3}, sample_time=1.0)
+    found = assess_reliance(model, [record])
+    assert found is not None and found.status is ValidationStatus.STRUCTURE and "ue" in found.failed
+    assert "failed its residual tests" in found.caveats[0] and "ue" in found.caveats[0]
+
+
+def test_a_diverging_free_run_is_a_caveat() -> None:
+    model = NarxModel.from_terms({"y(k-1)": 1.5, "u(k-1)": 0.2}, sample_time=0.01)
+    found = assess_reliance(model, [recorded(3)])
+    assert found is not None and found.status is ValidationStatus.DIVERGED and found.gain_error is None
+    assert found.caveats == ("the model's free run diverged on held-out data",)
+
+
+def test_it_travels_with_the_model_and_comes_back_as_it_was() -> None:
+    found = assess_reliance(MODEL, [recorded(1, factor=1.5)])
+    assert found is not None
+    model = replace(MODEL, provenance=found.provenance)
+    again = Reliance.of_provenance(model.provenance)
+    assert again is not None and (again.status, again.failed) == (found.status, found.failed)
+    assert again.caveats == found.caveats
+    assert Reliance.of_provenance({}) is None
+
+
+def test_nothing_is_said_where_there_is_nothing_to_test() -> None:
+    assert assess_reliance(MODEL, [recorded(1).section(0, 20)]) is None
+
+
+@pytest.mark.parametrize(
+    "provenance",
+    [
+        {"residual_tests": "fine"},
+        {"residual_tests": "passed", "free_run_gain_error": "0.1"},
+        {"residual_tests": "passed", "free_run_gain_error": "nan +- 0.1"},
+    ],
+)
+def test_what_cannot_be_read_is_named(provenance: dict[str, str]) -> None:
+    with pytest.raises(ModelError, match="the model's provenance has"):
+        Reliance.of_provenance(provenance)
