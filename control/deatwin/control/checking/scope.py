@@ -34,8 +34,8 @@ def judge_band(crossovers_Hz: Sequence[float], excited: Excitation) -> Finding:
     if crossover > band:
         text = (
             f"the highest crossover, {crossover:.2f} Hz, lies outside the band that the recording excited, up to "
-            f"{band:.2f} Hz: the margins there are extrapolated; a recording excited up to {2 * crossover:.2g} Hz would "
-            "settle it"
+            f"{band:.2f} Hz: the margins there are extrapolated; a recording excited up to {2 * crossover:.2g} Hz "
+            "would settle it"
         )
         return Finding(subject="excitation", value=crossover, verdict=Verdict.MARGINAL, text=text)
     for inside in sorted(crossovers_Hz, reverse=True):
