@@ -31,7 +31,13 @@ class TimeLeft:
         self._told: tuple[float, float] | None = None  # when, and the seconds that were told
 
     def tell(self, share: float) -> None:
-        """Take the share that is done, from 0 to 1."""
+        """Take how far the work is.
+
+        Parameters
+        ----------
+        share : float
+            That is done, from 0 to 1.
+        """
         if self._first is None:
             self._first = (self._clock(), share)
         self._share = share
@@ -61,7 +67,17 @@ class TimeLeft:
 
 
 def duration_in_words(seconds: float) -> str:
-    """A time in the unit that a person would use."""
+    """A time in the unit that a person would use.
+
+    Parameters
+    ----------
+    seconds : float
+        Not negative.
+
+    Returns
+    -------
+    str
+    """
     minutes = seconds / 60
     if minutes >= 180:
         return f"{minutes / 60:.0f} h"
