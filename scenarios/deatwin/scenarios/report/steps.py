@@ -78,8 +78,8 @@ def _drawable(evidence: Evidence) -> dict[str, Drawable]:
         )  # fmt: skip
         found["place"] = (
             (WIDTH, 4.2), "Signals that predict the mismatch",
-            "Share of the mismatch that an unknown function of the signals at each place predicts, before any effect is "
-            "tried.",
+            "Share of the mismatch that an unknown function of the signals at each place predicts, before any effect "
+            "is tried.",
             lambda figure: location.place.plot(figure.add_subplot()),
         )  # fmt: skip
         if (lines := location.lines) is not None:
