@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import isfinite
 
-from deatwin.control import Check, PidGains, Verdict
+from deatwin.control import Check, Verdict
 from deatwin.scenarios.check_report.findings import TONES, groups
+from deatwin.scenarios.check_report.gains import written_gains
 from deatwin.scenarios.check_report.margin_figures import draw_margins, draw_margins_over_time, draw_nyquist
 from deatwin.scenarios.check_report.run_figures import Columns, draw_others, draw_sine, draw_steps
 from deatwin.scenarios.check_report.view import View
@@ -55,7 +56,7 @@ def write_check_report(folder: ResultFolder, view: View, origin: Origin) -> None
         folder, "check.html.j2", [drawing for drawing, _ in drawn], origin, verdict=check.verdict.value,
         tone=TONES[check.verdict], sentence=sentence, more=more, tiles=_tiles(view), groups=groups(view),
         figures={drawing.name: drawing for drawing, _ in drawn}, here=_margins_here(view),
-        caveats=[_capital(text) for text in check.caveats], gains=_gains(view),
+        caveats=[_capital(text) for text in check.caveats], gains=written_gains(check),
         controller=check.controller, operating=check.operating, samples=check.margins.samples if check.margins else 0,
     )  # fmt: skip
 
@@ -115,27 +116,6 @@ def _tiles(view: View) -> list[Tile]:
             unit=f"{view.shown_unit} rms".strip(),
         ))  # fmt: skip
     return tiles
-
-
-def _gains(view: View) -> list[tuple[str, str]]:
-    """The gains of a PI or PID law at the operating input in words, each with its unit; none for other laws."""
-    controller, at = view.check.controller, view.check.operating
-    if controller is None:
-        return []
-    gains = PidGains.of_law(controller.local(controller.operating_input), controller.sample_time)
-    if gains is None:
-        return []
-    by = f"{at.input_unit or '1'}/{view.shown_unit}" if view.shown_unit else at.input_unit
-    entries = [
-        ("proportional gain", f"{gains.proportional * view.size:.4g} {by}".rstrip()),
-        ("integral gain", f"{gains.integral * view.size:.4g} {f'{by}/s' if by else '1/s'}"),
-    ]
-    if gains.derivative:
-        entries += [
-            ("derivative gain", f"{gains.derivative * view.size:.4g} {by} s"),
-            ("time constant of the derivative's filter", f"{gains.filter_time:.4g} s"),
-        ]
-    return entries
 
 
 def _margins_here(view: View) -> list[tuple[str, ...]]:

@@ -122,6 +122,7 @@ def check(
     --design inverse --operating-range 1.5 3.2 --out control
     """
     from deatwin.ident.narx import NarxModel
+    from deatwin.scenarios.check_report.gains import written_gains
     from deatwin.scenarios.checking import CheckTask, load_rivals, rival_files
     from deatwin.scenarios.folder import ResultFolder
     from deatwin.scenarios.given import GivenPlant
@@ -145,6 +146,8 @@ def check(
         complain(f"interrupted; {folder.summary}")
         raise typer.Exit(130) from None
     voice.say(found.sentence)
+    if gains := written_gains(found):
+        voice.say(", ".join(f"{name} {value}" for name, value in gains))
     voice.say(f"report: {folder.path / 'report.html'}")
     voice.result(json.loads((folder.path / "check.json").read_text(encoding="utf-8")))
 

@@ -1,0 +1,48 @@
+"""The gains of a controller in plain numbers with their units."""
+
+from __future__ import annotations
+
+from deatwin.control import Check, PidGains
+from deatwin.plant.amplitudes import written_amplitude
+
+__all__ = ["written_gains"]
+
+
+def written_gains(check: Check) -> list[tuple[str, str]]:
+    """Name and size of each gain of a PI or PID law at the operating input; empty for laws of another form.
+
+    Parameters
+    ----------
+    check : Check
+        With or without a controller.
+
+    Returns
+    -------
+    list of (str, str)
+    """
+    controller = check.controller
+    if controller is None:
+        return []
+    gains = PidGains.of_law(controller.local(controller.operating_input), controller.sample_time)
+    if gains is None:
+        return []
+    output_unit, size = written_amplitude(check.operating.output_unit)
+    below = "" if output_unit in ("", "1") else output_unit
+    above = check.operating.input_unit if check.operating.input_unit not in ("", "1") else ""
+    entries = [
+        ("proportional gain", gains.proportional * size, _ratio(above, below)),
+        ("integral gain", gains.integral * size, _ratio(above, f"{below} s".strip())),
+    ]
+    if gains.derivative:
+        entries += [
+            ("derivative gain", gains.derivative * size, _ratio(f"{above} s".strip(), below)),
+            ("time constant of the derivative's filter", gains.filter_time, "s"),
+        ]
+    return [(name, f"{value:.4g} {unit}".rstrip()) for name, value, unit in entries]
+
+
+def _ratio(above: str, below: str) -> str:
+    """A unit by another; pure numbers have none."""
+    if not below:
+        return above
+    return f"{above or '1'}/({below})" if " " in below else f"{above or '1'}/{below}"
