@@ -254,7 +254,7 @@ def _try(
 ) -> OrderTrial:
     """Fit one point of the grid and run it free."""
     point = {"output_lags": trial.output_lags, "input_lags": trial.input_lags, "degree": trial.degree}
-    clone = type(identifier)(**(identifier.get_params() | point))
+    clone = type(identifier)(**(identifier.get_params(deep=False) | point))
     try:
         model = clone.fit(training).model_
     except (ModelError, np.linalg.LinAlgError) as error:
