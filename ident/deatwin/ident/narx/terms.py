@@ -17,10 +17,11 @@ from itertools import combinations_with_replacement
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.narx.lags import ChannelLags, channel_lags, lag_list
+from deatwin.ident.narx.lags import Lags as Lags
 from deatwin.plant.errors import ModelError
 
 Array = NDArray[np.float64]
-Lags = int | Sequence[int]
 
 _KINDS = "yue"  # the order in which factors are written
 _FACTOR = re.compile(r"\s*\*?\s*([yue])(\d*)\(\s*k\s*(?:-\s*(\d+)\s*)?\)(?:\s*\^\s*(\d+))?\s*")
@@ -148,37 +149,12 @@ class Term:
         return "".join(f"{v}^{p}" if p > 1 else str(v) for v, p in self.factors) or "1"
 
 
-def lag_list(lags: Lags, *, smallest: int) -> tuple[int, ...]:
-    """Return lags as an increasing tuple.
-
-    Parameters
-    ----------
-    lags : int or sequence of int
-        A number n for 1..n (0 for none), or the lags themselves, in samples.
-    smallest : int
-        Smallest lag that is allowed: 1 for outputs, 0 for inputs.
-
-    Raises
-    ------
-    ModelError
-        If a lag is not an integer or too small.
-    """
-    if not isinstance(lags, int | np.integer | Iterable):
-        raise ModelError(f"lags = {lags!r}; give a number n >= 0 for 1..n, or a sequence of lags")
-    wanted = range(1, lags + 1) if isinstance(lags, int | np.integer) else lags
-    if isinstance(lags, int | np.integer) and lags < 0:
-        raise ModelError(f"lags = {lags}; give a number n >= 0 for 1..n, or a sequence of lags")
-    if any(not isinstance(lag, int | np.integer) or lag < smallest for lag in wanted):
-        raise ModelError(f"lags {list(wanted)!r} must be integers of at least {smallest}")
-    return tuple(sorted({int(lag) for lag in wanted}))
-
-
 def generate_terms(
     output_lags: Lags,
     input_lags: Lags,
     degree: int,
     *,
-    noise_lags: Lags = 0,
+    noise_lags: ChannelLags = 0,
     n_inputs: int = 1,
     n_outputs: int = 1,
     rule: Rule | None = None,
@@ -187,9 +163,9 @@ def generate_terms(
 
     Parameters
     ----------
-    output_lags, input_lags : int or sequence of int
+    output_lags, input_lags : int, sequence, or mapping of str to int or sequence of int
         A number n for the lags 1..n, or the lags themselves (an input lag may be 0), in samples; for every
-        channel.
+        channel, or for each: in order, as ``[[1, 2], [4, 5]]``, or as ``{"u1": [1, 2], "u2": [4, 5]}``.
     degree : int
         Largest degree of a term, at least 1.
     noise_lags : int or sequence of int
@@ -215,12 +191,12 @@ def generate_terms(
         raise ModelError(f"rule = {rule!r}; it must be a callable that takes a term, or None")
     variables = []
     for kind, count, lags in (
-        ("y", n_outputs, lag_list(output_lags, smallest=1)),
-        ("u", n_inputs, lag_list(input_lags, smallest=0)),
-        ("e", n_outputs, lag_list(noise_lags, smallest=1)),
+        ("y", n_outputs, channel_lags(output_lags, "y", n_outputs)),
+        ("u", n_inputs, channel_lags(input_lags, "u", n_inputs)),
+        ("e", n_outputs, (lag_list(noise_lags, smallest=1),) * n_outputs),
     ):
-        channels = range(1, count + 1) if count > 1 else (0,)
-        variables += [Variable(kind, channel, lag) for channel in channels for lag in lags]
+        numbers = range(1, count + 1) if count > 1 else (0,) * count
+        variables += [Variable(kind, n, lag) for n, own in zip(numbers, lags, strict=True) for lag in own]
     if not variables:
         raise ModelError("no lags at all; give output_lags or input_lags")
     candidates = math.comb(len(variables) + degree, degree)
