@@ -135,7 +135,8 @@ class NarxModel:
         ----------
         terms : mapping of str to float, or of str to such mappings
             Parameter of each term, as ``{"y(k-1)": 0.6, "u(k-1)^2": 0.3}``; for several outputs one such
-            mapping for each, as ``{"y1": {"y1(k-1)": 0.6}, "y2": {"y1(k-1)": 0.2, "u(k-1)": 1.0}}``.
+            mapping for each, as ``{"y1": {"y1(k-1)": 0.6}, "y2": {"y1(k-1)": 0.2, "u(k-1)": 1.0}}``. The names
+            in ``details`` stand for the signals too.
         sample_time : float
             Sampling interval in s.
         theta_cov : array_like, shape (n_terms, n_terms), optional
@@ -150,8 +151,9 @@ class NarxModel:
         ModelError
             If a term cannot be read.
         """
-        written = by_equation(terms)
-        parsed = tuple(Term.parse(text) for _, text, _ in written)
+        names = {f"{side}_names": details.get(f"{side}_names", ()) for side in ("input", "output")}
+        written = by_equation(terms, names["output_names"])
+        parsed = tuple(Term.parse(text, **names) for _, text, _ in written)
         outputs = max(row for row, _, _ in written) + 1
         name_signals(details, "input", TermTable(parsed).channels("u"))
         name_signals(details, "output", outputs)
@@ -252,7 +254,7 @@ class NarxModel:
             raise ModelError(f"{purpose} takes a model without noise terms; give its `deterministic` part")
 
     def __str__(self) -> str:
-        return written(self.terms, self.theta, self.equations, self.n_outputs)
+        return written(self.terms, self.theta, self.equations, self.input_names, self.output_names)
 
     def predict(self, recording: Recording, *, steps: int = 1) -> NarxResponse:
         """Predict each sample from the past that was measured until some steps before it.

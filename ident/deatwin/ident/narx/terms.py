@@ -7,9 +7,8 @@ A term is a product of lagged outputs, inputs and noise, written as in the liter
 from __future__ import annotations
 
 import math
-import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, total_ordering
 from itertools import combinations_with_replacement
@@ -19,12 +18,12 @@ from numpy.typing import NDArray
 
 from deatwin.ident.narx.lags import ChannelLags, channel_lags, lag_list
 from deatwin.ident.narx.lags import Lags as Lags
+from deatwin.ident.narx.names import SignalNames
 from deatwin.plant.errors import ModelError
 
 Array = NDArray[np.float64]
 
 _KINDS = "yue"  # the order in which factors are written
-_FACTOR = re.compile(r"\s*\*?\s*([yue])(\d*)\(\s*k\s*(?:-\s*(\d+)\s*)?\)(?:\s*\^\s*(\d+))?\s*")
 
 Rule = Callable[["Term"], bool]
 
@@ -65,9 +64,18 @@ class Variable:
     def __lt__(self, other: Variable) -> bool:
         return self._key < other._key
 
+    @property
+    def symbol(self) -> str:
+        """The signal without its lag, as y or u2."""
+        return f"{self.kind}{self.channel or ''}"
+
+    @property
+    def delay(self) -> str:
+        """The lag as it is written, as (k-1)."""
+        return f"(k-{self.lag})" if self.lag else "(k)"
+
     def __str__(self) -> str:
-        number = str(self.channel) if self.channel else ""
-        return f"{self.kind}{number}(k-{self.lag})" if self.lag else f"{self.kind}{number}(k)"
+        return self.symbol + self.delay
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,36 +102,37 @@ class Term:
         return cls(tuple(sorted(Counter(variables).items())))
 
     @classmethod
-    def parse(cls, text: str) -> Term:
+    def parse(cls, text: str, *, input_names: Sequence[str] = (), output_names: Sequence[str] = ()) -> Term:
         """Read a term as it is written.
 
         Parameters
         ----------
         text : str
             As ``y(k-1)u(k-2)^2``; spaces and ``*`` between factors are allowed.
+        input_names, output_names : sequence of str, optional
+            Names that stand for the signals beside u1, u2, y1 and so on, and before them where both could be meant.
 
         Raises
         ------
         ModelError
-            If the text is not a term.
+            If the text is not a term, or names a signal that does not exist.
         """
         if text.strip() == "1":
             return cls(())
+        names = SignalNames(tuple(input_names), tuple(output_names))
         variables: list[Variable] = []
         position = 0
         while position < len(text):
-            match = _FACTOR.match(text, position)
+            match = names.factor.match(text, position)
             if match is None:
-                raise ModelError(
-                    f"cannot read the term {text[:80]!r} from {text[position : position + 20]!r} on; "
-                    "write terms as 1, y(k-1) or y(k-1)u(k-2)^2"
-                )
-            kind, channel, lag, power = match.groups()
-            limits = (channel, MOST_CHANNELS, "channel"), (lag, MOST_LAG, "lag"), (power, MOST_POWER, "power")
-            for number, most, what in limits:
-                if len(number or "") > 6 or int(number or 0) > most:
+                raise ModelError(names.unread(text, position))
+            name, kind, number, lag, power = match.groups()
+            limits = (number, MOST_CHANNELS, "channel"), (lag, MOST_LAG, "lag"), (power, MOST_POWER, "power")
+            for digits, most, what in limits:
+                if len(digits or "") > 6 or int(digits or 0) > most:
                     raise ModelError(f"term {text[:80]!r}: a {what} is above {most}")
-            variable = Variable(kind, int(channel or 0), int(lag or 0))
+            kind, channel = names.signal(name) if name else (kind, int(number or 0))
+            variable = Variable(kind, channel, int(lag or 0))
             if kind != "u" and variable.lag < 1:
                 held = "output" if kind == "y" else "noise"
                 raise ModelError(
@@ -145,8 +154,19 @@ class Term:
         """The factors with each variable repeated as often as its power."""
         return tuple(variable for variable, power in self.factors for _ in range(power))
 
+    def written(self, symbols: Mapping[tuple[str, int], str]) -> str:
+        """Return the term in other symbols for its signals.
+
+        Parameters
+        ----------
+        symbols : mapping of (str, int) to str
+            Symbol of a signal by kind, "y", "u" or "e", and row; where there is none, that of `Variable` stands.
+        """
+        factors = [(f"{symbols.get((v.kind, v.index), v.symbol)}{v.delay}", power) for v, power in self.factors]
+        return "".join(f"{text}^{power}" if power > 1 else text for text, power in factors) or "1"
+
     def __str__(self) -> str:
-        return "".join(f"{v}^{p}" if p > 1 else str(v) for v, p in self.factors) or "1"
+        return self.written({})
 
 
 def generate_terms(

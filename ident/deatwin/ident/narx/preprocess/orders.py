@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from deatwin.ident.narx.identifier import NarxIdentifier, Progress, silent
+from deatwin.ident.narx.lags import Lags, lags_anywhere
 from deatwin.ident.narx.preprocess.datasets import orders_dataset
 from deatwin.ident.narx.regression import Recordings, flatten
-from deatwin.ident.narx.lags import Lags, lags_anywhere
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError
