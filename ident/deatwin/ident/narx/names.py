@@ -91,8 +91,9 @@ class SignalNames:
             for side, kind, names in (("inputs", "u", self.inputs), ("outputs", "y", self.outputs))
         }
         return (
-            f"the term {text[:80]!r} names the signal {named.group(1)[:40]!r}{nearest(named.group(1), self._signals)}; "
+            f"the term {text[:80]!r} names the signal {named.group(1)[:40]!r}; there are "
             + ", ".join(f"{side}: {names or 'none'}" for side, names in sides.items())
+            + nearest(named.group(1), self._signals)
         )
 
 

@@ -11,7 +11,7 @@ from deatwin.ident.narx.linear.prediction import lagged, prediction_errors, recu
 from deatwin.ident.narx.response import DIVERGED
 from deatwin.plant.errors import ModelError
 
-__all__ = ["free_run", "some_steps"]
+__all__ = ["free_run", "measured_limit", "some_steps"]
 
 Array = NDArray[np.float64]
 
@@ -69,7 +69,7 @@ def some_steps(
     outputs = output.copy()
     with np.errstate(over="ignore", invalid="ignore"):  # an unstable A many steps ahead; found below
         outputs[first:] -= np.convolve(errors, response, mode="valid")
-    bad = ~(np.abs(outputs) < _limit(output))
+    bad = ~(np.abs(outputs) < measured_limit(output))
     if not bad.any():
         return outputs, first, None
     outputs[bad] = output[np.flatnonzero(bad) - steps]
@@ -77,7 +77,7 @@ def some_steps(
 
 
 def free_run(
-    polynomials: Polynomials, input_lag: int, inputs: Array, output: Array, warmup: int
+    polynomials: Polynomials, input_lag: int, inputs: Array, output: Array, warmup: int, limit: float
 ) -> tuple[Array, int, int | None]:
     """Run the deterministic part free.
 
@@ -93,6 +93,8 @@ def free_run(
         Output, of which ``warmup`` samples are used.
     warmup : int
         Number of samples that set the state, at least the number of poles.
+    limit : float
+        Outputs beyond ± this are divergence, in the output's unit.
 
     Returns
     -------
@@ -118,7 +120,7 @@ def free_run(
     first = input_lag + warmup
     outputs = output.copy()
     outputs[first:] = run[warmup:]
-    bad = ~(np.abs(outputs) < _limit(output))
+    bad = ~(np.abs(outputs) < limit)
     if not bad.any():
         return outputs, first, None
     failed = int(np.argmax(bad))
@@ -126,6 +128,12 @@ def free_run(
     return outputs, first, failed
 
 
-def _limit(output: Array) -> float:
-    """Return the magnitude beyond which an output has diverged."""
+def measured_limit(output: Array) -> float:
+    """Return the magnitude beyond which an output has diverged, in its unit.
+
+    Parameters
+    ----------
+    output : ndarray, shape (n,)
+        The measured output.
+    """
     return DIVERGED * max(float(np.abs(output).max()), np.finfo(float).tiny)
