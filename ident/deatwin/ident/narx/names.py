@@ -11,7 +11,7 @@ from deatwin.plant.errors import ModelError, nearest
 
 __all__ = ["SignalNames", "symbols_of"]
 
-_NAMED = re.compile(r"\s*\*?\s*([^\W\d][^()*^|]*?)\s*\(\s*k\s*[-)]")
+_NAMED = re.compile(r"\s*\*?\s*([^\W\d][^()*^|]*?)\s*\(\s*k\s*(?:-\s*\d+\s*)?\)")
 _WORD = re.compile(r"[^\W\d]\w*")
 # Names that recordings and models give to signals of which no name was told.
 _UNTOLD = re.compile(r"(input|output)(_?\d+)?|command|displacement")
