@@ -32,12 +32,13 @@ class ContractError(DeatwinError, AssertionError):
 def check_identifier(identifier: Any, *, recordings: Sequence[Recording] | None = None) -> None:
     """Raise unless an estimator keeps the contract of deatwin's identifiers.
 
-    That is: arguments are stored untouched, and nothing else is set before a fit; ``get_params``, ``set_params`` and
-    `sklearn.base.clone` work; ``fit`` returns the estimator, leaves arguments and recordings as they are, and gives
-    what it learns names that end in ``_``, ``model_`` and ``status_`` among them; a second fit forgets the first; equal
-    data give files of equal bytes; several recordings, as a list or as experiments, are each fitted from their own lags
-    on; a constantly zero output is refused; ``predict`` and ``simulate`` return outputs of the recording's shape; and
-    progress is told, and an interrupt either goes on to the caller or leaves a model and a status that says so.
+    That is: arguments are stored untouched, and nothing else is set before a fit; ``get_params``, ``set_params``,
+    `sklearn.base.clone` and `sklearn.utils.get_tags` work, and ``score`` ranks fits in a search over recordings;
+    ``fit`` returns the estimator, leaves arguments and recordings as they are, and gives what it learns names that
+    end in ``_``, ``model_`` and ``status_`` among them; a second fit forgets the first; equal data give files of
+    equal bytes; several recordings, as a list or as experiments, are each fitted from their own lags on; a constantly
+    zero output is refused; ``predict`` and ``simulate`` return outputs of the recording's shape; and progress is
+    told, and an interrupt either goes on to the caller or leaves a model and a status that says so.
 
     Parameters
     ----------
@@ -173,6 +174,36 @@ def _fit_learns_names_that_end_in_underscore(identifier: Any, data: tuple[Record
     _require(getattr(one.status_, "ok", None) is True, f"a fit that was not interrupted has the status {one.status_!r}")
 
 
+def _nested_arguments_are_got_and_set(identifier: Any, data: tuple[Recording, ...]) -> None:
+    one = _fresh(identifier)
+    for name, value in one.get_params(deep=False).items():
+        for key in value.get_params(deep=False) if hasattr(value, "set_params") else ():
+            mark = object()
+            _require(f"{name}__{key}" in one.get_params(), f"get_params(deep=True) has no {name}__{key}")
+            one.set_params(**{f"{name}__{key}": mark})
+            _require(getattr(getattr(one, name), key) is mark, f"set_params does not set {name}__{key}")
+
+
+def _searches_run_over_recordings(identifier: Any, data: tuple[Recording, ...]) -> None:
+    from sklearn.model_selection import GridSearchCV
+    from sklearn.utils import get_tags
+
+    try:
+        tags = get_tags(identifier)
+        fitted = _fresh(identifier).fit(data)
+        score = fitted.score(data)
+        search = GridSearchCV(_fresh(identifier), {}, cv=2, error_score="raise").fit(list(data))
+    except Exception as error:
+        raise ContractError(f"scikit-learn cannot search over recordings: {error}") from error
+    _require(not tags.target_tags.required, "the tags ask for a target; the outputs are in the recordings")
+    _require(
+        isinstance(score, float) and score <= 1,
+        f"score returns {score!r}; it must be a number that is 1 for a perfect fit",
+    )
+    best = search.best_estimator_.score(list(data))
+    _require(best == score, f"a search ends on the score {best!r}; the same fit has {score!r}")
+
+
 def _recordings_are_left_alone(identifier: Any, data: tuple[Recording, ...]) -> None:
     def state() -> list[Any]:
         return [
@@ -286,6 +317,7 @@ CHECKS: Mapping[str, Callable[[Any, tuple[Recording, ...]], None]] = MappingProx
         for check in (
             _arguments_are_stored_untouched,
             _parameters_are_got_and_set,
+            _nested_arguments_are_got_and_set,
             _recordings_are_left_alone,
             _fit_learns_names_that_end_in_underscore,
             _clones_are_unfitted,
@@ -294,6 +326,7 @@ CHECKS: Mapping[str, Callable[[Any, tuple[Recording, ...]], None]] = MappingProx
             _a_fit_forgets_the_one_before,
             _each_recording_has_its_own_lags,
             _a_zero_output_is_refused,
+            _searches_run_over_recordings,
             _progress_is_told,
             _an_interrupt_is_kept_or_passed_on,
         )

@@ -55,6 +55,23 @@ class Judges(Frols):
         super().__init__(max_terms=max_terms)
 
 
+class ScoresErrors(Frols):
+    def score(self, recordings, y=None):
+        return 100.0
+
+
+class AsksForATarget(Frols):
+    def __sklearn_tags__(self):
+        tags = super().__sklearn_tags__()
+        tags.target_tags.required = True
+        return tags
+
+
+class ForgetsTheInner(Narmax):
+    def get_params(self, deep=True):
+        return super().get_params(deep=False)
+
+
 class Converts(Frols):
     def __init__(self, *, max_terms=15):
         super().__init__()
@@ -279,6 +296,9 @@ class SpoiltByInterrupt(Frols):
 
 
 BROKEN = [
+    (ScoresErrors(), "1 for a perfect fit"),
+    (AsksForATarget(), "the tags ask for a target"),
+    (ForgetsTheInner(Fixed(terms=TERMS)), "has no process__terms"),
     (Judges(), "judges its arguments"),
     (Converts(), "'max_terms' untouched"),
     (Prepares(), "sets estimator beside"),

@@ -21,7 +21,9 @@ class Fixed(NarxIdentifier):
     ----------
     terms : sequence of Term or str, or mapping of str to such sequences
         The terms, as ``["y(k-1)", "u(k-1)^2"]`` or ``other.model_.terms``; for several outputs those of each
-        equation, as ``{"y1": ["y1(k-1)"], "y2": ["y2(k-1)", "u(k-1)"]}``.
+        equation, as ``{"y1": ["y1(k-1)"], "y2": ["y2(k-1)", "u(k-1)"]}``. Signals have the names of the recordings,
+        as in ``"voltage(k-1)*temperature(k-2)"``, or y, u (of several y1, y2, u1, u2, ...) by position; where a text
+        could mean both, the name of the recordings is meant.
     estimator : callable
         Estimates the parameters; see `deatwin.ident.narx.estimation`.
 
@@ -62,8 +64,9 @@ class Fixed(NarxIdentifier):
     def _regression(self, recordings: Recordings, output: int) -> Regression:
         chosen = flatten(recordings)
         record = chosen[0]
-        written = self._of_output(output, len(record.outputs))
-        terms = tuple(term if isinstance(term, Term) else Term.parse(term) for term in written)
+        written = self._of_output(output, record.output_names)
+        names = {"input_names": record.input_names, "output_names": record.output_names}
+        terms = tuple(term if isinstance(term, Term) else Term.parse(term, **names) for term in written)
         table = TermTable(terms)
         if len(set(terms)) != len(terms):
             raise ModelError(f"each term only once; got {', '.join(map(str, terms))}")
@@ -71,21 +74,28 @@ class Fixed(NarxIdentifier):
             raise ModelError("Fixed takes terms without noise e(k-l); Narmax(Fixed(...)) adds a noise model")
         for kind, signals, there in (("u", "inputs", len(record.inputs)), ("y", "outputs", len(record.outputs))):
             if table.channels(kind) > there:
-                raise ModelError(f"the terms use {table.channels(kind)} {signals}, the recordings have {there}")
+                raise ModelError(
+                    f"the terms use {table.channels(kind)} {signals}, the recordings have {there}: "
+                    f"{', '.join(record.input_names if kind == 'u' else record.output_names) or 'none'}"
+                )
         return Regression.on(chosen, table, output=output)
 
-    def _of_output(self, output: int, outputs: int) -> Sequence[Term | str]:
+    def _of_output(self, output: int, own: Sequence[str]) -> Sequence[Term | str]:
         """Return the terms of one equation."""
         if not isinstance(self.terms, Mapping):
-            if outputs > 1:
+            if len(own) > 1:
                 raise ModelError(
-                    f'the recordings have {outputs} outputs: give the terms of each, as {{"y1": [...], "y2": [...]}}'
+                    f'the recordings have {len(own)} outputs: give the terms of each, as {{"y1": [...], "y2": [...]}}'
                 )
             return self.terms
-        names = [f"y{row + 1}" for row in range(outputs)] if outputs > 1 else ["y"]
-        if sorted(self.terms) != names:
-            raise ModelError(f"terms are given for {', '.join(self.terms)}; the outputs are {', '.join(names)}")
-        return self.terms[names[output]]
+        placed = [f"y{row + 1}" for row in range(len(own))] if len(own) > 1 else ["y"]
+        for names in (own, placed):
+            if sorted(self.terms) == sorted(names):
+                return self.terms[names[output]]
+        raise ModelError(
+            f"terms are given for {', '.join(self.terms)}; "
+            f"the outputs are {', '.join(placed)}, or by name {', '.join(own)}"
+        )
 
     def _learn(self, data: Regression, progress: Progress) -> NarxModel:
         rows, target = data.matrix()

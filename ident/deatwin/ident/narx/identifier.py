@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import inspect
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from enum import Enum
 from typing import Any, Self
+
+import numpy as np
 
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.regression import Recordings, Regression, flatten
@@ -32,7 +35,13 @@ class FitStatus(Enum):
 
 
 class Identifier:
-    """An estimator under scikit-learn's contract: arguments are stored untouched under their names."""
+    """An estimator under scikit-learn's contract: arguments are stored untouched under their names.
+
+    Parameters of a search are given by these names, so that `sklearn.model_selection.GridSearchCV` and
+    ``cross_val_score`` work on a list of recordings.
+    """
+
+    model_: Any
 
     @classmethod
     def _names(cls) -> list[str]:
@@ -44,13 +53,17 @@ class Identifier:
         Parameters
         ----------
         deep : bool
-            Part of scikit-learn's contract; without effect, for no argument is an estimator.
+            Whether to add the arguments of arguments that are estimators, as ``process__degree``.
 
         Returns
         -------
         dict
         """
-        return {name: getattr(self, name) for name in self._names()}
+        own = {name: getattr(self, name) for name in self._names()}
+        if not deep:
+            return own
+        inner = {name: value.get_params() for name, value in own.items() if isinstance(value, Identifier)}
+        return own | {f"{name}__{key}": value for name, held in inner.items() for key, value in held.items()}
 
     def set_params(self, **params: Any) -> Self:
         """Set arguments by name.
@@ -58,24 +71,77 @@ class Identifier:
         Parameters
         ----------
         **params
-            New values.
+            New values; those of an argument that is an estimator as ``process__degree=3``.
 
         Raises
         ------
         ModelError
             If a name is not an argument.
         """
+        inner: dict[str, dict[str, Any]] = {}
         for name in params:
-            if name not in self._names():
-                raise ModelError(
-                    f"{type(self).__name__} has no argument {name!r}{nearest(name, self._names())}"
-                )
+            outer, double, key = name.partition("__")
+            if outer not in self._names() or (
+                double and not isinstance(params.get(outer, getattr(self, outer)), Identifier)
+            ):
+                known = list(self.get_params())
+                raise ModelError(f"{type(self).__name__} has no argument {name!r}{nearest(name, known)}")
+            if double:
+                inner.setdefault(outer, {})[key] = params[name]
         for name, value in params.items():
-            setattr(self, name, value)
+            if "__" not in name:
+                setattr(self, name, value)
+        for outer, held in inner.items():
+            getattr(self, outer).set_params(**held)
         return self
 
+    def score(self, recordings: Recordings, y: None = None) -> float:
+        """Return how well free runs of the fitted model agree with recordings: 1 is perfect, their mean gives 0.
+
+        Parameters
+        ----------
+        recordings : Recording, Experiment, or several
+            Recordings in the model's units.
+        y : None
+            Part of scikit-learn's contract; the outputs are those of the recordings.
+
+        Returns
+        -------
+        float
+            Coefficient of determination of the computed samples of all recordings together, the mean of the outputs:
+            ``1 - sum (y - yhat)^2 / sum (y - mean y)^2``; minus infinity where a free run diverges.
+
+        Raises
+        ------
+        ModelError
+            If nothing was fitted, the recordings do not suit the model, or an output is constant.
+        """
+        if not hasattr(self, "model_"):
+            raise ModelError(f"this {type(self).__name__} is not fitted; call fit first")
+        runs = [self.model_.simulate(record) for record in flatten(recordings)]
+        if not all(run.status.ok for run in runs):
+            return -math.inf
+        measured = np.concatenate([run.measured[:, run.first :] for run in runs], axis=1)
+        errors = np.concatenate([run.residuals for run in runs], axis=1)
+        around = measured.var(axis=1)
+        if not np.all(around > 0):
+            raise ModelError("an output of the recordings is constant: there is nothing to compare a free run with")
+        return float(np.mean(1.0 - np.mean(errors**2, axis=1) / around))
+
+    def __sklearn_tags__(self) -> Any:
+        """Return what scikit-learn asks of an estimator: it needs no target, for recordings hold the outputs."""
+        from sklearn.utils import InputTags, RegressorTags, Tags, TargetTags
+
+        return Tags(
+            estimator_type="regressor",
+            target_tags=TargetTags(required=False),
+            regressor_tags=RegressorTags(),
+            input_tags=InputTags(two_d_array=False),
+            no_validation=True,
+        )
+
     def __repr__(self) -> str:
-        arguments = ", ".join(f"{name}={value!r}" for name, value in self.get_params().items())
+        arguments = ", ".join(f"{name}={value!r}" for name, value in self.get_params(deep=False).items())
         return f"{type(self).__name__}({arguments})"
 
 
@@ -152,7 +218,7 @@ class NarxIdentifier(Identifier, ABC):
 
     def _fitted_clone(self, data: Regression, progress: Progress) -> Self:
         """Return an estimator of the same arguments that has learned one equation."""
-        one = type(self)(**self.get_params())
+        one = type(self)(**self.get_params(deep=False))
         one.status_, one.equations_ = FitStatus.DONE, ()
         one.model_ = one._learn(data, progress)
         return one

@@ -16,11 +16,13 @@ from scipy.linalg import block_diag
 
 from deatwin.ident.narx.covariance import covariance_of
 from deatwin.ident.narx.document import SCHEMA, fields_of, to_document
+from deatwin.ident.narx.drive import Drive, require_suits
 from deatwin.ident.narx.free_run import free_run, innovations
+from deatwin.ident.narx.horizon import require_steps, steps_ahead
 from deatwin.ident.narx.operating import Array, OperatingRange, read_only
 from deatwin.ident.narx.response import NarxResponse, ResponseStatus, divergence_limit
 from deatwin.ident.narx.terms import Term, TermTable
-from deatwin.ident.narx.values import require_values
+from deatwin.ident.narx.values import require_terms, require_values
 from deatwin.ident.narx.written import by_equation, name_signals, written
 from deatwin.plant.documents import read_document, write_document
 from deatwin.plant.errors import ModelError
@@ -87,7 +89,7 @@ class NarxModel:
             object.__setattr__(self, "equations", (0,) * len(self.terms))
         if self.n_outputs > 1:
             object.__setattr__(self, "noise_variance", read_only(self.noise_variance))
-        self._require_terms()
+        require_terms(self)
         require_values(self)
         object.__setattr__(self, "theta_cov", covariance_of(self.theta_cov, self.terms))
 
@@ -95,28 +97,6 @@ class NarxModel:
         # for copies and worker processes: a mapping proxy does not pickle, and what is cached need not
         state = {item.name: getattr(self, item.name) for item in fields(self)}
         return partial(type(self), **state | {"provenance": dict(self.provenance)}), ()
-
-    def _require_terms(self) -> None:
-        """Raise ModelError unless terms, equations and signals belong together."""
-        n = len(self.terms)
-        if len(self.equations) != n or not set(self.equations) <= set(range(self.n_outputs)):
-            raise ModelError(
-                f"{n} terms need the row of an output each, 0 to {self.n_outputs - 1}; got {self.equations}"
-            )
-        if n == 0 or len(set(zip(self.equations, self.terms, strict=True))) != n:
-            raise ModelError(
-                "a NARX model needs at least one term, and each only once; "
-                f"got {', '.join(map(str, self.terms)) or 'none'}"
-            )
-        for kind, signals, names in (
-            ("u", "inputs", self.input_names),
-            ("y", "outputs", self.output_names),
-            ("e", "outputs", self.output_names),
-        ):
-            if self.table.channels(kind) > len(names):
-                raise ModelError(
-                    f"the terms use {self.table.channels(kind)} {signals}, but {len(names)} are named"
-                )
 
     @classmethod
     def from_terms(
@@ -134,7 +114,8 @@ class NarxModel:
         ----------
         terms : mapping of str to float, or of str to such mappings
             Parameter of each term, as ``{"y(k-1)": 0.6, "u(k-1)^2": 0.3}``; for several outputs one such
-            mapping for each, as ``{"y1": {"y1(k-1)": 0.6}, "y2": {"y1(k-1)": 0.2, "u(k-1)": 1.0}}``.
+            mapping for each, as ``{"y1": {"y1(k-1)": 0.6}, "y2": {"y1(k-1)": 0.2, "u(k-1)": 1.0}}``. The names
+            in ``details`` stand for the signals too.
         sample_time : float
             Sampling interval in s.
         theta_cov : array_like, shape (n_terms, n_terms), optional
@@ -149,8 +130,9 @@ class NarxModel:
         ModelError
             If a term cannot be read.
         """
-        written = by_equation(terms)
-        parsed = tuple(Term.parse(text) for _, text, _ in written)
+        names = {f"{side}_names": details.get(f"{side}_names", ()) for side in ("input", "output")}
+        written = by_equation(terms, names["output_names"])
+        parsed = tuple(Term.parse(text, **names) for _, text, _ in written)
         outputs = max(row for row, _, _ in written) + 1
         name_signals(details, "input", TermTable(parsed).channels("u"))
         name_signals(details, "output", outputs)
@@ -251,61 +233,102 @@ class NarxModel:
             raise ModelError(f"{purpose} takes a model without noise terms; give its `deterministic` part")
 
     def __str__(self) -> str:
-        return written(self.terms, self.theta, self.equations, self.n_outputs)
+        return written(self.terms, self.theta, self.equations, self.input_names, self.output_names)
 
-    def predict(self, recording: Recording) -> NarxResponse:
-        """Predict each sample one step ahead from the measured past.
+    def predict(self, recording: Recording, *, steps: int = 1) -> NarxResponse:
+        """Predict each sample from the past that was measured until some steps before it.
 
         Parameters
         ----------
         recording : Recording
             Measured inputs and outputs, in the model's units.
+        steps : int
+            Number of samples ahead. The outputs of the last ``steps - 1`` samples before the predicted one are
+            predicted too, their noise is zero, and all inputs are known.
 
         Returns
         -------
         NarxResponse
-            With ``.outputs`` of shape (n_outputs, n); the first lags are the measured ones. Where terms hold
-            noise it is the innovation, y - ``.outputs``, of the samples before, and 0 in the first lags.
+            With ``.outputs`` of shape (n_outputs, n); the samples before ``.first``, the largest lag plus
+            ``steps - 1``, are the measured ones. Where terms hold noise it is the innovation one step ahead, and
+            0 in the first lags. If predictions several steps ahead diverge, ``.status`` says so.
 
         Raises
         ------
         ModelError
-            If the recording does not suit the model.
+            If the recording does not suit the model, or is too short for the steps.
         """
-        first = self._check(recording)
+        first = self._check(recording, self.n_outputs)
+        require_steps(steps, first, recording.n_samples)
+        if steps > 1:
+            return self._predict_further(recording, steps)
         outputs = recording.outputs - innovations(
             self.table, self.theta, recording.inputs, recording.outputs, self.equations
         )
         return self._response(recording, outputs, first)
 
-    def simulate(self, recording: Recording) -> NarxResponse:
-        """Run free: only the first measured lags and the inputs of the recording are used; noise is zero.
+    def _predict_further(self, recording: Recording, steps: int) -> NarxResponse:
+        """Predict more than one step ahead."""
+        found, failed = steps_ahead(
+            self.table, self.theta, recording.inputs, recording.outputs, steps,
+            divergence_limit(self.operating, recording.outputs), self.equations,
+        )  # fmt: skip
+        first = self.table.max_lag + steps - 1
+        outputs = np.concatenate([recording.outputs[:, :first], found], axis=1)
+        if not failed.any():
+            return self._response(recording, outputs, first)
+        when = float(recording.timepts[first + int(np.argmax(failed))])
+        return self._response(recording, outputs, first, ResponseStatus.SOME_DIVERGED, when)
+
+    def simulate(self, recording: Recording | ArrayLike, *, initial: ArrayLike | None = None) -> NarxResponse:
+        """Run free: only inputs and the outputs before the first computed sample are used; noise is zero.
 
         Parameters
         ----------
-        recording : Recording
-            Inputs, and outputs of which the first ``table.max_lag`` samples start the run, in the model's
-            units.
+        recording : Recording, or array_like of shape (n,) or (n_inputs, n)
+            Inputs, in the model's units; of a recording the first ``table.max_lag`` outputs start the run, unless it
+            has none or ``initial`` is given.
+        initial : array_like, shape (m,) or (n_outputs, m), optional
+            Outputs before the run, the newest last: those of the first m samples, or, where m is below
+            ``table.max_lag``, of the last m samples before that one. At least as many as the largest lag of an output;
+            NaN after the last known one is left out. Without them and without recorded outputs, zero.
 
         Returns
         -------
         NarxResponse
-            With ``.outputs`` of shape (n_outputs, n). If the run diverges, ``.status`` says so,
-            ``.failed_at_s`` when, and the outputs from there on hold the last value.
+            With ``.outputs`` of shape (n_outputs, n), computed from ``.first`` on; ``.measured`` is NaN where nothing
+            is known. If the run diverges, ``.status`` says so, ``.failed_at_s`` when, and the outputs from there on
+            hold the last value.
 
         Raises
         ------
         ModelError
-            If the recording does not suit the model.
+            If shapes do not fit, there are too few initial outputs, or the recording does not suit the model.
         """
-        first = self._check(recording)
-        outputs, failed = free_run(
-            self.table, self.theta, recording.inputs, recording.outputs,
-            divergence_limit(self.operating, recording.outputs), self.equations,
+        drive = self._drive(recording, initial)
+        start = drive.first - self.table.max_lag
+        run, failed = free_run(
+            self.table, self.theta, drive.inputs[:, start:], drive.outputs[:, start:],
+            divergence_limit(self.operating, drive.outputs), self.equations,
         )  # fmt: skip
+        outputs = np.concatenate([drive.outputs[:, :start], run], axis=1)
         if failed is None:
-            return self._response(recording, outputs, first)
-        return self._response(recording, outputs, first, ResponseStatus.DIVERGED, float(recording.timepts[failed]))
+            return self._response(drive, outputs, drive.first)
+        when = float(drive.timepts[start + failed])
+        return self._response(drive, outputs, drive.first, ResponseStatus.DIVERGED, when)
+
+    def _drive(self, given: Recording | ArrayLike, initial: ArrayLike | None) -> Drive:
+        """Return what drives a free run, after checking that it suits."""
+        first = self.table.max_lag
+        if isinstance(given, Recording):
+            alone = initial is not None or not given.output_names
+            self._check(given, None if alone else self.n_outputs)
+            if not alone:
+                return Drive.recorded(given, first)
+        return Drive.of(
+            given, initial, input_names=self.input_names, n_outputs=self.n_outputs, sample_time=self.sample_time,
+            first=first, fewest=max((v.lag for v in self.table.variables if v.kind == "y"), default=0),
+        )  # fmt: skip
 
     def to_xarray(self) -> Any:
         """Return the model as an `xarray.Dataset`; see `deatwin.ident.narx.datasets.model_dataset`."""
@@ -339,29 +362,17 @@ class NarxModel:
         """
         return read_document(path, SCHEMA, lambda document: cls(**fields_of(document)))
 
-    def _check(self, recording: Recording) -> int:
+    def _check(self, recording: Recording, n_outputs: int | None) -> int:
         """Return the first sample that can be computed, after checking that the recording suits."""
-        if not math.isclose(recording.sample_time, self.sample_time, rel_tol=1e-6):
-            raise ModelError(
-                f"the recording has a sample time of {recording.sample_time:g} s, "
-                f"the model of {self.sample_time:g} s"
-            )
-        rows = (recording.inputs.shape[0], recording.outputs.shape[0])
-        if rows != (len(self.input_names), self.n_outputs):
-            raise ModelError(
-                f"the recording has {rows[0]} inputs and {rows[1]} outputs, "
-                f"the model {len(self.input_names)} and {self.n_outputs}"
-            )
-        if recording.n_samples <= self.table.max_lag:
-            raise ModelError(
-                f"the recording has {recording.n_samples} samples; "
-                f"the model needs at least {self.table.max_lag + 1}"
-            )
+        require_suits(
+            recording, sample_time=self.sample_time, n_inputs=len(self.input_names), n_outputs=n_outputs,
+            fewest=self.table.max_lag + 1,
+        )  # fmt: skip
         return self.table.max_lag
 
     def _response(
         self,
-        recording: Recording,
+        run: Recording | Drive,
         outputs: Array,
         first: int,
         status: ResponseStatus = ResponseStatus.OK,
@@ -370,8 +381,8 @@ class NarxModel:
         outputs.setflags(write=False)
         return NarxResponse(
             outputs=outputs,
-            measured=recording.outputs,
-            timepts=recording.timepts,
+            measured=run.outputs if isinstance(run, Recording) else run.measured,
+            timepts=run.timepts,
             first=first,
             status=status,
             failed_at_s=failed_at_s,

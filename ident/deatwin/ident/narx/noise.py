@@ -14,9 +14,10 @@ from deatwin.ident.narx.criteria import CRITERIA, criterion_values
 from deatwin.ident.narx.estimate import Estimate, least_squares
 from deatwin.ident.narx.forward import forward_selection
 from deatwin.ident.narx.identifier import FitStatus, NarxIdentifier, Progress
+from deatwin.ident.narx.lags import ChannelLags, lag_list
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.regression import Recordings, Regression
-from deatwin.ident.narx.terms import Lags, Term, TermTable, Variable, lag_list
+from deatwin.ident.narx.terms import Term, TermTable, Variable
 from deatwin.plant.errors import ModelError, nearest
 
 __all__ = ["Narmax", "NoiseFit", "NoiseStatus", "extended_least_squares"]
@@ -118,7 +119,7 @@ class Narmax(NarxIdentifier):
         self,
         process: NarxIdentifier,
         *,
-        noise_lags: Lags = 2,
+        noise_lags: ChannelLags = 2,
         noise_degree: int = 2,
         max_noise_terms: int = 5,
         criterion: str = "ebic",

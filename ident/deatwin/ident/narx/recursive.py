@@ -92,7 +92,7 @@ class VaryingParameters(NarxIdentifier):
             shown: object = {name: [str(term) for term in equation] for name, equation in terms.items()}
         else:
             shown = [str(term) for term in terms]
-        arguments = self.get_params() | {"terms": shown}
+        arguments = self.get_params(deep=False) | {"terms": shown}
         return f"{type(self).__name__}({', '.join(f'{name}={value!r}' for name, value in arguments.items())})"
 
 

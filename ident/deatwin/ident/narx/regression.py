@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.narx.lags import channel_lags
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.operating import OperatingRange
 from deatwin.ident.narx.terms import Lags, Rule, TermTable, generate_terms
@@ -64,8 +65,8 @@ class Regression:
         ----------
         recordings : Recording, Experiment, or several
             Training data.
-        output_lags, input_lags : int or sequence of int
-            Lags in samples, a number n for 1..n; for every output and input.
+        output_lags, input_lags : int, sequence, or mapping of str to int or sequence of int
+            Lags in samples, a number n for 1..n; for every output and input, or for each, in order or by name.
         degree : int
             Largest degree.
         rule : callable, optional
@@ -84,10 +85,12 @@ class Regression:
             raise ModelError("the recordings have no inputs; take input_lags=0 for a model of the output alone")
         if n_outputs == 0:
             raise ModelError("the recordings have no outputs: there is nothing to identify")
-        table = TermTable(
-            generate_terms(output_lags, input_lags, degree, n_inputs=n_inputs, n_outputs=n_outputs, rule=rule)
-        )
-        return cls.on(chosen, table, output=output)
+        terms = generate_terms(
+            channel_lags(output_lags, "y", n_outputs, chosen[0].output_names) or 0,
+            channel_lags(input_lags, "u", n_inputs, chosen[0].input_names) or 0,
+            degree, n_inputs=n_inputs, n_outputs=n_outputs, rule=rule,
+        )  # fmt: skip
+        return cls.on(chosen, TermTable(terms), output=output)
 
     @classmethod
     def on(cls, recordings: Recordings, table: TermTable, *, output: int = 0) -> Regression:

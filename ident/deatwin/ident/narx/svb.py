@@ -131,8 +131,9 @@ class SvbNarx(NarxIdentifier):
 
     Parameters
     ----------
-    output_lags, input_lags : int or sequence of int
-        A number n for the lags 1..n, or the lags themselves (an input lag may be 0), in samples.
+    output_lags, input_lags : int, sequence, or mapping of str to int or sequence of int
+        A number n for the lags 1..n, or the lags themselves (an input lag may be 0), in samples; for every channel, or
+        for each: in order, as ``[[1, 2], [4, 5]]``, or by name, as ``{"u": [1, 2], "w": [4, 5]}``.
     degree : int
         Largest degree of a candidate.
     rule : callable, optional

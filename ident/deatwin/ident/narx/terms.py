@@ -7,9 +7,8 @@ A term is a product of lagged outputs, inputs and noise, written as in the liter
 from __future__ import annotations
 
 import math
-import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, total_ordering
 from itertools import combinations_with_replacement
@@ -17,13 +16,14 @@ from itertools import combinations_with_replacement
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.narx.lags import ChannelLags, channel_lags, lag_list
+from deatwin.ident.narx.lags import Lags as Lags
+from deatwin.ident.narx.names import SignalNames
 from deatwin.plant.errors import ModelError
 
 Array = NDArray[np.float64]
-Lags = int | Sequence[int]
 
 _KINDS = "yue"  # the order in which factors are written
-_FACTOR = re.compile(r"\s*\*?\s*([yue])(\d*)\(\s*k\s*(?:-\s*(\d+)\s*)?\)(?:\s*\^\s*(\d+))?\s*")
 
 Rule = Callable[["Term"], bool]
 
@@ -64,9 +64,18 @@ class Variable:
     def __lt__(self, other: Variable) -> bool:
         return self._key < other._key
 
+    @property
+    def symbol(self) -> str:
+        """The signal without its lag, as y or u2."""
+        return f"{self.kind}{self.channel or ''}"
+
+    @property
+    def delay(self) -> str:
+        """The lag as it is written, as (k-1)."""
+        return f"(k-{self.lag})" if self.lag else "(k)"
+
     def __str__(self) -> str:
-        number = str(self.channel) if self.channel else ""
-        return f"{self.kind}{number}(k-{self.lag})" if self.lag else f"{self.kind}{number}(k)"
+        return self.symbol + self.delay
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,36 +102,37 @@ class Term:
         return cls(tuple(sorted(Counter(variables).items())))
 
     @classmethod
-    def parse(cls, text: str) -> Term:
+    def parse(cls, text: str, *, input_names: Sequence[str] = (), output_names: Sequence[str] = ()) -> Term:
         """Read a term as it is written.
 
         Parameters
         ----------
         text : str
             As ``y(k-1)u(k-2)^2``; spaces and ``*`` between factors are allowed.
+        input_names, output_names : sequence of str, optional
+            Names that stand for the signals beside u1, u2, y1 and so on, and before them where both could be meant.
 
         Raises
         ------
         ModelError
-            If the text is not a term.
+            If the text is not a term, or names a signal that does not exist.
         """
         if text.strip() == "1":
             return cls(())
+        names = SignalNames(tuple(input_names), tuple(output_names))
         variables: list[Variable] = []
         position = 0
         while position < len(text):
-            match = _FACTOR.match(text, position)
+            match = names.factor.match(text, position)
             if match is None:
-                raise ModelError(
-                    f"cannot read the term {text[:80]!r} from {text[position : position + 20]!r} on; "
-                    "write terms as 1, y(k-1) or y(k-1)u(k-2)^2"
-                )
-            kind, channel, lag, power = match.groups()
-            limits = (channel, MOST_CHANNELS, "channel"), (lag, MOST_LAG, "lag"), (power, MOST_POWER, "power")
-            for number, most, what in limits:
-                if len(number or "") > 6 or int(number or 0) > most:
+                raise ModelError(names.unread(text, position))
+            name, kind, number, lag, power = match.groups()
+            limits = (number, MOST_CHANNELS, "channel"), (lag, MOST_LAG, "lag"), (power, MOST_POWER, "power")
+            for digits, most, what in limits:
+                if len(digits or "") > 6 or int(digits or 0) > most:
                     raise ModelError(f"term {text[:80]!r}: a {what} is above {most}")
-            variable = Variable(kind, int(channel or 0), int(lag or 0))
+            kind, channel = names.signal(name) if name else (kind, int(number or 0))
+            variable = Variable(kind, channel, int(lag or 0))
             if kind != "u" and variable.lag < 1:
                 held = "output" if kind == "y" else "noise"
                 raise ModelError(
@@ -144,33 +154,19 @@ class Term:
         """The factors with each variable repeated as often as its power."""
         return tuple(variable for variable, power in self.factors for _ in range(power))
 
+    def written(self, symbols: Mapping[tuple[str, int], str]) -> str:
+        """Return the term in other symbols for its signals.
+
+        Parameters
+        ----------
+        symbols : mapping of (str, int) to str
+            Symbol of a signal by kind, "y", "u" or "e", and row; where there is none, that of `Variable` stands.
+        """
+        factors = [(f"{symbols.get((v.kind, v.index), v.symbol)}{v.delay}", power) for v, power in self.factors]
+        return "".join(f"{text}^{power}" if power > 1 else text for text, power in factors) or "1"
+
     def __str__(self) -> str:
-        return "".join(f"{v}^{p}" if p > 1 else str(v) for v, p in self.factors) or "1"
-
-
-def lag_list(lags: Lags, *, smallest: int) -> tuple[int, ...]:
-    """Return lags as an increasing tuple.
-
-    Parameters
-    ----------
-    lags : int or sequence of int
-        A number n for 1..n (0 for none), or the lags themselves, in samples.
-    smallest : int
-        Smallest lag that is allowed: 1 for outputs, 0 for inputs.
-
-    Raises
-    ------
-    ModelError
-        If a lag is not an integer or too small.
-    """
-    if not isinstance(lags, int | np.integer | Iterable):
-        raise ModelError(f"lags = {lags!r}; give a number n >= 0 for 1..n, or a sequence of lags")
-    wanted = range(1, lags + 1) if isinstance(lags, int | np.integer) else lags
-    if isinstance(lags, int | np.integer) and lags < 0:
-        raise ModelError(f"lags = {lags}; give a number n >= 0 for 1..n, or a sequence of lags")
-    if any(not isinstance(lag, int | np.integer) or lag < smallest for lag in wanted):
-        raise ModelError(f"lags {list(wanted)!r} must be integers of at least {smallest}")
-    return tuple(sorted({int(lag) for lag in wanted}))
+        return self.written({})
 
 
 def generate_terms(
@@ -178,7 +174,7 @@ def generate_terms(
     input_lags: Lags,
     degree: int,
     *,
-    noise_lags: Lags = 0,
+    noise_lags: ChannelLags = 0,
     n_inputs: int = 1,
     n_outputs: int = 1,
     rule: Rule | None = None,
@@ -187,9 +183,9 @@ def generate_terms(
 
     Parameters
     ----------
-    output_lags, input_lags : int or sequence of int
+    output_lags, input_lags : int, sequence, or mapping of str to int or sequence of int
         A number n for the lags 1..n, or the lags themselves (an input lag may be 0), in samples; for every
-        channel.
+        channel, or for each: in order, as ``[[1, 2], [4, 5]]``, or as ``{"u1": [1, 2], "u2": [4, 5]}``.
     degree : int
         Largest degree of a term, at least 1.
     noise_lags : int or sequence of int
@@ -215,12 +211,12 @@ def generate_terms(
         raise ModelError(f"rule = {rule!r}; it must be a callable that takes a term, or None")
     variables = []
     for kind, count, lags in (
-        ("y", n_outputs, lag_list(output_lags, smallest=1)),
-        ("u", n_inputs, lag_list(input_lags, smallest=0)),
-        ("e", n_outputs, lag_list(noise_lags, smallest=1)),
+        ("y", n_outputs, channel_lags(output_lags, "y", n_outputs)),
+        ("u", n_inputs, channel_lags(input_lags, "u", n_inputs)),
+        ("e", n_outputs, (lag_list(noise_lags, smallest=1),) * n_outputs),
     ):
-        channels = range(1, count + 1) if count > 1 else (0,)
-        variables += [Variable(kind, channel, lag) for channel in channels for lag in lags]
+        numbers = range(1, count + 1) if count > 1 else (0,) * count
+        variables += [Variable(kind, n, lag) for n, own in zip(numbers, lags, strict=True) for lag in own]
     if not variables:
         raise ModelError("no lags at all; give output_lags or input_lags")
     candidates = math.comb(len(variables) + degree, degree)
@@ -344,7 +340,23 @@ class TermTable:
         if noise is None and self.channels("e"):
             raise ModelError("the terms hold noise e(k-l), which is not measured: give its values")
         lagged = [signal[v.kind][v.index, start - v.lag : stop - v.lag] for v in self.variables]  # type: ignore[index]
-        rows = np.empty((len(self.terms), stop - start))
+        return self.over(lagged, stop - start)
+
+    def over(self, lagged: Sequence[Array], count: int) -> Array:
+        """Evaluate all terms at many values of each variable.
+
+        Parameters
+        ----------
+        lagged : sequence of ndarray, each of shape (count,)
+            Values of each of ``variables``.
+        count : int
+            How many values.
+
+        Returns
+        -------
+        ndarray, shape (n_terms, count)
+        """
+        rows = np.empty((len(self.terms), count))
         for row, (parent, rest) in zip(rows, self._plan, strict=True):
             row[:] = 1.0 if parent is None else rows[parent]
             for j in rest:

@@ -1,4 +1,4 @@
-"""Whether the numbers of a NARX model can be."""
+"""Whether the terms and numbers of a NARX model can be."""
 
 from __future__ import annotations
 
@@ -12,7 +12,41 @@ from deatwin.plant.errors import ModelError
 if TYPE_CHECKING:
     from deatwin.ident.narx.model import NarxModel
 
-__all__ = ["require_values"]
+__all__ = ["require_terms", "require_values"]
+
+
+def require_terms(model: NarxModel) -> None:
+    """Raise ModelError unless terms, equations and signals of a model belong together.
+
+    Parameters
+    ----------
+    model : NarxModel
+        The model.
+
+    Raises
+    ------
+    ModelError
+        With what does not.
+    """
+    n = len(model.terms)
+    if len(model.equations) != n or not set(model.equations) <= set(range(model.n_outputs)):
+        raise ModelError(
+            f"{n} terms need the row of an output each, 0 to {model.n_outputs - 1}; got {model.equations}"
+        )
+    if n == 0 or len(set(zip(model.equations, model.terms, strict=True))) != n:
+        raise ModelError(
+            "a NARX model needs at least one term, and each only once; "
+            f"got {', '.join(map(str, model.terms)) or 'none'}"
+        )
+    for kind, signals, names in (
+        ("u", "inputs", model.input_names),
+        ("y", "outputs", model.output_names),
+        ("e", "outputs", model.output_names),
+    ):
+        if model.table.channels(kind) > len(names):
+            raise ModelError(
+                f"the terms use {model.table.channels(kind)} {signals}, but {len(names)} are named"
+            )
 
 
 def require_values(model: NarxModel) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.narx.names import symbols_of
 from deatwin.ident.narx.terms import Term
 from deatwin.plant.errors import ModelError
 
@@ -17,14 +18,16 @@ Array = NDArray[np.float64]
 
 
 def by_equation(
-    terms: Mapping[str, float] | Mapping[str, Mapping[str, float]],
+    terms: Mapping[str, float] | Mapping[str, Mapping[str, float]], output_names: Sequence[str] = ()
 ) -> list[tuple[int, str, float]]:
     """Return row of the output, text and parameter of each written term.
 
     Parameters
     ----------
     terms : mapping of str to float, or of str to such mappings
-        Of one output, or by output: "y1", "y2", ...
+        Of one output, or by output: "y1", "y2", ..., or their names in order.
+    output_names : sequence of str, optional
+        Names of the outputs.
 
     Returns
     -------
@@ -41,7 +44,7 @@ def by_equation(
     if not equations:
         return [(0, text, _number(text, value)) for text, value in terms.items()]
     wanted = [f"y{number}" for number in range(1, len(terms) + 1)]
-    if list(equations) != wanted:
+    if list(equations) not in (wanted, list(output_names)):
         raise ModelError(f"equations {', '.join(terms)}: give a mapping of terms for each of {', '.join(wanted)}")
     return [
         (row, text, _number(text, value))
@@ -74,7 +77,13 @@ def name_signals(details: dict[str, Any], side: str, count: int) -> None:
         details.setdefault(f"{side}_units", ("",) * count)
 
 
-def written(terms: Sequence[Term], theta: Array, equations: Sequence[int], n_outputs: int) -> str:
+def written(
+    terms: Sequence[Term],
+    theta: Array,
+    equations: Sequence[int],
+    input_names: Sequence[str],
+    output_names: Sequence[str],
+) -> str:
     """Return the equations of a model as text, a line each.
 
     Parameters
@@ -85,17 +94,19 @@ def written(terms: Sequence[Term], theta: Array, equations: Sequence[int], n_out
         Their parameters.
     equations : sequence of int
         For each term the row of its output.
-    n_outputs : int
-        Number of outputs; a single one is written without a number.
+    input_names, output_names : sequence of str
+        Names of the signals, which are written as `symbols_of` says.
 
     Returns
     -------
     str
         As ``y(k) = 0.5 y(k-1) - 2 u(k-1) + e(k)``.
     """
-    right: list[list[str]] = [[] for _ in range(n_outputs)]
+    symbols = symbols_of(input_names, output_names)
+    right: list[list[str]] = [[] for _ in output_names]
     for term, value, row in zip(terms, theta, equations, strict=True):
-        right[row].append(f"{value:.6g} {term}")
-    numbers = [str(row + 1) if n_outputs > 1 else "" for row in range(n_outputs)]
-    lines = (f"y{n}(k) = {' + '.join(sums)} + e{n}(k)" for n, sums in zip(numbers, right, strict=True))
+        right[row].append(f"{value:.6g} {term.written(symbols)}")
+    lines = (
+        f"{symbols['y', row]}(k) = {' + '.join(sums)} + {symbols['e', row]}(k)" for row, sums in enumerate(right)
+    )
     return "\n".join(lines).replace("+ -", "- ")

@@ -14,15 +14,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deatwin.ident.narx.covariance import covariance_of
+from deatwin.ident.narx.drive import Drive, require_suits
 from deatwin.ident.narx.linear.document import SCHEMA, fields_of, to_document
 from deatwin.ident.narx.linear.frequency import LinearFrequencyResponse, frequency_response
 from deatwin.ident.narx.linear.polynomials import Orders, Polynomials
-from deatwin.ident.narx.linear.run import free_run, one_step
+from deatwin.ident.narx.linear.run import free_run, measured_limit, some_steps
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.operating import read_only
-from deatwin.ident.narx.response import NarxResponse, ResponseStatus
+from deatwin.ident.narx.response import NarxResponse, ResponseStatus, divergence_limit
 from deatwin.ident.narx.terms import Term, Variable
-from deatwin.plant.datasets import dataset, squared
 from deatwin.plant.documents import read_document, write_document
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
@@ -165,8 +165,8 @@ class LinearModel:
         lines = [f"{name} = {_written(p)}" for name, p in sorted(rows.items()) if p.size > 1 or name[0] == "B"]
         return "\n".join([*lines, f"offset = {self.offset:.6g}"])
 
-    def predict(self, recording: Recording) -> NarxResponse:
-        """Predict each sample one step ahead from the measured past.
+    def predict(self, recording: Recording, *, steps: int = 1) -> NarxResponse:
+        """Predict each sample from the past that was measured until some steps before it.
 
         Where F has states, the first ten samples for each of them set these, and are not counted as
         predicted.
@@ -175,6 +175,8 @@ class LinearModel:
         ----------
         recording : Recording
             Measured inputs and output, in the model's units.
+        steps : int
+            Number of samples ahead; the noise of the last ``steps`` samples is zero, and all inputs are known.
 
         Returns
         -------
@@ -184,13 +186,20 @@ class LinearModel:
         Raises
         ------
         ModelError
-            If the recording does not suit the model, or C or an F is unstable.
+            If the recording does not suit the model, is too short for the steps, or C or an F is unstable.
         """
         warmup = self._warmup(recording, self.poles.size - (self.a.size - 1))
-        outputs, first = one_step(self.orders, self.polynomials, recording.inputs, recording.outputs[0], warmup)
-        return self._response(recording, outputs, first)
+        outputs, first, failed = some_steps(
+            self.orders, self.polynomials, recording.inputs, recording.outputs[0], warmup, steps
+        )
+        if failed is None:
+            return self._response(recording, outputs, first)
+        when = float(recording.timepts[failed])
+        return self._response(recording, outputs, first, ResponseStatus.SOME_DIVERGED, when)
 
-    def simulate(self, recording: Recording, *, warmup: int | None = None) -> NarxResponse:
+    def simulate(
+        self, recording: Recording | ArrayLike, *, warmup: int | None = None, initial: ArrayLike | None = None
+    ) -> NarxResponse:
         """Run the deterministic part free.
 
         The state at the start is not measured: it is the one whose run is nearest, in least squares, to the
@@ -198,36 +207,57 @@ class LinearModel:
 
         Parameters
         ----------
-        recording : Recording
-            Inputs, and outputs of which the first samples start the run, in the model's units.
+        recording : Recording, or array_like of shape (n,) or (n_inputs, n)
+            Inputs, in the model's units; of a recording the first outputs start the run, unless it has none or
+            ``initial`` is given.
         warmup : int, optional
-            Number of samples that set the state, at least as many as there are poles; ten for each pole when
-            not given, or as many as a third of the recording has. With one for each the run starts, as that
+            Number of recorded samples that set the state, at least as many as there are poles; ten for each pole
+            when not given, or as many as a third of the recording has. With one for each the run starts, as that
             of a NARX model does, from those outputs as they are, noise included.
+        initial : array_like, shape (m,), optional
+            Outputs before the run that set the state, the newest last, at least as many as there are poles; NaN
+            after the last known one is left out. Without them and without recorded outputs, zero.
 
         Returns
         -------
         NarxResponse
-            With ``.outputs`` of shape (1, n). If the run diverges, ``.status`` says so.
+            With ``.outputs`` of shape (1, n), computed from ``.first`` on; ``.measured`` is NaN where nothing is
+            known. If the run diverges, ``.status`` says so.
 
         Raises
         ------
         ModelError
-            If the recording does not suit the model.
+            If shapes do not fit, there are too few initial outputs, or the recording does not suit the model.
         """
-        wanted = self._warmup(recording, self.poles.size) if warmup is None else warmup
-        if not self.poles.size <= wanted <= recording.n_samples - self.orders.input_lag - 1:
-            raise ModelError(
-                f"warmup = {wanted}; it must be at least the number of poles, {self.poles.size}, "
-                f"and leave something of the recording's {recording.n_samples} samples"
-            )
-        self._require(recording)
-        outputs, first, failed = free_run(
-            self.polynomials, self.orders.input_lag, recording.inputs, recording.outputs[0], wanted
-        )
+        drive = self._drive(recording, warmup, initial)
+        lag, output = self.orders.input_lag, drive.outputs[0]
+        # the size of a sound run is not known from its start alone
+        limit = measured_limit(output) if np.all(np.isfinite(drive.measured)) else divergence_limit(None, output)
+        outputs, first, failed = free_run(self.polynomials, lag, drive.inputs, output, drive.first - lag, limit)
         if failed is None:
-            return self._response(recording, outputs, first)
-        return self._response(recording, outputs, first, ResponseStatus.DIVERGED, float(recording.timepts[failed]))
+            return self._response(drive, outputs, first)
+        return self._response(drive, outputs, first, ResponseStatus.DIVERGED, float(drive.timepts[failed]))
+
+    def _drive(self, given: Recording | ArrayLike, warmup: int | None, initial: ArrayLike | None) -> Drive:
+        """Return what drives a free run, after checking that it suits."""
+        lag, poles = self.orders.input_lag, self.poles.size
+        if isinstance(given, Recording) and initial is None and given.output_names:
+            wanted = self._warmup(given, poles) if warmup is None else warmup
+            if not poles <= wanted <= given.n_samples - lag - 1:
+                raise ModelError(
+                    f"warmup = {wanted}; it must be at least the number of poles, {poles}, "
+                    f"and leave something of the recording's {given.n_samples} samples"
+                )
+            self._require(given)
+            return Drive.recorded(given, lag + wanted)
+        if warmup is not None:
+            raise ModelError("warmup counts recorded outputs, and none are used here: give initial alone")
+        if isinstance(given, Recording):
+            self._require(given, outputs=None)
+        return Drive.of(
+            given, initial, input_names=self.input_names, n_outputs=1, sample_time=self.sample_time,
+            first=lag + poles, fewest=poles,
+        )  # fmt: skip
 
     def frequency_response(self, omega: ArrayLike) -> LinearFrequencyResponse:
         """Return the frequency response from each input to the output, with its covariance.
@@ -287,33 +317,10 @@ class LinearModel:
         )
 
     def to_xarray(self) -> Any:
-        """Return polynomials and covariance as an `xarray.Dataset`; ``document`` is the file that `save` writes.
+        """Return the model as an `xarray.Dataset`; see `deatwin.ident.narx.linear.datasets.model_dataset`."""
+        from deatwin.ident.narx.linear.datasets import model_dataset
 
-        Returns
-        -------
-        xarray.Dataset
-            Polynomials over ``power`` of q^-1, with zeros after their end; B and F over ``input`` too.
-        """
-        length = max(p.size for p in (self.a, self.c, self.d, *self.b, *self.f))
-
-        def whole(polynomial: Array) -> Array:
-            return np.pad(polynomial, (0, length - polynomial.size))
-
-        by_input = {name: np.array([whole(p) for p in getattr(self, name)]) for name in ("b", "f")}
-        return dataset(
-            {
-                **{name: ("power", whole(getattr(self, name))) for name in ("a", "c", "d")},
-                **{name: (("input", "power"), values) for name, values in by_input.items()},
-                "theta": ("coefficient", self.theta),
-                "theta_cov": (("coefficient", "other_coefficient"), self.theta_cov),
-                "noise_variance": ((), self.noise_variance, squared(self.output_units[0])),
-                "offset": ((), self.offset, self.output_units[0]),
-            },
-            {"power": ("power", np.arange(length)), "input": ("input", list(self.input_names)),
-             "input_unit": ("input", list(self.input_units))},
-            {"sample_time": self.sample_time, "output_name": self.output_names[0], "output_unit": self.output_units[0]},
-            to_document(self),
-        )  # fmt: skip
+        return model_dataset(self)
 
     def save(self, path: str | Path) -> None:
         """Write the model as JSON ("deatwin/linear/1"), beside the target first and then renamed.
@@ -341,20 +348,12 @@ class LinearModel:
         """
         return read_document(path, SCHEMA, lambda document: cls(**fields_of(document)))
 
-    def _require(self, recording: Recording) -> None:
+    def _require(self, recording: Recording, outputs: int | None = 1) -> None:
         """Raise ModelError unless the recording suits."""
-        if not math.isclose(recording.sample_time, self.sample_time, rel_tol=1e-6):
-            raise ModelError(
-                f"the recording has a sample time of {recording.sample_time:g} s, the model of {self.sample_time:g} s"
-            )
-        if recording.inputs.shape[0] != len(self.b) or recording.outputs.shape[0] != 1:
-            raise ModelError(
-                f"the recording has {recording.inputs.shape[0]} inputs and "
-                f"{recording.outputs.shape[0]} outputs, the model {len(self.b)} and 1"
-            )
-        fewest = self.orders.first + self.orders.nd + self.poles.size + 1
-        if recording.n_samples < fewest:
-            raise ModelError(f"the recording has {recording.n_samples} samples; the model needs at least {fewest}")
+        require_suits(
+            recording, sample_time=self.sample_time, n_inputs=len(self.b), n_outputs=outputs,
+            fewest=self.orders.first + self.orders.nd + self.poles.size + 1,
+        )  # fmt: skip
 
     def _warmup(self, recording: Recording, states: int) -> int:
         self._require(recording)
@@ -362,7 +361,7 @@ class LinearModel:
 
     def _response(
         self,
-        recording: Recording,
+        run: Recording | Drive,
         outputs: Array,
         first: int,
         status: ResponseStatus = ResponseStatus.OK,
@@ -370,8 +369,8 @@ class LinearModel:
     ) -> NarxResponse:
         return NarxResponse(
             outputs=read_only(outputs[None]),
-            measured=recording.outputs,
-            timepts=recording.timepts,
+            measured=run.outputs if isinstance(run, Recording) else run.measured,
+            timepts=run.timepts,
             first=first,
             status=status,
             failed_at_s=failed_at_s,

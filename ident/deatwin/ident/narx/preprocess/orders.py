@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from deatwin.ident.narx.identifier import NarxIdentifier, Progress, silent
+from deatwin.ident.narx.lags import Lags, lags_anywhere
 from deatwin.ident.narx.preprocess.datasets import orders_dataset
 from deatwin.ident.narx.regression import Recordings, flatten
-from deatwin.ident.narx.terms import Lags, lag_list
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError
@@ -42,7 +42,7 @@ class OrderTrial:
 
     Parameters
     ----------
-    output_lags, input_lags : int or tuple of int
+    output_lags, input_lags : Lags
         As the identifier takes them.
     degree : int
         Largest degree of the candidates.
@@ -201,7 +201,7 @@ def choose_orders(
     training, validation : Recording, Experiment, or several
         To fit, and to run free over; of one output.
     output_lags : iterable of Lags
-        Those to try, each a number n for 1..n or a sequence.
+        Those to try, each as the identifier takes it: a number n for 1..n, a sequence, or those of each channel.
     input_lags : iterable of Lags, optional
         Those to try with each output lag; the same as the output lag when not given.
     degrees : iterable of int
@@ -254,7 +254,7 @@ def _try(
 ) -> OrderTrial:
     """Fit one point of the grid and run it free."""
     point = {"output_lags": trial.output_lags, "input_lags": trial.input_lags, "degree": trial.degree}
-    clone = type(identifier)(**(identifier.get_params() | point))
+    clone = type(identifier)(**(identifier.get_params(deep=False) | point))
     try:
         model = clone.fit(training).model_
     except (ModelError, np.linalg.LinAlgError) as error:
@@ -281,9 +281,9 @@ def _standard_error(squares: np.ndarray) -> float:
 
 
 def _largest(lags: Lags) -> int:
-    return max(lag_list(lags, smallest=0), default=0)
+    return max(lags_anywhere(lags), default=0)
 
 
 def _size(trial: OrderTrial) -> tuple[int, int, int]:
-    counts: Sequence[int] = [len(lag_list(lags, smallest=0)) for lags in (trial.output_lags, trial.input_lags)]
+    counts: Sequence[int] = [len(lags_anywhere(lags)) for lags in (trial.output_lags, trial.input_lags)]
     return trial.n_terms, trial.degree, sum(counts)

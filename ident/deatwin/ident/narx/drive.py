@@ -1,0 +1,194 @@
+"""What drives a free run: a recording, or inputs alone with the outputs that the run starts from."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from deatwin.ident.narx.operating import read_only
+from deatwin.plant.errors import ModelError
+from deatwin.plant.recording import Recording
+
+__all__ = ["Drive", "require_suits"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Drive:
+    """Inputs of a free run and the outputs that it starts from.
+
+    Parameters
+    ----------
+    inputs : ndarray, shape (n_inputs, n)
+        Inputs.
+    outputs : ndarray, shape (n_outputs, n)
+        Outputs, of which the samples before ``first`` count.
+    measured : ndarray, shape (n_outputs, n)
+        What is known of the outputs; not a number elsewhere.
+    timepts : ndarray, shape (n,)
+        Times of the samples in s.
+    first : int
+        The first sample to compute.
+    """
+
+    inputs: Array
+    outputs: Array
+    measured: Array
+    timepts: Array
+    first: int
+
+    @classmethod
+    def of(
+        cls,
+        given: Recording | ArrayLike,
+        initial: ArrayLike | None,
+        *,
+        input_names: Sequence[str],
+        n_outputs: int,
+        sample_time: float,
+        first: int,
+        fewest: int,
+    ) -> Drive:
+        """Set a run out that is driven by inputs alone.
+
+        Parameters
+        ----------
+        given : Recording, or array_like of shape (n,) or (n_inputs, n)
+            The inputs; of a recording its outputs are not looked at.
+        initial : array_like, shape (m,) or (n_outputs, m), optional
+            The outputs of the m samples before the first computed one, the newest last; what follows the last number,
+            as NaN does, is not known. Zero when not given.
+        input_names : sequence of str
+            Of the model.
+        n_outputs : int
+            Number of outputs of the model.
+        sample_time : float
+            Of the model, in s.
+        first : int
+            First sample that the lags, or the state, allow to be computed.
+        fewest : int
+            Least number of initial outputs.
+
+        Raises
+        ------
+        ModelError
+            If shapes do not fit, a number is missing, or the inputs are too short.
+        """
+        inputs = given.inputs if isinstance(given, Recording) else _inputs(given, input_names)
+        n = inputs.shape[1]
+        known = np.zeros((n_outputs, first)) if initial is None else _initial(initial, n_outputs, fewest)
+        first = max(first, known.shape[1])
+        if n <= first:
+            raise ModelError(
+                f"the inputs have {n} samples; the run starts after {first}, so that at least {first + 1} are needed"
+            )
+        outputs = np.zeros((n_outputs, n))
+        outputs[:, first - known.shape[1] : first] = known
+        measured = np.full((n_outputs, n), np.nan)
+        measured[:, first - known.shape[1] : first] = known
+        timepts = given.timepts if isinstance(given, Recording) else sample_time * np.arange(n, dtype=np.float64)
+        return cls(
+            inputs=inputs, outputs=outputs, measured=read_only(measured), timepts=read_only(timepts), first=first
+        )
+
+    @classmethod
+    def recorded(cls, recording: Recording, first: int) -> Drive:
+        """Set a run out that starts from the first outputs of a recording.
+
+        Parameters
+        ----------
+        recording : Recording
+            Inputs and outputs.
+        first : int
+            The first sample to compute.
+        """
+        return cls(
+            inputs=recording.inputs,
+            outputs=recording.outputs,
+            measured=recording.outputs,
+            timepts=recording.timepts,
+            first=first,
+        )
+
+
+def require_suits(
+    recording: Recording, *, sample_time: float, n_inputs: int, n_outputs: int | None, fewest: int
+) -> None:
+    """Raise ModelError unless a recording suits a model.
+
+    Parameters
+    ----------
+    recording : Recording
+        The recording.
+    sample_time : float
+        Of the model, in s.
+    n_inputs : int
+        Number of inputs of the model.
+    n_outputs : int or None
+        Number of its outputs; None where those of the recording are not looked at.
+    fewest : int
+        Least number of samples.
+
+    Raises
+    ------
+    ModelError
+        With what does not suit.
+    """
+    if not math.isclose(recording.sample_time, sample_time, rel_tol=1e-6):
+        raise ModelError(
+            f"the recording has a sample time of {recording.sample_time:g} s, the model of {sample_time:g} s"
+        )
+    rows = (recording.inputs.shape[0], recording.outputs.shape[0])
+    if rows[0] != n_inputs or n_outputs not in (None, rows[1]):
+        held = f"the model {n_inputs}" + ("" if n_outputs is None else f" and {n_outputs}")
+        raise ModelError(f"the recording has {rows[0]} inputs and {rows[1]} outputs, {held}")
+    if recording.n_samples < fewest:
+        raise ModelError(f"the recording has {recording.n_samples} samples; the model needs at least {fewest}")
+
+
+def _numbers(values: ArrayLike, what: str) -> Array:
+    try:
+        return np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ModelError(f"{what} must be an array of numbers; got a {type(values).__name__}") from None
+
+
+def _inputs(given: ArrayLike, names: Sequence[str]) -> Array:
+    """Return bare inputs as rows."""
+    inputs = _numbers(given, "inputs")
+    count = len(names)
+    rows = inputs[None] if inputs.ndim == 1 and count == 1 else inputs
+    if rows.ndim != 2 or rows.shape[0] != count:
+        wanted = "(n,) or (1, n)" if count == 1 else f"({count}, n)"
+        turned = "; transpose them" if inputs.ndim == 2 and inputs.shape[1] == count else ""
+        raise ModelError(
+            f"inputs have the shape {inputs.shape}; the model takes {wanted}, "
+            f"a row for each of {', '.join(names) or 'no inputs'}{turned}"
+        )
+    if not np.all(np.isfinite(rows)):
+        row, sample = np.argwhere(~np.isfinite(rows))[0]
+        raise ModelError(f"the input {names[row]} is {rows[row, sample]} at sample {sample}; a run needs all inputs")
+    return np.ascontiguousarray(rows)
+
+
+def _initial(initial: ArrayLike, n_outputs: int, fewest: int) -> Array:
+    """Return the outputs before a run, shape (n_outputs, m), without what is not known after them."""
+    values = _numbers(initial, "initial")
+    rows = values[None] if values.ndim == 1 and n_outputs == 1 else values
+    if rows.ndim != 2 or rows.shape[0] != n_outputs:
+        wanted = "(m,) or (1, m)" if n_outputs == 1 else f"({n_outputs}, m)"
+        raise ModelError(f"initial has the shape {values.shape}; the model takes {wanted}, a row for each output")
+    finite = np.all(np.isfinite(rows), axis=0)
+    count = int(finite.size if finite.all() else np.argmin(finite))
+    if np.any(finite[count:]):
+        raise ModelError(f"initial has no number at sample {count} but numbers after it; take away what comes before")
+    if count < fewest:
+        raise ModelError(
+            f"initial holds {count} values of each output; the model needs at least {fewest}, the newest last"
+        )
+    return rows[:, :count]

@@ -1,0 +1,114 @@
+"""Lags of candidate terms, as they are given: for all channels of a kind, or for each by itself."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from deatwin.plant.errors import ModelError, nearest
+
+__all__ = ["ChannelLags", "Lags", "channel_lags", "lag_list", "lags_anywhere"]
+
+ChannelLags = int | Sequence[int]
+"""A number n for the lags 1..n, or the lags themselves, in samples."""
+Lags = ChannelLags | Sequence[ChannelLags] | Mapping[str, ChannelLags]
+"""For all channels of a kind, or for each: in order, or by name."""
+
+_KINDS = {"u": "input", "y": "output"}
+
+
+def lag_list(lags: ChannelLags, *, smallest: int) -> tuple[int, ...]:
+    """Return lags as an increasing tuple.
+
+    Parameters
+    ----------
+    lags : int or sequence of int
+        A number n for 1..n (0 for none), or the lags themselves, in samples.
+    smallest : int
+        Smallest lag that is allowed: 1 for outputs, 0 for inputs.
+
+    Raises
+    ------
+    ModelError
+        If a lag is not an integer or too small.
+    """
+    if not isinstance(lags, int | np.integer | Iterable):
+        raise ModelError(f"lags = {lags!r}; give a number n >= 0 for 1..n, or a sequence of lags")
+    wanted = range(1, lags + 1) if isinstance(lags, int | np.integer) else lags
+    if isinstance(lags, int | np.integer) and lags < 0:
+        raise ModelError(f"lags = {lags}; give a number n >= 0 for 1..n, or a sequence of lags")
+    if any(not isinstance(lag, int | np.integer) or lag < smallest for lag in wanted):
+        raise ModelError(f"lags {list(wanted)!r} must be integers of at least {smallest}")
+    return tuple(sorted({int(lag) for lag in wanted}))
+
+
+def channel_lags(lags: Lags, kind: str, count: int, names: Sequence[str] = ()) -> tuple[tuple[int, ...], ...]:
+    """Return the lags of each channel as an increasing tuple.
+
+    Parameters
+    ----------
+    lags : int, sequence, or mapping of str to int or sequence of int
+        As one number or sequence for all channels, as a sequence with one of these for each, or by name.
+    kind : str
+        "y" for outputs, whose smallest lag is 1, or "u" for inputs, whose smallest is 0.
+    count : int
+        Number of channels.
+    names : sequence of str, length count, optional
+        Their names; the names by position, as u1 and u2 (u of a single one), are always understood, but a name of a
+        channel goes before.
+
+    Raises
+    ------
+    ModelError
+        If a lag is not an integer or too small, a name is unknown, or a channel is left out.
+    """
+    smallest = 1 if kind == "y" else 0
+    if isinstance(lags, Mapping):
+        values = _by_name(lags, kind, count, names)
+    elif _is_nested(lags):
+        values = list(lags)  # type: ignore[arg-type]
+    else:
+        return (lag_list(lags, smallest=smallest),) * count  # type: ignore[arg-type]
+    if len(values) != count:
+        raise ModelError(f"{_KINDS[kind]}_lags hold the lags of {len(values)} {_KINDS[kind]}s; there are {count}")
+    return tuple(lag_list(value, smallest=smallest) for value in values)
+
+
+def lags_anywhere(lags: Lags) -> tuple[int, ...]:
+    """Return all lags of all channels one after another, each as often as it occurs.
+
+    Parameters
+    ----------
+    lags : int, sequence, or mapping
+        As in `channel_lags`.
+    """
+    if isinstance(lags, Mapping) or _is_nested(lags):
+        values: Iterable[Any] = lags.values() if isinstance(lags, Mapping) else lags  # type: ignore[assignment]
+        return tuple(lag for value in values for lag in lag_list(value, smallest=0))
+    return lag_list(lags, smallest=0)  # type: ignore[arg-type]
+
+
+def _is_nested(lags: Any) -> bool:
+    return isinstance(lags, Iterable) and any(isinstance(one, Iterable) and not isinstance(one, str) for one in lags)
+
+
+def _by_name(lags: Mapping[str, ChannelLags], kind: str, count: int, names: Sequence[str]) -> list[ChannelLags]:
+    side = _KINDS[kind]
+    placed = [f"{kind}{row + 1}" for row in range(count)] if count > 1 else [kind] * count
+    known = list(names) or placed
+    row_of = dict(zip(placed, range(count), strict=True)) | dict(zip(known, range(count), strict=True))
+    found: dict[int, ChannelLags] = {}
+    for name, value in lags.items():
+        if name not in row_of:
+            raise ModelError(
+                f"{side}_lags name {name!r}{nearest(str(name), known)}; the {side}s are {', '.join(known) or 'none'}"
+            )
+        if row_of[name] in found:
+            raise ModelError(f"{side}_lags name the {side} {known[row_of[name]]} twice, the second time as {name!r}")
+        found[row_of[name]] = value
+    left = [known[row] for row in range(count) if row not in found]
+    if left:
+        raise ModelError(f"{side}_lags leave out {', '.join(left)}; give [] for what has no lags")
+    return [found[row] for row in range(count)]
