@@ -20,8 +20,8 @@ from deatwin.ident.narx.free_run import free_run, innovations
 from deatwin.ident.narx.operating import Array, OperatingRange, read_only
 from deatwin.ident.narx.response import NarxResponse, ResponseStatus, divergence_limit
 from deatwin.ident.narx.terms import Term, TermTable
-from deatwin.ident.narx.values import require_values
-from deatwin.ident.narx.written import by_equation, name_signals, written
+from deatwin.ident.narx.values import require_terms, require_values
+from deatwin.ident.narx.written import by_equation, name_signals, origins, written
 from deatwin.plant.documents import read_document, write_document
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
@@ -30,6 +30,10 @@ from deatwin.plant.recording import Recording
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NarxModel:
     """A polynomial NARX model, y(k) = sum_m theta_m term_m(k) + e(k), of one or several outputs.
+
+    In the terms y and u are the signals less their origins. Powers of a signal that is far from zero compared with its
+    swing differ in their last digits only, so that their parameters would lose all digits; about an origin among the
+    data they do not. What goes in and comes out is in the signals' units and with their offsets.
 
     Terms may hold the noise e(k-l) of earlier samples (NARMAX). With several outputs each term belongs to
     one output's equation, and the equations run together.
@@ -54,6 +58,8 @@ class NarxModel:
         For each term the row of the output whose equation it stands in; needed with several outputs only.
     input_names, output_names, input_units, output_units : tuple of str
         Names and units of the signals.
+    input_origin, output_origin : ndarray, shapes (n_inputs,) and (n_outputs,)
+        Values of the signals, in their units, at which y and u of the terms are 0; zeros by default.
     operating : OperatingRange or None
         Ranges of the training data, None when unknown.
     provenance : mapping of str to str
@@ -76,18 +82,23 @@ class NarxModel:
     output_names: tuple[str, ...] = ("output",)
     input_units: tuple[str, ...] = ("",)
     output_units: tuple[str, ...] = ("",)
+    input_origin: Array = field(default_factory=lambda: np.empty(0))
+    output_origin: Array = field(default_factory=lambda: np.empty(0))
     operating: OperatingRange | None = None
     provenance: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for name in ("theta", "theta_cov"):
+        for name, names in (("input_origin", self.input_names), ("output_origin", self.output_names)):
+            given = np.asarray(getattr(self, name))
+            object.__setattr__(self, name, given if given.size else np.zeros(len(names)))
+        for name in ("theta", "theta_cov", "input_origin", "output_origin"):
             object.__setattr__(self, name, read_only(getattr(self, name)))
         object.__setattr__(self, "provenance", MappingProxyType(dict(self.provenance)))
         if self.n_outputs == 1 and set(self.equations) <= {0}:  # also where terms were replaced
             object.__setattr__(self, "equations", (0,) * len(self.terms))
         if self.n_outputs > 1:
             object.__setattr__(self, "noise_variance", read_only(self.noise_variance))
-        self._require_terms()
+        require_terms(self)
         require_values(self)
         object.__setattr__(self, "theta_cov", covariance_of(self.theta_cov, self.terms))
 
@@ -95,28 +106,6 @@ class NarxModel:
         # for copies and worker processes: a mapping proxy does not pickle, and what is cached need not
         state = {item.name: getattr(self, item.name) for item in fields(self)}
         return partial(type(self), **state | {"provenance": dict(self.provenance)}), ()
-
-    def _require_terms(self) -> None:
-        """Raise ModelError unless terms, equations and signals belong together."""
-        n = len(self.terms)
-        if len(self.equations) != n or not set(self.equations) <= set(range(self.n_outputs)):
-            raise ModelError(
-                f"{n} terms need the row of an output each, 0 to {self.n_outputs - 1}; got {self.equations}"
-            )
-        if n == 0 or len(set(zip(self.equations, self.terms, strict=True))) != n:
-            raise ModelError(
-                "a NARX model needs at least one term, and each only once; "
-                f"got {', '.join(map(str, self.terms)) or 'none'}"
-            )
-        for kind, signals, names in (
-            ("u", "inputs", self.input_names),
-            ("y", "outputs", self.output_names),
-            ("e", "outputs", self.output_names),
-        ):
-            if self.table.channels(kind) > len(names):
-                raise ModelError(
-                    f"the terms use {self.table.channels(kind)} {signals}, but {len(names)} are named"
-                )
 
     @classmethod
     def from_terms(
@@ -251,7 +240,27 @@ class NarxModel:
             raise ModelError(f"{purpose} takes a model without noise terms; give its `deterministic` part")
 
     def __str__(self) -> str:
-        return written(self.terms, self.theta, self.equations, self.n_outputs)
+        return written(self.terms, self.theta, self.equations, self.n_outputs) + origins(self)
+
+    def about_origin(self, inputs: Array, outputs: Array) -> tuple[Array, Array]:
+        """Return inputs and outputs less their origins: the signals that the terms are made of.
+
+        Parameters
+        ----------
+        inputs, outputs : ndarray, shapes (n_inputs, n) and (n_outputs, n)
+            In their units.
+        """
+        return inputs - self.input_origin[:, None], outputs - self.output_origin[:, None]
+
+    def divergence_limit(self, outputs: Array) -> float:
+        """Return the distance from the origin beyond which a free run has diverged, in the outputs' unit.
+
+        Parameters
+        ----------
+        outputs : ndarray, shape (n_outputs, n)
+            Of the recording, in their units.
+        """
+        return divergence_limit(self.operating, outputs, self.output_origin)
 
     def predict(self, recording: Recording) -> NarxResponse:
         """Predict each sample one step ahead from the measured past.
@@ -273,9 +282,8 @@ class NarxModel:
             If the recording does not suit the model.
         """
         first = self._check(recording)
-        outputs = recording.outputs - innovations(
-            self.table, self.theta, recording.inputs, recording.outputs, self.equations
-        )
+        signals = self.about_origin(recording.inputs, recording.outputs)
+        outputs = recording.outputs - innovations(self.table, self.theta, *signals, self.equations)
         return self._response(recording, outputs, first)
 
     def simulate(self, recording: Recording) -> NarxResponse:
@@ -300,9 +308,11 @@ class NarxModel:
         """
         first = self._check(recording)
         outputs, failed = free_run(
-            self.table, self.theta, recording.inputs, recording.outputs,
-            divergence_limit(self.operating, recording.outputs), self.equations,
+            self.table, self.theta, *self.about_origin(recording.inputs, recording.outputs),
+            self.divergence_limit(recording.outputs), self.equations,
         )  # fmt: skip
+        outputs += self.output_origin[:, None]
+        outputs[:, :first] = recording.outputs[:, :first]
         if failed is None:
             return self._response(recording, outputs, first)
         return self._response(recording, outputs, first, ResponseStatus.DIVERGED, float(recording.timepts[failed]))

@@ -72,10 +72,10 @@ class VaryingParameters(NarxIdentifier):
         return self
 
     def _check(self) -> None:
-        Fixed(terms=self._written())._check()
+        Fixed(terms=self.terms)._check()
 
     def _regression(self, recordings: Recordings, output: int) -> Regression:
-        return Fixed(terms=self._written())._regression(recordings, output)
+        return Fixed(terms=self.terms)._regression(recordings, output)
 
     def _written(self) -> Terms:
         """Return the terms as `Fixed` takes them."""

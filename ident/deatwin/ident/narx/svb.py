@@ -13,7 +13,7 @@ from deatwin.ident.narx.bayes import Priors, RelevanceFit, Statistics, fit_relev
 from deatwin.ident.narx.evidence import Move, climb, log_odds
 from deatwin.ident.narx.identifier import FitStatus, NarxIdentifier, Progress
 from deatwin.ident.narx.model import NarxModel
-from deatwin.ident.narx.regression import Regression
+from deatwin.ident.narx.regression import Recordings, Regression
 from deatwin.ident.narx.svb_plots import draw_bounds, draw_relevance
 from deatwin.ident.narx.terms import Lags, Rule, Term
 from deatwin.plant.datasets import dataset
@@ -200,6 +200,9 @@ class SvbNarx(NarxIdentifier):
         self.d0 = d0
         self.tolerance = tolerance
         self.max_iterations = max_iterations
+
+    def _regression(self, recordings: Recordings, output: int) -> Regression:
+        return super()._regression(recordings, output).about_own_origins()
 
     def _check(self) -> None:
         if self.clean_up not in _CLEAN_UPS:

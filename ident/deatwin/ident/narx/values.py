@@ -12,7 +12,41 @@ from deatwin.plant.errors import ModelError
 if TYPE_CHECKING:
     from deatwin.ident.narx.model import NarxModel
 
-__all__ = ["require_values"]
+__all__ = ["require_terms", "require_values"]
+
+
+def require_terms(model: NarxModel) -> None:
+    """Raise ModelError unless terms, equations and signals of a model belong together.
+
+    Parameters
+    ----------
+    model : NarxModel
+        The model.
+
+    Raises
+    ------
+    ModelError
+        With what is wrong.
+    """
+    n = len(model.terms)
+    if len(model.equations) != n or not set(model.equations) <= set(range(model.n_outputs)):
+        raise ModelError(
+            f"{n} terms need the row of an output each, 0 to {model.n_outputs - 1}; got {model.equations}"
+        )
+    if n == 0 or len(set(zip(model.equations, model.terms, strict=True))) != n:
+        raise ModelError(
+            "a NARX model needs at least one term, and each only once; "
+            f"got {', '.join(map(str, model.terms)) or 'none'}"
+        )
+    for kind, signals, names in (
+        ("u", "inputs", model.input_names),
+        ("y", "outputs", model.output_names),
+        ("e", "outputs", model.output_names),
+    ):
+        if model.table.channels(kind) > len(names):
+            raise ModelError(
+                f"the terms use {model.table.channels(kind)} {signals}, but {len(names)} are named"
+            )
 
 
 def require_values(model: NarxModel) -> None:
@@ -42,6 +76,10 @@ def require_values(model: NarxModel) -> None:
             f"noise_variance has the shape {np.shape(model.noise_variance)}; "
             f"a model of {model.n_outputs} output(s) needs {wanted}"
         )
+    for side in ("input", "output"):
+        origin, names = getattr(model, f"{side}_origin"), getattr(model, f"{side}_names")
+        if origin.shape != (len(names),) or not np.all(np.isfinite(origin)):
+            raise ModelError(f"{side}_origin must be {len(names)} finite number(s); got {origin.tolist()}")
     noise = np.asarray(model.noise_variance)
     if not 0 < model.sample_time < math.inf or not np.all((noise >= 0) & (noise < math.inf)) or not model.theta_dof > 2:
         raise ModelError(
