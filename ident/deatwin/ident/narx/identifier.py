@@ -8,10 +8,12 @@ from collections.abc import Callable
 from enum import Enum
 from typing import Any, Self
 
+from deatwin.ident.narx.excess import excess_notes
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.regression import Recordings, Regression, flatten
 from deatwin.ident.narx.terms import Lags, Rule
 from deatwin.plant.errors import ModelError, nearest
+from deatwin.plant.recording import Recording
 
 __all__ = ["FitStatus", "Identifier", "NarxIdentifier", "Progress", "silent"]
 
@@ -92,6 +94,9 @@ class NarxIdentifier(Identifier, ABC):
         What was learned.
     status_ : FitStatus
         Whether the search was completed.
+    notes_ : tuple of str
+        What is to be known about the fit, a sentence each: above all where its error one step ahead on the training
+        data is more than 1 % above that of least squares on the same terms. Usually empty.
     equations_ : tuple of NarxIdentifier
         With several outputs, the fitted estimator of each; otherwise empty. What else a class documents as
         learned is then found on these.
@@ -104,6 +109,7 @@ class NarxIdentifier(Identifier, ABC):
 
     model_: NarxModel
     status_: FitStatus
+    notes_: tuple[str, ...]
     equations_: tuple[NarxIdentifier, ...]
 
     def fit(self, recordings: Recordings, *, progress: Progress | None = None) -> Self:
@@ -137,8 +143,9 @@ class NarxIdentifier(Identifier, ABC):
         if len(data) == 1:
             self.status_, self.equations_ = FitStatus.DONE, ()
             self.model_ = self._learn(data[0], tell)
-            return self
-        self._learn_each(data, tell)
+        else:
+            self._learn_each(data, tell)
+        self.notes_ = self._notes(chosen)
         return self
 
     def _learn_each(self, data: list[Regression], progress: Progress) -> None:
@@ -167,6 +174,10 @@ class NarxIdentifier(Identifier, ABC):
             rule=self.rule,
             output=output,
         )
+
+    def _notes(self, recordings: tuple[Recording, ...]) -> tuple[str, ...]:
+        """Return what is to be known about the fit to these recordings."""
+        return excess_notes(self.model_, recordings)
 
     @abstractmethod
     def _check(self) -> None:

@@ -127,6 +127,39 @@ class Regression:
                 )
         return cls(table, chosen, table.max_lag, output)
 
+    def about_rest(self, model: NarxModel) -> Regression:
+        """Return the regression about the output at which a model rests while its inputs are at their origins.
+
+        A constant term is then not needed: where an output's zero has no part in the experiment, the constant says no
+        more than how far from the rest the origin was put.
+
+        Parameters
+        ----------
+        model : NarxModel
+            Of one output and fitted about the present origins.
+
+        Returns
+        -------
+        Regression
+            This one itself where outputs count from their own zero, there is no constant or no rest within the swing
+            of the data, or there are several outputs.
+        """
+        if self.output_origin is None or self.output_origin.size > 1 or not self.output_origin.any():
+            return self
+        if not any(term.degree == 0 for term in model.terms):
+            return self
+        quiet = [m for m, term in enumerate(model.terms) if all(v.kind == "y" for v, _ in term.factors)]
+        powers = [model.terms[m].degree for m in quiet]
+        coefficients = np.bincount(powers, weights=model.theta[quiet], minlength=2)
+        coefficients[1] -= 1.0
+        swing = float(np.ptp(np.concatenate([record.outputs[0] for record in self.recordings])))
+        # counted in swings, so that no coefficient is large for its unit alone
+        roots = np.polynomial.polynomial.polyroots(coefficients * swing ** np.arange(coefficients.size) / swing)
+        rests = roots.real[(np.abs(roots.imag) < 1e-9) & (np.abs(roots) <= 1.0)]
+        if rests.size == 0:
+            return self
+        return replace(self, output_origin=self.output_origin + swing * rests[np.argmin(np.abs(rests))])
+
     def require_samples_for(self, n_terms: int) -> None:
         """Raise ModelError unless there are more samples than terms that may be chosen.
 

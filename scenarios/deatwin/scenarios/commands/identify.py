@@ -125,6 +125,8 @@ def identify(
         model.save(out)
         errors = [_errors(model, unseen) for _, unseen in pieces]
         _say(voice, model, errors, _labels(records))
+        for note in identifier.notes_:
+            voice.say(f"note: {note}")
         if not identifier.status_.ok:
             voice.say(identifier.status_.value)
         voice.say(f"model: {out}")
@@ -132,7 +134,10 @@ def identify(
             _write_report(folder, record, model, method, [unseen for _, unseen in pieces], identifier.status_.ok)
             voice.say(f"report: {folder.path / 'report.html'}")
         terms = {str(term): float(value) for term, value in zip(model.terms, model.theta, strict=True)}
-        voice.result({"out": str(out), "terms": terms, "complete": identifier.status_.ok, "unseen": errors})
+        voice.result({
+            "out": str(out), "terms": terms, "origins": _origins(model), "complete": identifier.status_.ok,
+            "notes": list(identifier.notes_), "unseen": errors,
+        })  # fmt: skip
         if not identifier.status_.ok:
             raise typer.Exit(130)
 
@@ -173,13 +178,23 @@ def _identifier(method: Method, lags: Candidates, max_terms: int) -> NarxIdentif
 
 def _say(voice: Voice, model: NarxModel, errors: list[dict[str, Any]], labels: list[str]) -> None:
     """Terms with their intervals, and how the model does on what it has not seen."""
+    from deatwin.ident.narx.written import origins
+
     unit = f" {model.output_units[0]}" if model.output_units[0] else ""
     for term, value, variance in zip(model.terms, model.theta, model.theta_cov.diagonal(), strict=True):
         voice.say(f"{value:>14.6g} ± {1.96 * variance**0.5:<12.3g} {term}")
+    if said := origins(model):
+        voice.say(said.strip())
     for label, error in zip(labels, errors, strict=True):
         free = f"{error['free_run']:.4g}{unit}" if error["finished"] else f"{error['free_run']:.4g}{unit} (diverged)"
         voice.say(f"{label}, unseen part: one step {error['one_step']:.4g}{unit} rms, free run {free} rms")
         voice.say(f"  {error['validation']}")
+
+
+def _origins(model: NarxModel) -> dict[str, float]:
+    """By signal what its terms count from."""
+    names, values = model.input_names + model.output_names, [*model.input_origin.tolist(), *model.output_origin.tolist()]
+    return dict(zip(names, values, strict=True))
 
 
 def _for_check(model: NarxModel, records: list[Recording], unseen: list[Recording]) -> NarxModel:
