@@ -93,5 +93,8 @@ def fields_of(document: Mapping[str, Any]) -> dict[str, Any]:
         else None,
         "provenance": {str(key): str(value) for key, value in document["provenance"].items()},
         **names,
-        **{f"{side}_origin": read_only([signal.get("origin", 0.0) for signal in signals]) for side, signals in sides.items()},
+        **{
+            f"{side}_origin": read_only([signal.get("origin", 0.0) for signal in signals])
+            for side, signals in sides.items()
+        },
     }

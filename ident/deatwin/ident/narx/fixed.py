@@ -55,7 +55,7 @@ class Fixed(NarxIdentifier):
         self.estimator = estimator
 
     def _check(self) -> None:
-        if isinstance(self.terms, str) or not isinstance(self.terms, NarxModel) and len(self.terms) == 0:
+        if isinstance(self.terms, str) or (not isinstance(self.terms, NarxModel) and len(self.terms) == 0):
             raise ModelError(f'terms = {self.terms!r}; give a list of terms, as ["y(k-1)", "u(k-1)^2"]')
         if not callable(self.estimator):
             raise ModelError(f"estimator = {self.estimator!r}; give one, as Ridge()")

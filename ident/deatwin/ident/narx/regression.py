@@ -27,8 +27,8 @@ _BLOCK = 4096  # samples evaluated at once: a block of 1000 terms is 32 MB
 class Regression:
     """The regression y = Phi theta + e of candidate terms on recordings, in scaled signals.
 
-    Each signal, less its origin, is divided by the power of two just above its largest magnitude: no regressor exceeds 1,
-    whatever the units, and the way back to physical units is exact in binary arithmetic.
+    Each signal, less its origin, is divided by the power of two just above its largest magnitude: no regressor exceeds
+    1, whatever the units, and the way back to physical units is exact in binary arithmetic.
 
     Parameters
     ----------
@@ -127,39 +127,6 @@ class Regression:
                 )
         return cls(table, chosen, table.max_lag, output)
 
-    def about_rest(self, model: NarxModel) -> Regression:
-        """Return the regression about the output at which a model rests while its inputs are at their origins.
-
-        A constant term is then not needed: where an output's zero has no part in the experiment, the constant says no
-        more than how far from the rest the origin was put.
-
-        Parameters
-        ----------
-        model : NarxModel
-            Of one output and fitted about the present origins.
-
-        Returns
-        -------
-        Regression
-            This one itself where outputs count from their own zero, there is no constant or no rest within the swing
-            of the data, or there are several outputs.
-        """
-        if self.output_origin is None or self.output_origin.size > 1 or not self.output_origin.any():
-            return self
-        if not any(term.degree == 0 for term in model.terms):
-            return self
-        quiet = [m for m, term in enumerate(model.terms) if all(v.kind == "y" for v, _ in term.factors)]
-        powers = [model.terms[m].degree for m in quiet]
-        coefficients = np.bincount(powers, weights=model.theta[quiet], minlength=2)
-        coefficients[1] -= 1.0
-        swing = float(np.ptp(np.concatenate([record.outputs[0] for record in self.recordings])))
-        # counted in swings, so that no coefficient is large for its unit alone
-        roots = np.polynomial.polynomial.polyroots(coefficients * swing ** np.arange(coefficients.size) / swing)
-        rests = roots.real[(np.abs(roots.imag) < 1e-9) & (np.abs(roots) <= 1.0)]
-        if rests.size == 0:
-            return self
-        return replace(self, output_origin=self.output_origin + swing * rests[np.argmin(np.abs(rests))])
-
     def require_samples_for(self, n_terms: int) -> None:
         """Raise ModelError unless there are more samples than terms that may be chosen.
 
@@ -199,21 +166,6 @@ class Regression:
             Of the same signals.
         """
         return replace(self, input_origin=model.input_origin, output_origin=model.output_origin)
-
-    def about_own_origins(self) -> Regression:
-        """Return the regression about origins that the data give: zero where they reach about that far, else the mean.
-
-        A signal whose mean is no further from zero than its own swing, largest less smallest value, has zero among or
-        beside its values: terms mean what they say of the signal itself, and no power loses more than a bit or two a
-        factor. Any other signal, as one in kelvin, counts from a zero that has no part in the experiment: its regressors
-        would all be nearly constant, and what a prior does to them would depend on that zero. From the mean it does
-        not, and neither choice depends on the unit.
-        """
-        return replace(
-            self,
-            input_origin=_origins([record.inputs for record in self.recordings]),
-            output_origin=_origins([record.outputs for record in self.recordings]),
-        )
 
     @property
     def n_samples(self) -> int:
@@ -380,12 +332,6 @@ def flatten(recordings: Recordings) -> tuple[Recording, ...]:
 def _scales(signals: list[Array]) -> Array:
     largest = np.max([np.abs(signal).max(axis=1) for signal in signals], axis=0)
     return np.where(largest > 0, np.ldexp(1.0, np.frexp(largest)[1]), 1.0)
-
-
-def _origins(signals: list[Array]) -> Array:
-    joined = np.concatenate(signals, axis=1)
-    mean = joined.mean(axis=1)
-    return np.where(np.abs(mean) <= np.ptp(joined, axis=1), 0.0, mean)
 
 
 def _operating_range(recordings: tuple[Recording, ...]) -> OperatingRange:

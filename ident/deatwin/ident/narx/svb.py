@@ -13,6 +13,7 @@ from deatwin.ident.narx.bayes import FLAT, Priors, RelevanceFit, Statistics, fit
 from deatwin.ident.narx.evidence import Move, climb, log_odds
 from deatwin.ident.narx.identifier import FitStatus, NarxIdentifier, Progress
 from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.origin import about_data, about_rest
 from deatwin.ident.narx.regression import Recordings, Regression
 from deatwin.ident.narx.svb_plots import draw_bounds, draw_relevance
 from deatwin.ident.narx.terms import Lags, Rule, Term
@@ -128,9 +129,9 @@ class SvbNarx(NarxIdentifier):
     The priors have a size of their own, so that the choice depends on units and on the size of the
     regressors: small ones would be neither supported nor refused by the bound. Hence output and regressors are
     divided by their root mean squares, and a signal that is far from zero counts from an origin among its values:
-    `Regression.about_own_origins` says which, and an output's origin is moved to where the model rests. Neither units
-    nor offsets then change the choice. Bounds and relevances are those of this scaling; the model is in physical
-    units, about these origins.
+    zero where the data reach about that far, else their mean, which for an output is then moved to where the model
+    rests. Neither units nor offsets of the others change the choice. Bounds and relevances are those of this scaling;
+    the model is in physical units, about these origins.
 
     Parameters
     ----------
@@ -209,12 +210,12 @@ class SvbNarx(NarxIdentifier):
         self.max_iterations = max_iterations
 
     def _regression(self, recordings: Recordings, output: int) -> Regression:
-        return super()._regression(recordings, output).about_own_origins()
+        return about_data(super()._regression(recordings, output))
 
     def _notes(self, recordings: tuple[Recording, ...]) -> tuple[str, ...]:
         settled = all(one.settled_ for one in self.equations_ or (self,))  # type: ignore[attr-defined]
-        said = () if settled else (f"the parameters had not settled after {self.max_iterations} updates: raise max_iterations",)
-        return super()._notes(recordings) + said
+        late = f"the parameters had not settled after {self.max_iterations} updates: raise max_iterations"
+        return super()._notes(recordings) + (() if settled else (late,))
 
     def _check(self) -> None:
         if self.clean_up not in _CLEAN_UPS:
@@ -226,7 +227,7 @@ class SvbNarx(NarxIdentifier):
 
     def _learn(self, data: Regression, progress: Progress) -> NarxModel:
         model = self._chosen(data, progress)
-        resting = data.about_rest(model) if self.status_.ok else data
+        resting = about_rest(data, model) if self.status_.ok else data
         return model if resting is data else self._chosen(resting, progress)
 
     def _chosen(self, data: Regression, progress: Progress) -> NarxModel:

@@ -131,7 +131,7 @@ def identify(
             voice.say(identifier.status_.value)
         voice.say(f"model: {out}")
         if folder is not None:
-            _write_report(folder, record, model, method, [unseen for _, unseen in pieces], identifier.status_.ok)
+            _write_report(folder, record, model, method, [unseen for _, unseen in pieces], identifier)
             voice.say(f"report: {folder.path / 'report.html'}")
         terms = {str(term): float(value) for term, value in zip(model.terms, model.theta, strict=True)}
         voice.result({
@@ -143,8 +143,9 @@ def identify(
 
 
 def _write_report(
-    folder: ResultFolder, record: RunRecord, model: NarxModel, method: Method, unseen: list[Recording], complete: bool
-) -> None:
+    folder: ResultFolder, record: RunRecord, model: NarxModel, method: Method, unseen: list[Recording],
+    identifier: NarxIdentifier,
+) -> None:  # fmt: skip
     import json
 
     from deatwin.ident.narx import validate
@@ -157,7 +158,8 @@ def _write_report(
     except ModelError as error:
         why_not = str(error)
     found = Identified(
-        model=model, method=method.value, unseen=unseen, validation=validation, why_not=why_not, complete=complete
+        model=model, method=method.value, unseen=unseen, validation=validation, why_not=why_not,
+        complete=identifier.status_.ok, notes=identifier.notes_,
     )
     write_identified(found, folder, record)
     folder.remove_former(r"figures/\w+\.csv")
@@ -193,8 +195,8 @@ def _say(voice: Voice, model: NarxModel, errors: list[dict[str, Any]], labels: l
 
 def _origins(model: NarxModel) -> dict[str, float]:
     """By signal what its terms count from."""
-    names, values = model.input_names + model.output_names, [*model.input_origin.tolist(), *model.output_origin.tolist()]
-    return dict(zip(names, values, strict=True))
+    values = [*model.input_origin.tolist(), *model.output_origin.tolist()]
+    return dict(zip(model.input_names + model.output_names, values, strict=True))
 
 
 def _for_check(model: NarxModel, records: list[Recording], unseen: list[Recording]) -> NarxModel:

@@ -10,8 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deatwin.ident.frequency import equilibrium, gfrf, linear_part, remove_dc
-from deatwin.ident.frequency import hold_equilibrium
+from deatwin.ident.frequency import equilibrium, gfrf, hold_equilibrium, linear_part, remove_dc
 from deatwin.ident.narx import Fixed, Frols, Narmax, NarxModel, SvbNarx, ThetaSmoother, refine
 from deatwin.ident.narx.predictive import free_run_band, one_step_band
 from deatwin.ident.narx.robust import robust_covariance
@@ -178,7 +177,8 @@ def test_its_equilibrium_gains_and_responses_are_those_of_the_raw_polynomial():
     np.testing.assert_allclose(deviations.theta_cov, reference.theta_cov, atol=1e-7)
     assert not deviations.output_origin.any() and not deviations.input_origin.any()
     for order in (1, 2):
-        found, expected = (gfrf(m, order, np.full((1, order), 0.1), operating_input=U0 + 0.3) for m in (about_origin(), raw()))
+        tones = np.full((1, order), 0.1)
+        found, expected = (gfrf(m, order, tones, operating_input=U0 + 0.3) for m in (about_origin(), raw()))
         np.testing.assert_allclose(found.values, expected.values, rtol=1e-7)
 
 
@@ -214,7 +214,8 @@ def test_python_control_runs_it_as_it_runs_free():
 
 def test_refits_keep_the_origin():
     recording = experiment(600)
-    for estimator in (Fixed(terms=about_origin()), ThetaSmoother(terms=about_origin()), Narmax(Fixed(terms=about_origin()))):
+    fixed = Fixed(terms=about_origin())
+    for estimator in (fixed, ThetaSmoother(terms=about_origin()), Narmax(fixed)):
         model = estimator.fit(recording).model_
         assert model.output_origin.tolist() == [Y0] and model.input_origin.tolist() == [U0]
         assert model.predict(recording).rms_error < 0.012
@@ -250,8 +251,12 @@ def test_the_exported_source_runs_as_the_model(tmp_path):
     if compiler is None:
         pytest.skip("no C compiler")
     source = narx_source(about_origin())
-    (tmp_path / "narx.c").write_text(source.text + "\nnarx_state held; void start(void) { narx_init(&held); }\n"
-                                     "int go(const double *u, double *y) { return narx_step(&held, u, y); }\n")  # fmt: skip
+    driver = """
+        narx_state held;
+        void start(void) { narx_init(&held); }
+        int go(const double *u, double *y) { return narx_step(&held, u, y); }
+    """
+    (tmp_path / "narx.c").write_text(source.text + driver)
     subprocess.run([compiler, "-shared", "-fPIC", "-o", tmp_path / "narx.so", tmp_path / "narx.c"], check=True)
     library, recording, number = ctypes.CDLL(str(tmp_path / "narx.so")), experiment(), ctypes.c_double
     library.start()
