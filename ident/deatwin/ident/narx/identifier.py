@@ -160,7 +160,7 @@ class NarxIdentifier(Identifier, ABC):
     def _fitted_clone(self, data: Regression, progress: Progress) -> Self:
         """Return an estimator of the same arguments that has learned one equation."""
         one = type(self)(**self.get_params())
-        one.status_, one.equations_ = FitStatus.DONE, ()
+        one.status_, one.equations_, one.notes_ = FitStatus.DONE, (), ()
         one.model_ = one._learn(data, progress)
         return one
 

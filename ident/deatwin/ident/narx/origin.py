@@ -74,5 +74,6 @@ def about_rest(data: Regression, model: NarxModel) -> Regression:
 
 def _origins(signals: list[Array]) -> Array:
     joined = np.concatenate(signals, axis=1)
-    mean = joined.mean(axis=1)
-    return np.where(np.abs(mean) <= np.ptp(joined, axis=1), 0.0, mean)
+    swing = np.ptp(joined, axis=1)
+    mean = np.where(swing > 0, joined.mean(axis=1), joined[:, 0])  # a constant is its own mean, to the last bit
+    return np.where(np.abs(mean) <= swing, 0.0, mean)

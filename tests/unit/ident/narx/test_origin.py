@@ -112,6 +112,28 @@ def test_a_fit_that_is_worse_than_least_squares_says_so():
     assert not early.settled_ and any("max_iterations" in note for note in early.notes_)
 
 
+def test_noise_models_and_several_outputs_about_an_origin():
+    u, y = signals()
+    plain, far = Narmax(SvbNarx()).fit(moved(u, y)), Narmax(SvbNarx()).fit(moved(u, y, 0.0, 1e3))
+    deterministic = [fit.model_.deterministic for fit in (plain, far)]
+    assert deterministic[0].terms == deterministic[1].terms
+    np.testing.assert_allclose(deterministic[0].theta, deterministic[1].theta, rtol=0.02)
+    both = np.stack([y, 2 * y + 0.1 * np.append(0.0, u[:-1])])
+    several = SvbNarx(degree=1).fit(Recording.from_arrays(u, both + np.array([[1e4], [0.0]]), 1.0))
+    assert several.model_.output_origin[0] > 9e3 and several.model_.output_origin[1] == 0.0
+    reference = SvbNarx(degree=1).fit(Recording.from_arrays(u, both, 1.0))
+    recording = Recording.from_arrays(u, both + np.array([[1e4], [0.0]]), 1.0)
+    assert several.model_.predict(recording).rms_error == pytest.approx(
+        reference.model_.predict(Recording.from_arrays(u, both, 1.0)).rms_error, rel=0.01
+    )
+
+
+def test_a_constant_input_takes_no_part():
+    u, y = signals()
+    recording = Recording.from_arrays(np.stack([u, np.full(u.size, 5.1)]), y, 1.0)
+    assert not any("u2" in str(term) for term in SvbNarx().fit(recording).terms_)
+
+
 # ---- consumers: a model about an origin equals the raw polynomial written out, which at this swing has its digits
 
 TERMS = {"1": 0.2, "y(k-1)": 0.5, "u(k-1)": 0.4, "u(k-1)^2": 0.2, "y(k-1)u(k-2)": -0.1}
