@@ -29,12 +29,12 @@ from deatwin.plant.recording import Recording
 
 Array = NDArray[np.float64]
 
-TOLERANCE, MAX_ITERATIONS, RESOLUTION = 1e-5, 500, 100.0
+TOLERANCE, MAX_ITERATIONS, RESOLUTION = 1e-2, 500, 100.0
 A0, B0, C0, D0 = 1e-2, 1e-4, 1e-2, 1e-4
 
 
 def published_fit(x: Array, y: Array) -> tuple[Array, list[float]]:
-    """Iterate the published updates; returns E[alpha] and the bound after each.
+    """Iterate the published updates until parameters and noise settle; returns E[alpha] and the bound after each.
 
     Parameters
     ----------
@@ -49,6 +49,7 @@ def published_fit(x: Array, y: Array) -> tuple[Array, list[float]]:
     constant = -0.5 * (n * log(2 * pi) - d) - gammaln(A0) + A0 * log(B0) + d * (-gammaln(C0) + C0 * log(D0))
     alpha = np.full(d, C0 / D0)
     bounds: list[float] = []
+    before = None
     for _ in range(MAX_ITERATIONS):
         inv_v = np.diag(alpha) + x_corr
         v = np.linalg.inv(inv_v)
@@ -58,12 +59,16 @@ def published_fit(x: Array, y: Array) -> tuple[Array, list[float]]:
         bn = B0 + 0.5 * (sse + np.sum(w**2 * alpha))
         tau = an / bn
         dn = D0 + 0.5 * (tau * w**2 + np.diag(v))
-        alpha = cn / dn
+        settled = before is not None and (
+            tau * np.sum((x @ (w - before[0])) ** 2) + tau * np.sum(alpha * (w - before[0]) ** 2) <= TOLERANCE**2 * d
+            and abs(bn - before[1]) <= TOLERANCE * bn
+        )
+        alpha, before = cn / dn, (w, bn)
         bounds.append(
             -0.5 * (tau * sse + np.sum(x * (x @ v))) + 0.5 * logdet_v - B0 * tau + gammaln(an) - an * log(bn) + an
             + d * gammaln(cn) - cn * np.sum(np.log(dn)) + constant
         )  # fmt: skip
-        if len(bounds) > 1 and bounds[-1] - bounds[-2] <= TOLERANCE * abs(bounds[-1]):
+        if settled:
             break
     return alpha, bounds
 
@@ -73,7 +78,8 @@ def published(recording: Recording) -> list[tuple[Array, float]]:
     system = SYSTEMS["E1"]
     data = Regression.of(recording, output_lags=system.output_lags, input_lags=system.input_lags, degree=system.degree)
     rows, y = data.matrix()
-    rows /= np.exp2(np.round(np.log2(np.sqrt(np.mean(rows**2, axis=1)))))[:, None]  # the scaling of the estimator
+    rows /= np.sqrt(np.mean(rows**2, axis=1))[:, None]  # the scaling of the estimator
+    y /= np.sqrt(np.mean(y**2))
     x = np.ascontiguousarray(rows.T)
     indices, steps = np.arange(len(rows)), []
     while True:

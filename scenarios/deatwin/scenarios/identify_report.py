@@ -51,6 +51,8 @@ class Identified:
         Then the reason.
     complete : bool
         Whether the search for terms went to its end.
+    notes : tuple of str
+        What is to be known about the fit.
     """
 
     model: NarxModel
@@ -59,6 +61,7 @@ class Identified:
     validation: Validation | None
     why_not: str = ""
     complete: bool = True
+    notes: tuple[str, ...] = ()
 
     @property
     def scale(self) -> float:
@@ -121,6 +124,8 @@ def write_identified(found: Identified, folder: ResultFolder, record: RunRecord)
     notes = [Note(title="What the residual says", paragraphs=[f"{said[:1].upper()}{said[1:]}."])]
     if not found.complete:
         notes.append(Note(title="Interrupted", paragraphs=["The search for terms was stopped before its end."]))
+    if found.notes:
+        notes.append(Note(title="About the fit", paragraphs=[f"{note[:1].upper()}{note[1:]}." for note in found.notes]))
     page = StoryPage(
         title="identify", sentence=sentence, rows=rows, notes=notes, figures=drawings, tables=[_table(found.model)]
     )
@@ -212,9 +217,12 @@ def _rows(found: Identified, runs: Sequence[NarxResponse]) -> list[Row]:
 
 
 def _table(model: NarxModel) -> Table:
+    from deatwin.ident.narx.written import origins
+
     half = 1.96 * np.sqrt(np.maximum(model.theta_cov.diagonal(), 0.0))
     rows = [
         [str(term), f"{value:.6g}", f"± {width:.3g}"]
         for term, value, width in zip(model.terms, model.theta, half, strict=True)
     ]
-    return Table(title="The model", columns=["term", "parameter", "95 % interval"], rows=rows)
+    title = f"The model{origins(model)}".replace("\n", ", ")
+    return Table(title=title, columns=["term", "parameter", "95 % interval"], rows=rows)

@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 from deatwin.control.arguments import instance, numbers, taking
 from deatwin.ident.frequency import equilibrium
 from deatwin.ident.narx import NarxModel
-from deatwin.ident.narx.response import divergence_limit
 from deatwin.plant.errors import ModelError, SimulationError
 
 if TYPE_CHECKING:
@@ -80,8 +79,14 @@ class NarxSystem:
         return weights
 
     @cached_property
+    def _origins(self) -> Array:
+        """Origin of each variable of the terms."""
+        origins = {"u": self.model.input_origin, "y": self.model.output_origin}
+        return np.array([origins[v.kind][v.index] for v in self.model.table.variables])
+
+    @cached_property
     def _limit(self) -> float:
-        return divergence_limit(self.model.operating, np.zeros((1, 1)))
+        return self.model.divergence_limit(self.model.output_origin[:, None])
 
     def output(self, t: float, x: Array, u: Array, params: Params) -> Array:
         """Outputs of a sample.
@@ -112,13 +117,13 @@ class NarxSystem:
         if not np.isfinite(known).all():
             raise SimulationError(f"at {t:g} s an input or state of the model is not a finite number: {known.tolist()}")
         with np.errstate(over="ignore", invalid="ignore"):
-            outputs = self._weights @ self.model.table.at(known[self._factors])
-        if not np.all(np.abs(outputs) < self._limit):
+            moved = self._weights @ self.model.table.at(known[self._factors] - self._origins)
+        if not np.all(np.abs(moved) < self._limit):
             raise SimulationError(
                 f"the model diverges at {t:g} s (beyond {self._limit:.3g}): stay within its operating range, start "
                 "from a state near it, or choose another structure"
             )
-        return np.asarray(outputs, dtype=np.float64)
+        return np.asarray(moved + self.model.output_origin, dtype=np.float64)
 
     def update(self, t: float, x: Array, u: Array, params: Params) -> Array:
         """The next state.

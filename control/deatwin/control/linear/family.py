@@ -299,8 +299,9 @@ def _at_one_point(model: NarxModel, level: float, thetas: Array) -> tuple[Array,
     except ModelError:
         return nowhere
     outputs, exists = follow_equilibrium(model, point, thetas)
+    inputs = point.operating_input - model.input_origin
     for m, term in enumerate(model.terms):
-        for remaining, share, _ in expand(term, point.operating_input, outputs):
+        for remaining, share, _ in expand(term, inputs, outputs - model.output_origin[0]):
             if remaining.degree == 1:
                 (variable,) = remaining.expanded
                 side, sign = (denominators, -1.0) if variable.kind == "y" else (numerators, 1.0)

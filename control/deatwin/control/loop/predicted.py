@@ -321,14 +321,16 @@ class _Terms:
             )
         draws = len(theta)
         longest = max(self._lags, default=0) + 1
-        self._y, self._u = np.full((longest, draws), output), np.full((longest, draws), command)
-        self._rest, self._limit = output, far
+        self._origin_u, self._origin_y = float(model.input_origin[0]), float(model.output_origin[0])
+        self._rest, self._limit = output - self._origin_y, far
+        # Both count from the model's origin.
+        self._y, self._u = np.full((longest, draws), self._rest), np.full((longest, draws), command - self._origin_u)
         self.diverged = np.zeros(draws, dtype=np.bool_)
 
     @property
     def output(self) -> Array:
         """The newest output of each draw, shape (draws,)."""
-        return self._y[0]
+        return self._y[0] + self._origin_y
 
     def advance(self, command: Array) -> None:
         """Take one row with a command, shape (draws,).
@@ -336,7 +338,7 @@ class _Terms:
         A row's reading ends the row or begins it; either way the newest output answers to the newest command by
         the model's smallest input lag.
         """
-        self._u = np.concatenate([command[None], self._u[:-1]])
+        self._u = np.concatenate([command[None] - self._origin_u, self._u[:-1]])
         values = [
             self._y[lag - 1] if is_output else self._u[lag - self._first]
             for is_output, lag in zip(self._is_output, self._lags, strict=True)

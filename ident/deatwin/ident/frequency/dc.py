@@ -119,7 +119,7 @@ def _real_equilibria(model: NarxModel, inputs: Array) -> Array:
     is_output = np.array([v.kind == "y" for v in model.table.variables], dtype=bool)
     degrees = model.table.exponents[:, is_output].sum(axis=1)  # in the output, which is the polynomial's unknown
     with np.errstate(over="ignore", invalid="ignore"):
-        weights = model.theta * model.table.at(levels(model, inputs, 1.0))
+        weights = model.theta * model.table.at(np.where(is_output, 1.0, levels(model, inputs, 0.0)))
     require_finite(weights)
     coefficients = np.bincount(degrees, weights=weights, minlength=2)
     sizes = np.bincount(degrees, weights=np.abs(weights), minlength=2)
@@ -138,13 +138,14 @@ def _real_equilibria(model: NarxModel, inputs: Array) -> Array:
     polished = _newton(scaled, close)
     terms = polynomial.polyval(np.abs(polished), np.abs(scaled))
     real = polished[np.abs(polynomial.polyval(polished, scaled)) <= 1e-12 * terms]
-    return np.unique(real) * scale
+    return np.unique(real) * scale + model.output_origin[0]
 
 
 def _output_size(model: NarxModel) -> float:
     if model.operating is None:
         return 1.0
-    return float(np.abs([model.operating.output_min, model.operating.output_max]).max()) or 1.0
+    ends = np.array([model.operating.output_min, model.operating.output_max])
+    return float(np.abs(ends - model.output_origin).max()) or 1.0
 
 
 def _newton(coefficients: Array, roots: Array) -> Array:
@@ -228,9 +229,10 @@ def deviations(model: NarxModel, operating_input: ArrayLike | None = None) -> De
     point = equilibrium(model, operating_input)
     expansion: dict[Term, Array] = defaultdict(lambda: np.zeros(len(model.terms)))
     slope: dict[Term, Array] = defaultdict(lambda: np.zeros(len(model.terms)))
+    model_point = point.operating_input - model.input_origin, np.float64(point.output) - model.output_origin[0]
     with np.errstate(over="ignore", invalid="ignore"):
         for m, term in enumerate(model.terms):
-            for remaining, share, change in expand(term, point.operating_input, np.float64(point.output)):
+            for remaining, share, change in expand(term, *model_point):
                 expansion[remaining][m] += share
                 slope[remaining][m] += change
     expansion.pop(Term(()), None)
@@ -247,6 +249,8 @@ def deviations(model: NarxModel, operating_input: ArrayLike | None = None) -> De
         equations=(),
         theta=matrix @ model.theta,
         theta_cov=transformed(jacobian, model.theta_cov),
+        input_origin=np.zeros_like(model.input_origin),
+        output_origin=np.zeros_like(model.output_origin),
         operating=_shifted_range(model, point),
         provenance={**model.provenance, "deviations_from": _written(model, point)},
     )
@@ -272,9 +276,9 @@ def expand(term: Term, inputs: Array, output: Any) -> Iterator[tuple[Term, Any, 
     term : Term
         What is expanded.
     inputs : ndarray, shape (n_inputs,)
-        Constant inputs in their units.
+        Constant inputs in their units, from the model's origin.
     output : float, or ndarray of any shape
-        Equilibrium output in its unit, or many of them.
+        Equilibrium output in its unit, from the model's origin, or many of them.
 
     Yields
     ------

@@ -131,7 +131,7 @@ def linear_part(model: NarxModel, operating_input: ArrayLike, output: float) -> 
 
 
 def levels(model: NarxModel, inputs: Array, output: float) -> Array:
-    """Return the value of each variable of a model at an equilibrium.
+    """Return the value of each variable of a model at an equilibrium, counted from the model's origin.
 
     Parameters
     ----------
@@ -146,7 +146,8 @@ def levels(model: NarxModel, inputs: Array, output: float) -> Array:
     -------
     ndarray, shape (n_variables,)
     """
-    return np.array([output if v.kind == "y" else inputs[v.index] for v in model.table.variables])
+    moved_in, moved_out = inputs - model.input_origin, output - model.output_origin[0]
+    return np.array([moved_out if v.kind == "y" else moved_in[v.index] for v in model.table.variables])
 
 
 def _slopes(model: NarxModel, values: Array) -> Array:

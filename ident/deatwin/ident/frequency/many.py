@@ -179,9 +179,10 @@ def _deviations(model: NarxModel, point: Equilibrium, thetas: Array) -> _Many:
     """Expand the model at each parameters' equilibrium, as `deatwin.ident.frequency.dc.deviations` does at one."""
     outputs, exists = follow_equilibrium(model, point, thetas)
     theta, outputs = thetas[exists].T, outputs[exists]
+    inputs = point.operating_input - model.input_origin
     expansion: dict[Term, Array] = defaultdict(lambda: np.zeros(outputs.size))
     for m, term in enumerate(model.terms):
-        for remaining, share, _ in expand(term, point.operating_input, outputs):
+        for remaining, share, _ in expand(term, inputs, outputs - model.output_origin[0]):
             expansion[remaining] += share * theta[m]
     expansion.pop(Term(()), None)
     terms = tuple(sorted(expansion, key=lambda t: (t.degree, t.factors)))
@@ -223,10 +224,11 @@ def follow_equilibrium(model: NarxModel, point: Equilibrium, thetas: Array) -> t
     """
     is_output = np.array([v.kind == "y" for v in model.table.variables], dtype=bool)
     degrees = model.table.exponents[:, is_output].sum(axis=1)
-    weights = model.table.at(levels(model, point.operating_input, 1.0))
+    weights = model.table.at(np.where(is_output, 1.0, levels(model, point.operating_input, 0.0)))
     powers = np.arange(int(degrees.max(initial=0)) + 1)
     collect = (degrees == powers[:, None]) * weights  # of f as a polynomial in the output, coefficient by term
-    outputs, follows = np.full(len(thetas), point.output), np.ones(len(thetas), dtype=np.bool_)
+    origin = model.output_origin[0]  # from which outputs are counted here
+    outputs, follows = np.full(len(thetas), point.output - origin), np.ones(len(thetas), dtype=np.bool_)
     start, way = collect @ model.theta, (thetas - model.theta) @ collect.T
     with np.errstate(all="ignore"):
         for share in np.linspace(0.0, 1.0, _STEPS + 1)[1:]:
@@ -239,7 +241,7 @@ def follow_equilibrium(model: NarxModel, point: Equilibrium, thetas: Array) -> t
             residual, _, size = _equation(coefficients, powers, outputs)
             follows &= np.isfinite(outputs) & (np.abs(residual) <= _SETTLED * size)
             follows &= ~_extremum_between(coefficients, powers, before, outputs)
-    return outputs, follows
+    return outputs + origin, follows
 
 
 def _extremum_between(

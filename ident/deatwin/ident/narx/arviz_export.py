@@ -85,9 +85,12 @@ def _one_step(
     model: NarxModel, recording: Recording, theta: Array, variance: Array, rng: np.random.Generator
 ) -> dict[str, dict[str, Array]]:
     """Return new outputs and the log-likelihood of the measured ones, (n_draws, n_outputs, n), and these."""
+    origin = model.output_origin[:, None]
     rows, measured = regressors(model, recording), recording.outputs[:, model.table.max_lag :]
     belongs = np.array(model.equations)
-    mean = np.stack([theta[:, belongs == row] @ rows[belongs == row] for row in range(model.n_outputs)], axis=1)
+    mean = origin + np.stack(
+        [theta[:, belongs == row] @ rows[belongs == row] for row in range(model.n_outputs)], axis=1
+    )
     spread = variance[:, :, None]
     if not np.all(spread > 0):
         raise ModelError("the model has no noise variance, so that the recording has no likelihood")

@@ -6,7 +6,7 @@ The updates and the lower bound are those of Drugowitsch, arXiv:1310.5438, secti
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import log, pi
+from math import log, pi, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,11 @@ from deatwin.plant.errors import ModelError
 
 Array = NDArray[np.float64]
 
+FLAT = 1e-6
+"""E[alpha] so small that the first update is least squares, for regressors of root mean square 1. (From a large one
+the updates have to climb out of the state without any term, where combinations of nearly collinear terms are held back
+while parameters hardly move.) A Cholesky factor of singular statistics needs as much: their largest eigenvalue, samples
+times terms, is below 1e8, and its rounding then below this."""
 _LEAF = 64  # rows up to which LAPACK inverts a triangle as fast as products of blocks do
 
 
@@ -77,21 +82,33 @@ class Statistics:
     @property
     def sizes(self) -> Array:
         """Root mean square of each regressor as a power of two, 1 for a zero one; shape (n_terms,)."""
-        squares = np.diag(self.gram) / self.n_samples
-        return np.exp2(np.round(0.5 * np.log2(np.where(squares > 0, squares, 1.0))))
+        return np.exp2(np.round(np.log2(self.root_mean_squares)))
 
-    def divided(self, sizes: Array) -> Statistics:
-        """Return the statistics of the regressors divided by sizes.
+    @property
+    def root_mean_squares(self) -> Array:
+        """Root mean square of each regressor, 1 for a zero one; shape (n_terms,)."""
+        squares = np.diag(self.gram) / self.n_samples
+        return np.sqrt(np.where(squares > 0, squares, 1.0))
+
+    @property
+    def output_size(self) -> float:
+        """Root mean square of the output, 1 for a zero one."""
+        return sqrt(self.power / self.n_samples) or 1.0
+
+    def divided(self, sizes: Array, output_size: float = 1.0) -> Statistics:
+        """Return the statistics of regressors and output divided by sizes.
 
         Parameters
         ----------
         sizes : ndarray, shape (n_terms,)
-            A divisor for each.
+            A divisor for each regressor.
+        output_size : float
+            The divisor of the output.
         """
         return Statistics(
             gram=self.gram / np.outer(sizes, sizes),
-            moment=self.moment / sizes,
-            power=self.power,
+            moment=self.moment / sizes / output_size,
+            power=self.power / output_size**2,
             n_samples=self.n_samples,
         )
 
@@ -208,17 +225,23 @@ class RelevanceFit:
         E[alpha]; its inverse is the relevance of a term.
     bounds : tuple of float
         Lower bound on ln p(y) after each update; it never falls.
+    settled : bool
+        Whether parameters and noise had settled at the end.
     """
 
     posterior: Posterior
     alpha: Array
     bounds: tuple[float, ...]
+    settled: bool
 
 
 def fit_relevance(
     data: Statistics, priors: Priors, alpha: Array, *, tolerance: float, max_iterations: int
 ) -> RelevanceFit:
-    """Iterate q(theta, tau) and q(alpha) until the lower bound rises no more.
+    """Iterate q(theta, tau) and q(alpha) until parameters and noise have settled.
+
+    The bound is no measure of that: while nearly collinear terms find their shares it rises by a millionth of itself an
+    update, and still by hundreds of nats in the end.
 
     Parameters
     ----------
@@ -229,7 +252,8 @@ def fit_relevance(
     alpha : ndarray, shape (n_terms,)
         E[alpha] to start with.
     tolerance : float
-        Stop when the bound rises by less than this share of itself.
+        Stop when an update moves the parameters by less than this many of their standard deviations (root mean square
+        over the principal axes of their law), and the noise variance by less than this share of itself.
     max_iterations : int
         Stop after so many updates.
 
@@ -239,6 +263,7 @@ def fit_relevance(
     """
     shape = priors.c0 + 0.5
     bounds: list[float] = []
+    before: Posterior | None = None
     for _ in range(max_iterations):
         current = posterior(data, alpha, priors)
         spread = current.spread
@@ -246,10 +271,18 @@ def fit_relevance(
         # tr(Phi'Phi V) = tr((V^-1 - A) V), so that no product of matrices is needed.
         trace = alpha.size - float(alpha @ spread)
         bounds.append(_lower_bound(data.n_samples, current, rate, trace, priors))
-        alpha = shape / rate
-        if len(bounds) > 1 and bounds[-1] - bounds[-2] <= tolerance * abs(bounds[-1]):
+        settled = before is not None and _settled(data, alpha, before, current, tolerance)
+        alpha, before = shape / rate, current
+        if settled:
             break
-    return RelevanceFit(posterior=current, alpha=alpha, bounds=tuple(bounds))
+    return RelevanceFit(posterior=current, alpha=alpha, bounds=tuple(bounds), settled=settled)
+
+
+def _settled(data: Statistics, alpha: Array, before: Posterior, now: Posterior, tolerance: float) -> bool:
+    """Whether an update, which ended at relevances alpha, moved parameters and noise by less than the tolerance."""
+    moved = now.mean - before.mean
+    distance = now.a / now.b * float(moved @ data.gram @ moved + alpha @ moved**2)  # squared, in standard deviations
+    return distance <= tolerance**2 * moved.size and abs(now.b - before.b) <= tolerance * now.b
 
 
 def _lower_bound(n: int, q: Posterior, rate: Array, trace: float, priors: Priors) -> float:

@@ -35,9 +35,12 @@ def to_document(model: NarxModel) -> dict[str, Any]:
             else getattr(model.operating, f"{side}_{key}").tolist()
             for key in ("min", "max", "centre")
         }
+        origins = getattr(model, f"{side}_origin")
         return [
-            {"name": name, "unit": unit} | {key: values[i] for key, values in ranges.items()}
-            for i, (name, unit) in enumerate(zip(names, units, strict=True))
+            {"name": name, "unit": unit}
+            | ({"origin": float(origin)} if origin else {})
+            | {key: values[i] for key, values in ranges.items()}
+            for i, (name, unit, origin) in enumerate(zip(names, units, origins, strict=True))
         ]
 
     return {
@@ -90,4 +93,8 @@ def fields_of(document: Mapping[str, Any]) -> dict[str, Any]:
         else None,
         "provenance": {str(key): str(value) for key, value in document["provenance"].items()},
         **names,
+        **{
+            f"{side}_origin": read_only([signal.get("origin", 0.0) for signal in signals])
+            for side, signals in sides.items()
+        },
     }

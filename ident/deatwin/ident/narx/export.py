@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deatwin.ident.narx.model import NarxModel
-from deatwin.ident.narx.response import divergence_limit
 from deatwin.ident.narx.terms import Term
 from deatwin.plant.errors import ModelError
 from deatwin.plant.export.sampled import SampledSource, Signal, comment, filled, number, require_identifier, table
@@ -55,7 +54,7 @@ int ${n}_step(${n}_state *state, const ${n}_real *u, ${n}_real *y)
     if (!state->diverged) {
 $sums
         for (i = 0; i < $outputs; i++) /* not a number is beyond the limit too */
-            if (!(next[i] > -limit && next[i] < limit)) state->diverged = 1;
+            if (!($distance > -limit && $distance < limit)) state->diverged = 1;
     }
     if (!state->diverged) {
         for (i = 0; i < $outputs; i++) {
@@ -92,9 +91,9 @@ def narx_source(
     name : str
         Prefix of all names in the source.
     rest_input : array_like, shape (n_inputs,), optional
-        Inputs before the first sample, in their units; zeros by default.
+        Inputs before the first sample, in their units; the model's origin by default.
     rest_output : array_like, shape (n_outputs,), optional
-        Outputs before the first sample, in their units; zeros by default.
+        Outputs before the first sample, in their units; the model's origin by default.
 
     Returns
     -------
@@ -107,8 +106,8 @@ def narx_source(
     """
     require_identifier(name)
     quiet = model.deterministic
-    rest_u = _rest(rest_input, len(model.input_names), "inputs")
-    rest_y = _rest(rest_output, model.n_outputs, "outputs")
+    rest_u = _rest(rest_input, model.input_origin, "inputs")
+    rest_y = _rest(rest_output, model.output_origin, "outputs")
     inputs, outputs = (
         tuple(Signal(name=n, unit=unit, start=float(v)) for n, unit, v in zip(names, units, rest, strict=True))
         for names, units, rest in (
@@ -116,10 +115,13 @@ def narx_source(
         )
     )  # fmt: skip
     tables = [(f"{name}_theta", quiet.theta), (f"{name}_rest_u", rest_u), (f"{name}_rest_y", rest_y)]
+    if model.output_origin.any():
+        tables.append((f"{name}_origin_y", model.output_origin))
     text = _head(quiet, inputs, outputs) + filled(
         _SOURCE, n=name, N=name.upper(), inputs=len(inputs), outputs=len(outputs),
+        distance=f"(next[i] - {name}_origin_y[i])" if model.output_origin.any() else "next[i]",
         y_lags=_depth(quiet, "y"), u_lags=_depth(quiet, "u"), sample_time=float(model.sample_time),
-        limit=divergence_limit(model.operating, np.zeros((1, 1))), sums="\n".join(_sums(quiet, name)),
+        limit=model.divergence_limit(model.output_origin[:, None]), sums="\n".join(_sums(quiet, name)),
         tables="\n".join(table(f"{name}_real {key}", values) for key, values in tables),
     )  # fmt: skip
     return SampledSource(
@@ -128,10 +130,10 @@ def narx_source(
     )  # fmt: skip
 
 
-def _rest(values: ArrayLike | None, count: int, what: str) -> np.ndarray:
-    found = np.zeros(count) if values is None else np.atleast_1d(np.asarray(values, dtype=np.float64))
-    if found.shape != (count,):
-        raise ModelError(f"the rest of {what} has the shape {found.shape}; the model has {count} {what}")
+def _rest(values: ArrayLike | None, origin: np.ndarray, what: str) -> np.ndarray:
+    found = origin if values is None else np.atleast_1d(np.asarray(values, dtype=np.float64))
+    if found.shape != origin.shape:
+        raise ModelError(f"the rest of {what} has the shape {found.shape}; the model has {origin.size} {what}")
     return found
 
 
@@ -164,15 +166,20 @@ def _sums(model: NarxModel, name: str) -> list[str]:
     lines = []
     for row in range(model.n_outputs):
         products = [
-            " * ".join([f"{name}_theta[{m}]", *_factors(term)])
+            " * ".join([f"{name}_theta[{m}]", *_factors(term, model, name)])
             for m, (term, equation) in enumerate(zip(model.terms, model.equations, strict=True))
             if equation == row
         ]
+        if model.output_origin[row]:
+            products.append(f"({name}_real){number(float(model.output_origin[row]))}")
         lines.append(f"        next[{row}] = " + "\n            + ".join(products or [f"({name}_real)0"]) + ";")
     return lines
 
 
-def _factors(term: Term) -> list[str]:
-    return [
-        f"u[{v.index}]" if v.lag == 0 else f"state->{v.kind}[{v.index}][{v.lag - 1}]" for v in term.expanded
+def _factors(term: Term, model: NarxModel, name: str) -> list[str]:
+    origins = {"u": model.input_origin, "y": model.output_origin}
+    signals = [
+        (f"u[{v.index}]" if v.lag == 0 else f"state->{v.kind}[{v.index}][{v.lag - 1}]", float(origins[v.kind][v.index]))
+        for v in term.expanded
     ]
+    return [f"({signal} - ({name}_real){number(origin)})" if origin else signal for signal, origin in signals]

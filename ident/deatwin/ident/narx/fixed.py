@@ -19,9 +19,10 @@ class Fixed(NarxIdentifier):
 
     Parameters
     ----------
-    terms : sequence of Term or str, or mapping of str to such sequences
-        The terms, as ``["y(k-1)", "u(k-1)^2"]`` or ``other.model_.terms``; for several outputs those of each
-        equation, as ``{"y1": ["y1(k-1)"], "y2": ["y2(k-1)", "u(k-1)"]}``. Signals have the names of the recordings,
+    terms : NarxModel, sequence of Term or str, or mapping of str to such sequences
+        The terms: those of a model, as ``other.model_``, about its origins, or in the signals themselves, as
+        ``["y(k-1)", "u(k-1)^2"]``; for several outputs those of each equation, as
+        ``{"y1": ["y1(k-1)"], "y2": ["y2(k-1)", "u(k-1)"]}``. Signals have the names of the recordings,
         as in ``"voltage(k-1)*temperature(k-2)"``, or y, u (of several y1, y2, u1, u2, ...) by position; where a text
         could mean both, the name of the recordings is meant.
     estimator : callable
@@ -49,14 +50,14 @@ class Fixed(NarxIdentifier):
     def __init__(
         self,
         *,
-        terms: Sequence[Term | str] | Mapping[str, Sequence[Term | str]],
+        terms: NarxModel | Sequence[Term | str] | Mapping[str, Sequence[Term | str]],
         estimator: Estimator = least_squares,
     ) -> None:
         self.terms = terms
         self.estimator = estimator
 
     def _check(self) -> None:
-        if isinstance(self.terms, str) or len(self.terms) == 0:
+        if isinstance(self.terms, str) or (not isinstance(self.terms, NarxModel) and len(self.terms) == 0):
             raise ModelError(f'terms = {self.terms!r}; give a list of terms, as ["y(k-1)", "u(k-1)^2"]')
         if not callable(self.estimator):
             raise ModelError(f"estimator = {self.estimator!r}; give one, as Ridge()")
@@ -78,10 +79,16 @@ class Fixed(NarxIdentifier):
                     f"the terms use {table.channels(kind)} {signals}, the recordings have {there}: "
                     f"{', '.join(record.input_names if kind == 'u' else record.output_names) or 'none'}"
                 )
-        return Regression.on(chosen, table, output=output)
+        data = Regression.on(chosen, table, output=output)
+        return data.about(self.terms) if isinstance(self.terms, NarxModel) else data
 
     def _of_output(self, output: int, own: Sequence[str]) -> Sequence[Term | str]:
         """Return the terms of one equation."""
+        if isinstance(self.terms, NarxModel):
+            if self.terms.n_outputs != len(own):
+                raise ModelError(f"the model has {self.terms.n_outputs} outputs, the recordings have {len(own)}")
+            pairs = zip(self.terms.terms, self.terms.equations, strict=True)
+            return [term for term, equation in pairs if equation == output]
         if not isinstance(self.terms, Mapping):
             if len(own) > 1:
                 raise ModelError(

@@ -11,10 +11,12 @@ from typing import Any, Self
 
 import numpy as np
 
+from deatwin.ident.narx.excess import excess_notes
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.regression import Recordings, Regression, flatten
 from deatwin.ident.narx.terms import Lags, Rule
 from deatwin.plant.errors import ModelError, nearest
+from deatwin.plant.recording import Recording
 
 __all__ = ["FitStatus", "Identifier", "NarxIdentifier", "Progress", "silent"]
 
@@ -158,6 +160,9 @@ class NarxIdentifier(Identifier, ABC):
         What was learned.
     status_ : FitStatus
         Whether the search was completed.
+    notes_ : tuple of str
+        What is to be known about the fit, a sentence each: above all where its error one step ahead on the training
+        data is more than 1 % above that of least squares on the same terms. Usually empty.
     equations_ : tuple of NarxIdentifier
         With several outputs, the fitted estimator of each; otherwise empty. What else a class documents as
         learned is then found on these.
@@ -170,6 +175,7 @@ class NarxIdentifier(Identifier, ABC):
 
     model_: NarxModel
     status_: FitStatus
+    notes_: tuple[str, ...]
     equations_: tuple[NarxIdentifier, ...]
 
     def fit(self, recordings: Recordings, *, progress: Progress | None = None) -> Self:
@@ -203,8 +209,9 @@ class NarxIdentifier(Identifier, ABC):
         if len(data) == 1:
             self.status_, self.equations_ = FitStatus.DONE, ()
             self.model_ = self._learn(data[0], tell)
-            return self
-        self._learn_each(data, tell)
+        else:
+            self._learn_each(data, tell)
+        self.notes_ = self._notes(chosen)
         return self
 
     def _learn_each(self, data: list[Regression], progress: Progress) -> None:
@@ -219,7 +226,7 @@ class NarxIdentifier(Identifier, ABC):
     def _fitted_clone(self, data: Regression, progress: Progress) -> Self:
         """Return an estimator of the same arguments that has learned one equation."""
         one = type(self)(**self.get_params(deep=False))
-        one.status_, one.equations_ = FitStatus.DONE, ()
+        one.status_, one.equations_, one.notes_ = FitStatus.DONE, (), ()
         one.model_ = one._learn(data, progress)
         return one
 
@@ -233,6 +240,10 @@ class NarxIdentifier(Identifier, ABC):
             rule=self.rule,
             output=output,
         )
+
+    def _notes(self, recordings: tuple[Recording, ...]) -> tuple[str, ...]:
+        """Return what is to be known about the fit to these recordings."""
+        return excess_notes(self.model_, recordings)
 
     @abstractmethod
     def _check(self) -> None:

@@ -23,7 +23,7 @@ from deatwin.ident.narx.operating import Array, OperatingRange, read_only
 from deatwin.ident.narx.response import NarxResponse, ResponseStatus, divergence_limit
 from deatwin.ident.narx.terms import Term, TermTable
 from deatwin.ident.narx.values import require_terms, require_values
-from deatwin.ident.narx.written import by_equation, name_signals, written
+from deatwin.ident.narx.written import by_equation, name_signals, origins, written
 from deatwin.plant.documents import read_document, write_document
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
@@ -32,6 +32,10 @@ from deatwin.plant.recording import Recording
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NarxModel:
     """A polynomial NARX model, y(k) = sum_m theta_m term_m(k) + e(k), of one or several outputs.
+
+    In the terms y and u are the signals less their origins. Powers of a signal that is far from zero compared with its
+    swing differ in their last digits only, so that their parameters would lose all digits; about an origin among the
+    data they do not. What goes in and comes out is in the signals' units and with their offsets.
 
     Terms may hold the noise e(k-l) of earlier samples (NARMAX). With several outputs each term belongs to
     one output's equation, and the equations run together.
@@ -56,6 +60,8 @@ class NarxModel:
         For each term the row of the output whose equation it stands in; needed with several outputs only.
     input_names, output_names, input_units, output_units : tuple of str
         Names and units of the signals.
+    input_origin, output_origin : ndarray, shapes (n_inputs,) and (n_outputs,)
+        Values of the signals, in their units, at which y and u of the terms are 0; zeros by default.
     operating : OperatingRange or None
         Ranges of the training data, None when unknown.
     provenance : mapping of str to str
@@ -78,11 +84,16 @@ class NarxModel:
     output_names: tuple[str, ...] = ("output",)
     input_units: tuple[str, ...] = ("",)
     output_units: tuple[str, ...] = ("",)
+    input_origin: Array = field(default_factory=lambda: np.empty(0))
+    output_origin: Array = field(default_factory=lambda: np.empty(0))
     operating: OperatingRange | None = None
     provenance: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for name in ("theta", "theta_cov"):
+        for name, names in (("input_origin", self.input_names), ("output_origin", self.output_names)):
+            given = np.asarray(getattr(self, name))
+            object.__setattr__(self, name, given if given.size else np.zeros(len(names)))
+        for name in ("theta", "theta_cov", "input_origin", "output_origin"):
             object.__setattr__(self, name, read_only(getattr(self, name)))
         object.__setattr__(self, "provenance", MappingProxyType(dict(self.provenance)))
         if self.n_outputs == 1 and set(self.equations) <= {0}:  # also where terms were replaced
@@ -233,7 +244,27 @@ class NarxModel:
             raise ModelError(f"{purpose} takes a model without noise terms; give its `deterministic` part")
 
     def __str__(self) -> str:
-        return written(self.terms, self.theta, self.equations, self.input_names, self.output_names)
+        return written(self.terms, self.theta, self.equations, self.input_names, self.output_names) + origins(self)
+
+    def about_origin(self, inputs: Array, outputs: Array) -> tuple[Array, Array]:
+        """Return inputs and outputs less their origins: the signals that the terms are made of.
+
+        Parameters
+        ----------
+        inputs, outputs : ndarray, shapes (n_inputs, n) and (n_outputs, n)
+            In their units.
+        """
+        return inputs - self.input_origin[:, None], outputs - self.output_origin[:, None]
+
+    def divergence_limit(self, outputs: Array) -> float:
+        """Return the distance from the origin beyond which a free run has diverged, in the outputs' unit.
+
+        Parameters
+        ----------
+        outputs : ndarray, shape (n_outputs, n)
+            Of the recording, in their units.
+        """
+        return divergence_limit(self.operating, outputs, self.output_origin)
 
     def predict(self, recording: Recording, *, steps: int = 1) -> NarxResponse:
         """Predict each sample from the past that was measured until some steps before it.
@@ -262,19 +293,18 @@ class NarxModel:
         require_steps(steps, first, recording.n_samples)
         if steps > 1:
             return self._predict_further(recording, steps)
-        outputs = recording.outputs - innovations(
-            self.table, self.theta, recording.inputs, recording.outputs, self.equations
-        )
+        signals = self.about_origin(recording.inputs, recording.outputs)
+        outputs = recording.outputs - innovations(self.table, self.theta, *signals, self.equations)
         return self._response(recording, outputs, first)
 
     def _predict_further(self, recording: Recording, steps: int) -> NarxResponse:
         """Predict more than one step ahead."""
         found, failed = steps_ahead(
-            self.table, self.theta, recording.inputs, recording.outputs, steps,
-            divergence_limit(self.operating, recording.outputs), self.equations,
+            self.table, self.theta, *self.about_origin(recording.inputs, recording.outputs), steps,
+            self.divergence_limit(recording.outputs), self.equations,
         )  # fmt: skip
         first = self.table.max_lag + steps - 1
-        outputs = np.concatenate([recording.outputs[:, :first], found], axis=1)
+        outputs = np.concatenate([recording.outputs[:, :first], found + self.output_origin[:, None]], axis=1)
         if not failed.any():
             return self._response(recording, outputs, first)
         when = float(recording.timepts[first + int(np.argmax(failed))])
@@ -308,10 +338,11 @@ class NarxModel:
         drive = self._drive(recording, initial)
         start = drive.first - self.table.max_lag
         run, failed = free_run(
-            self.table, self.theta, drive.inputs[:, start:], drive.outputs[:, start:],
-            divergence_limit(self.operating, drive.outputs), self.equations,
+            self.table, self.theta, *self.about_origin(drive.inputs[:, start:], drive.outputs[:, start:]),
+            self.divergence_limit(drive.outputs), self.equations,
         )  # fmt: skip
-        outputs = np.concatenate([drive.outputs[:, :start], run], axis=1)
+        outputs = np.concatenate([drive.outputs[:, :start], run + self.output_origin[:, None]], axis=1)
+        outputs[:, : drive.first] = drive.outputs[:, : drive.first]  # to the last bit
         if failed is None:
             return self._response(drive, outputs, drive.first)
         when = float(drive.timepts[start + failed])

@@ -158,7 +158,7 @@ class Narmax(NarxIdentifier):
         self.status_ = self.process_.status_
         lags = lag_list(self.noise_lags, smallest=1)
         process = replace(
-            data, table=TermTable(self.process_.model_.terms), first=max(data.first, *lags)
+            data.about(self.process_.model_), table=TermTable(self.process_.model_.terms), first=max(data.first, *lags)
         )
         candidates = _candidates(data, lags, self.noise_degree)
         terms: tuple[Term, ...] = ()

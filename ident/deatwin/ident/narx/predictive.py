@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from deatwin.ident.narx.free_run import March
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.posterior import ThetaPosterior, quantile
-from deatwin.ident.narx.response import divergence_limit
 from deatwin.plant.datasets import dataset
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError
@@ -222,18 +221,19 @@ def free_run_band(
 def _runs(model: NarxModel, recording: Recording, rng: np.random.Generator, n_draws: int) -> list[Array]:
     """Return noisy free runs of draws from the posterior, each of shape (n_outputs, n), without the diverged."""
     first = model.simulate(recording).first  # and checks that the recording suits
-    limit = divergence_limit(model.operating, recording.outputs)
+    limit = model.divergence_limit(recording.outputs)
+    inputs, outputs = model.about_origin(recording.inputs, recording.outputs)
     draws = ThetaPosterior(model=model).sample(rng, n_draws)
     runs = []
     for theta, variance in zip(draws.theta, draws.noise_variance, strict=True):
         noise = np.sqrt(variance)[:, None] * rng.standard_normal(recording.outputs.shape)
         march = March.of(
-            model.terms, {"u": recording.inputs, "e": noise}, "y", recording.outputs,
+            model.terms, {"u": inputs, "e": noise}, "y", outputs,
             first=first, equations=model.equations,
         )  # fmt: skip
         run, failed = march.run(theta, limit=limit, base=noise)
         if failed is None:
-            runs.append(run)
+            runs.append(run + model.output_origin[:, None])
     return runs
 
 
@@ -253,7 +253,8 @@ def regressors(model: NarxModel, recording: Recording) -> Array:
         From the first sample that the lags allow; where terms hold noise, with the model's innovations.
     """
     noise = recording.outputs - model.predict(recording).outputs if model.table.channels("e") else None
-    return model.table.rows(recording.inputs, recording.outputs, model.table.max_lag, recording.n_samples, noise)
+    signals = model.about_origin(recording.inputs, recording.outputs)
+    return model.table.rows(*signals, model.table.max_lag, recording.n_samples, noise)
 
 
 def _band(

@@ -17,7 +17,7 @@ from deatwin.ident.narx.regression import Recordings, Regression, flatten
 from deatwin.ident.narx.terms import Term
 from deatwin.ident.narx.trajectory import ThetaTrajectory
 from deatwin.plant.errors import ModelError
-from deatwin.plant.recording import Experiment
+from deatwin.plant.recording import Experiment, Recording
 
 __all__ = ["Rls", "Structure", "VaryingParameters", "regressor_sizes", "sample_times", "trajectory_of"]
 
@@ -72,10 +72,14 @@ class VaryingParameters(NarxIdentifier):
         return self
 
     def _check(self) -> None:
-        Fixed(terms=self._written())._check()
+        Fixed(terms=self.terms)._check()
+
+    def _notes(self, recordings: tuple[Recording, ...]) -> tuple[str, ...]:
+        """None: the model is that of one time, and least squares that of all."""
+        return ()
 
     def _regression(self, recordings: Recordings, output: int) -> Regression:
-        return Fixed(terms=self._written())._regression(recordings, output)
+        return Fixed(terms=self.terms)._regression(recordings, output)
 
     def _written(self) -> Terms:
         """Return the terms as `Fixed` takes them."""

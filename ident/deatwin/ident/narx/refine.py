@@ -264,13 +264,14 @@ def _responses(model: NarxModel, recording: Recording, run: Array, table: TermTa
 
     first, n = max(model.table.max_lag, table.max_lag), recording.n_samples
     lagged = [variable for variable in model.table.variables if variable.kind == "y"]
+    signals = model.about_origin(recording.inputs, run[None])
     band = np.zeros((max((v.lag for v in lagged), default=0) + 1, n - first))
     band[0] = 1.0
     for variable in lagged:
         terms, weights = _derivative(model, variable)
-        slope = weights @ TermTable(terms).rows(recording.inputs, run[None], first, n)
+        slope = weights @ TermTable(terms).rows(*signals, first, n)
         band[variable.lag, : n - first - variable.lag] = -slope[variable.lag :]
-    solved, _ = dtbtrs(band, table.rows(recording.inputs, run[None], first, n).T, uplo="L", diag="U")
+    solved, _ = dtbtrs(band, table.rows(*signals, first, n).T, uplo="L", diag="U")
     return np.asarray(solved, dtype=np.float64)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -28,8 +28,8 @@ _BLOCK = 4096  # samples evaluated at once: a block of 1000 terms is 32 MB
 class Regression:
     """The regression y = Phi theta + e of candidate terms on recordings, in scaled signals.
 
-    Each signal is divided by the power of two just above its largest magnitude: no regressor exceeds 1,
-    whatever the units, and the way back to physical units is exact in binary arithmetic.
+    Each signal, less its origin, is divided by the power of two just above its largest magnitude: no regressor exceeds
+    1, whatever the units, and the way back to physical units is exact in binary arithmetic.
 
     Parameters
     ----------
@@ -41,12 +41,16 @@ class Regression:
         The sample at which each recording starts to be fitted, so that all its lags are its own.
     output : int
         Row of the output whose equation this is.
+    input_origin, output_origin : ndarray, shapes (n_inputs,) and (n_outputs,), or None
+        What is taken from the signals before they are scaled, in their units, as in `NarxModel`; None for nothing.
     """
 
     table: TermTable
     recordings: tuple[Recording, ...]
     first: int
     output: int = 0
+    input_origin: Array | None = None
+    output_origin: Array | None = None
 
     @classmethod
     def of(
@@ -154,7 +158,17 @@ class Regression:
             Their positions in ``table.terms``, in the order wanted.
         """
         table = TermTable(tuple(self.table.terms[i] for i in indices))
-        return Regression(table, self.recordings, self.first, self.output)
+        return replace(self, table=table)
+
+    def about(self, model: NarxModel) -> Regression:
+        """Return the regression of the signals less the origins of a model.
+
+        Parameters
+        ----------
+        model : NarxModel
+            Of the same signals.
+        """
+        return replace(self, input_origin=model.input_origin, output_origin=model.output_origin)
 
     @property
     def n_samples(self) -> int:
@@ -164,12 +178,12 @@ class Regression:
     @cached_property
     def input_scales(self) -> Array:
         """Divisors of the inputs, shape (n_inputs,), in their units."""
-        return _scales([record.inputs for record in self.recordings])
+        return _scales([inputs for inputs, _ in map(self._about_origin, self.recordings)])
 
     @cached_property
     def output_scales(self) -> Array:
         """Divisors of the outputs, shape (n_outputs,), in their units."""
-        return _scales([record.outputs for record in self.recordings])
+        return _scales([outputs for _, outputs in map(self._about_origin, self.recordings)])
 
     @property
     def output_scale(self) -> float:
@@ -184,14 +198,20 @@ class Regression:
         return self.output_scale / self.table.at(values)
 
     def scaled(self, record: Recording) -> tuple[Array, Array]:
-        """Return inputs, (n_inputs, n), and outputs, (n_outputs, n), of a recording, divided by the scales.
+        """Return inputs, (n_inputs, n), and outputs, (n_outputs, n), less their origins and divided by the scales.
 
         Parameters
         ----------
         record : Recording
             With the signals of the training data.
         """
-        return record.inputs / self.input_scales[:, None], record.outputs / self.output_scales[:, None]
+        inputs, outputs = self._about_origin(record)
+        return inputs / self.input_scales[:, None], outputs / self.output_scales[:, None]
+
+    def _about_origin(self, record: Recording) -> tuple[Array, Array]:
+        inputs = record.inputs if self.input_origin is None else record.inputs - self.input_origin[:, None]
+        outputs = record.outputs if self.output_origin is None else record.outputs - self.output_origin[:, None]
+        return inputs, outputs
 
     def blocks(self) -> Iterator[tuple[Array, Array]]:
         """Yield regressors and outputs block by block.
@@ -276,6 +296,8 @@ class Regression:
             output_names=record.output_names,
             input_units=record.input_units,
             output_units=record.output_units,
+            input_origin=np.zeros(len(record.inputs)) if self.input_origin is None else self.input_origin,
+            output_origin=np.zeros(len(record.outputs)) if self.output_origin is None else self.output_origin,
             operating=_operating_range(self.recordings),
             provenance={
                 "identifier": repr(identifier),

@@ -124,7 +124,7 @@ def _one(units: tuple[str, ...]) -> str:
     return units[0] if len(set(units)) == 1 else ""
 
 
-def divergence_limit(operating: OperatingRange | None, measured: Array) -> float:
+def divergence_limit(operating: OperatingRange | None, measured: Array, origin: Array | float = 0.0) -> float:
     """Return the magnitude beyond which a free run has diverged, in the unit of the largest output.
 
     Parameters
@@ -133,9 +133,12 @@ def divergence_limit(operating: OperatingRange | None, measured: Array) -> float
         Of the training data, where it is known.
     measured : ndarray, shape (n_outputs, n)
         Outputs of the recording.
+    origin : ndarray, shape (n_outputs,), or float
+        Output from which the magnitude counts.
     """
-    largest = float(np.abs(measured).max())
+    about = np.asarray(origin)
+    largest = float(np.abs(measured - about[..., None]).max())
     if operating is None:
         return _DIVERGED_UNTRAINED * max(1.0, largest)
-    seen = np.abs([operating.output_min, operating.output_max])
+    seen = np.abs([operating.output_min - about, operating.output_max - about])
     return DIVERGED * max(float(seen.max()), largest)

@@ -195,9 +195,9 @@ def pseudovalues(
     model.require_one_output("the jackknife")
     if not isinstance(n_blocks, int | np.integer) or n_blocks < 2:
         raise ModelError(f"n_blocks = {n_blocks!r}; it must be an integer of at least 2")
-    data = Regression.on(recordings, model.table)
+    data = Regression.on(recordings, model.table).about(model)
     rows, target = data.matrix()
-    others = rows if instruments is None else Regression.on(instruments, model.table).matrix()[0]
+    others = rows if instruments is None else Regression.on(instruments, model.table).about(model).matrix()[0]
     if others.shape != rows.shape:
         raise ModelError(f"the recordings have {rows.shape[1]} usable samples, the instruments {others.shape[1]}")
     n_terms, n = rows.shape

@@ -9,15 +9,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.narx.bayes import Priors, RelevanceFit, Statistics, fit_relevance
+from deatwin.ident.narx.bayes import FLAT, Priors, RelevanceFit, Statistics, fit_relevance
 from deatwin.ident.narx.evidence import Move, climb, log_odds
 from deatwin.ident.narx.identifier import FitStatus, NarxIdentifier, Progress
 from deatwin.ident.narx.model import NarxModel
-from deatwin.ident.narx.regression import Regression
+from deatwin.ident.narx.origin import about_data, about_rest
+from deatwin.ident.narx.regression import Recordings, Regression
 from deatwin.ident.narx.svb_plots import draw_bounds, draw_relevance
 from deatwin.ident.narx.terms import Lags, Rule, Term
 from deatwin.plant.datasets import dataset
 from deatwin.plant.errors import ModelError, nearest
+from deatwin.plant.recording import Recording
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -125,9 +127,11 @@ class SvbNarx(NarxIdentifier):
     `deatwin.ident.narx.evidence`. The posterior of the parameters is the variational one in either case.
 
     The priors have a size of their own, so that the choice depends on units and on the size of the
-    regressors: small ones would be neither supported nor refused by the bound. Hence signals are divided by
-    powers of two as `Regression` tells, and each regressor by the power of two nearest to its root mean
-    square. Bounds and relevances are those of this scaling; the model is in physical units.
+    regressors: small ones would be neither supported nor refused by the bound. Hence output and regressors are
+    divided by their root mean squares, and a signal that is far from zero counts from an origin among its values:
+    zero where the data reach about that far, else their mean, which for an output is then moved to where the model
+    rests. Neither units nor offsets of the others change the choice. Bounds and relevances are those of this scaling;
+    the model is in physical units, about these origins.
 
     Parameters
     ----------
@@ -145,7 +149,8 @@ class SvbNarx(NarxIdentifier):
     a0, b0, c0, d0 : float
         Shapes and rates of the gamma priors of noise precision and relevances.
     tolerance : float
-        A step has converged when its bound rises by less than this share of itself.
+        A step has converged when an update moves its parameters by less than this many of their standard deviations,
+        and its noise variance by less than this share of itself.
     max_iterations : int
         Largest number of updates in a step.
 
@@ -157,6 +162,9 @@ class SvbNarx(NarxIdentifier):
         squared scale.
     terms_ : tuple of Term
         Its terms.
+    settled_ : bool
+        Whether its parameters had settled within ``max_iterations``; with several outputs it is found on each of
+        ``equations_``, as all that follows.
     lower_bound_ : float
         Its lower bound on ln p(y) in nats, in the scaling above.
     relevance_ : ndarray, shape (n_terms,)
@@ -186,7 +194,7 @@ class SvbNarx(NarxIdentifier):
         b0: float = 1e-4,
         c0: float = 1e-2,
         d0: float = 1e-4,
-        tolerance: float = 1e-5,
+        tolerance: float = 1e-2,
         max_iterations: int = 500,
     ) -> None:
         self.output_lags = output_lags
@@ -202,6 +210,14 @@ class SvbNarx(NarxIdentifier):
         self.tolerance = tolerance
         self.max_iterations = max_iterations
 
+    def _regression(self, recordings: Recordings, output: int) -> Regression:
+        return about_data(super()._regression(recordings, output))
+
+    def _notes(self, recordings: tuple[Recording, ...]) -> tuple[str, ...]:
+        settled = all(one.settled_ for one in self.equations_ or (self,))  # type: ignore[attr-defined]
+        late = f"the parameters had not settled after {self.max_iterations} updates: raise max_iterations"
+        return super()._notes(recordings) + (() if settled else (late,))
+
     def _check(self) -> None:
         if self.clean_up not in _CLEAN_UPS:
             raise ModelError(
@@ -211,14 +227,20 @@ class SvbNarx(NarxIdentifier):
             raise ModelError("resolution must be above 1, max_iterations at least 1 and a0, b0, c0, d0 positive")
 
     def _learn(self, data: Regression, progress: Progress) -> NarxModel:
+        model = self._chosen(data, progress)
+        resting = about_rest(data, model) if self.status_.ok else data
+        return model if resting is data else self._chosen(resting, progress)
+
+    def _chosen(self, data: Regression, progress: Progress) -> NarxModel:
+        """Choose and fit terms of signals about given origins."""
         if data.n_samples < 3:
             raise ModelError(f"{data.n_samples} usable samples are too few; at least 3 are needed")
         gram, moment, power = data.gram()
         statistics = Statistics(gram=gram, moment=moment, power=power, n_samples=data.n_samples)
         if not gram.any():
             raise ModelError("every candidate is zero throughout the recordings: there is nothing to choose from")
-        sizes = statistics.sizes
-        statistics = statistics.divided(sizes)
+        sizes, output_size = statistics.root_mean_squares, statistics.output_size
+        statistics = statistics.divided(sizes, output_size)
         self.path_ = self._pruned(data, statistics, progress)
         best = max(range(len(self.path_)), key=lambda s: self.path_[s].lower_bound)
         chosen = self.path_[best].indices
@@ -227,13 +249,17 @@ class SvbNarx(NarxIdentifier):
             moves = self._climbed(statistics, self.path_[best:], progress)
             chosen = moves[-1].chosen if moves else chosen
         self.moves_ = tuple(_in_terms(move, data.table.terms) for move in moves)
-        fit = self._fit(statistics.only(chosen))
+        # The bound may have several maxima. The lasting fit is the better of that which began without any term and that
+        # which began at least squares, from where nearly collinear terms find their shares.
+        starts = (self.c0 / self.d0, FLAT)
+        fit = max((self._fit(statistics.only(chosen), start) for start in starts), key=lambda one: one.bounds[-1])
+        self.settled_ = fit.settled
         self.lower_bound_, self.relevance_ = fit.bounds[-1], 1 / fit.alpha
-        found, scales = fit.posterior, sizes[chosen]
+        found, scales = fit.posterior, sizes[chosen] / output_size
         model = data.only(chosen).model(
             found.mean / scales,
             found.covariance / np.outer(scales, scales),
-            found.noise_variance,
+            found.noise_variance * output_size**2,
             identifier=self,
             theta_dof=2 * found.a,
         )
@@ -262,7 +288,7 @@ class SvbNarx(NarxIdentifier):
         """Fit and prune down to one term."""
         indices = np.flatnonzero(np.diag(statistics.gram))
         while True:
-            fit = self._fit(statistics.only(indices))
+            fit = self._fit(statistics.only(indices), self.c0 / self.d0)
             scale = -np.log(fit.alpha)
             threshold = scale.min() + (scale.max() - scale.min()) / self.resolution
             yield PruningStep(
@@ -279,13 +305,13 @@ class SvbNarx(NarxIdentifier):
                 keep[1:] = True
             indices = indices[keep]
 
-    def _fit(self, statistics: Statistics) -> RelevanceFit:
-        """Infer the posterior of some terms, starting from the prior."""
+    def _fit(self, statistics: Statistics, start: float) -> RelevanceFit:
+        """Infer the posterior of some terms, all of them of one E[alpha] to start with."""
         priors = Priors(a0=self.a0, b0=self.b0, c0=self.c0, d0=self.d0)
         return fit_relevance(
             statistics,
             priors,
-            np.full(statistics.moment.size, priors.c0 / priors.d0),
+            np.full(statistics.moment.size, start),
             tolerance=self.tolerance,
             max_iterations=self.max_iterations,
         )

@@ -290,6 +290,7 @@ class ThetaTrajectory:
             theta_cov=np.zeros((count, count)),
             input_names=self._driven_names,
             input_units=self.model.input_units + ("",) * count,
+            input_origin=np.concatenate([self.model.input_origin, np.zeros(count)]),
         )
 
     @property

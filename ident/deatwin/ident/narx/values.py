@@ -26,7 +26,7 @@ def require_terms(model: NarxModel) -> None:
     Raises
     ------
     ModelError
-        With what does not.
+        With what is wrong.
     """
     n = len(model.terms)
     if len(model.equations) != n or not set(model.equations) <= set(range(model.n_outputs)):
@@ -76,6 +76,10 @@ def require_values(model: NarxModel) -> None:
             f"noise_variance has the shape {np.shape(model.noise_variance)}; "
             f"a model of {model.n_outputs} output(s) needs {wanted}"
         )
+    for side in ("input", "output"):
+        origin, names = getattr(model, f"{side}_origin"), getattr(model, f"{side}_names")
+        if origin.shape != (len(names),) or not np.all(np.isfinite(origin)):
+            raise ModelError(f"{side}_origin must be {len(names)} finite number(s); got {origin.tolist()}")
     noise = np.asarray(model.noise_variance)
     if not 0 < model.sample_time < math.inf or not np.all((noise >= 0) & (noise < math.inf)) or not model.theta_dof > 2:
         raise ModelError(

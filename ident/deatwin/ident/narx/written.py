@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,10 @@ from deatwin.ident.narx.names import symbols_of
 from deatwin.ident.narx.terms import Term
 from deatwin.plant.errors import ModelError
 
-__all__ = ["by_equation", "name_signals", "written"]
+if TYPE_CHECKING:
+    from deatwin.ident.narx.model import NarxModel
+
+__all__ = ["by_equation", "name_signals", "origins", "written"]
 
 Array = NDArray[np.float64]
 
@@ -110,3 +113,28 @@ def written(
         f"{symbols['y', row]}(k) = {' + '.join(sums)} + {symbols['e', row]}(k)" for row, sums in enumerate(right)
     )
     return "\n".join(lines).replace("+ -", "- ")
+
+
+def origins(model: NarxModel) -> str:
+    """Return a line that says from where the signals of the terms count, and nothing where that is zero.
+
+    Parameters
+    ----------
+    model : NarxModel
+        The model.
+
+    Returns
+    -------
+    str
+        As ``\\nwhere y is the output less 300.012 K``, with a line feed before it.
+    """
+    said = []
+    for kind, names, units, values in (
+        ("y", model.output_names, model.output_units, model.output_origin),
+        ("u", model.input_names, model.input_units, model.input_origin),
+    ):
+        for row, (name, unit, value) in enumerate(zip(names, units, values.tolist(), strict=True), start=1):
+            if value:
+                number = str(row) if len(names) > 1 else ""
+                said.append(f"{kind}{number} is {name} less {value:.12g} {unit}".rstrip())
+    return "\nwhere " + ", ".join(said) if said else ""

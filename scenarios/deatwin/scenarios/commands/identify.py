@@ -125,21 +125,27 @@ def identify(
         model.save(out)
         errors = [_errors(model, unseen) for _, unseen in pieces]
         _say(voice, model, errors, _labels(records))
+        for note in identifier.notes_:
+            voice.say(f"note: {note}")
         if not identifier.status_.ok:
             voice.say(identifier.status_.value)
         voice.say(f"model: {out}")
         if folder is not None:
-            _write_report(folder, record, model, method, [unseen for _, unseen in pieces], identifier.status_.ok)
+            _write_report(folder, record, model, method, [unseen for _, unseen in pieces], identifier)
             voice.say(f"report: {folder.path / 'report.html'}")
         terms = {str(term): float(value) for term, value in zip(model.terms, model.theta, strict=True)}
-        voice.result({"out": str(out), "terms": terms, "complete": identifier.status_.ok, "unseen": errors})
+        voice.result({
+            "out": str(out), "terms": terms, "origins": _origins(model), "complete": identifier.status_.ok,
+            "notes": list(identifier.notes_), "unseen": errors,
+        })  # fmt: skip
         if not identifier.status_.ok:
             raise typer.Exit(130)
 
 
 def _write_report(
-    folder: ResultFolder, record: RunRecord, model: NarxModel, method: Method, unseen: list[Recording], complete: bool
-) -> None:
+    folder: ResultFolder, record: RunRecord, model: NarxModel, method: Method, unseen: list[Recording],
+    identifier: NarxIdentifier,
+) -> None:  # fmt: skip
     import json
 
     from deatwin.ident.narx import validate
@@ -152,7 +158,8 @@ def _write_report(
     except ModelError as error:
         why_not = str(error)
     found = Identified(
-        model=model, method=method.value, unseen=unseen, validation=validation, why_not=why_not, complete=complete
+        model=model, method=method.value, unseen=unseen, validation=validation, why_not=why_not,
+        complete=identifier.status_.ok, notes=identifier.notes_,
     )
     write_identified(found, folder, record)
     folder.remove_former(r"figures/\w+\.csv")
@@ -173,13 +180,23 @@ def _identifier(method: Method, lags: Candidates, max_terms: int) -> NarxIdentif
 
 def _say(voice: Voice, model: NarxModel, errors: list[dict[str, Any]], labels: list[str]) -> None:
     """Terms with their intervals, and how the model does on what it has not seen."""
+    from deatwin.ident.narx.written import origins
+
     unit = f" {model.output_units[0]}" if model.output_units[0] else ""
     for term, value, variance in zip(model.terms, model.theta, model.theta_cov.diagonal(), strict=True):
         voice.say(f"{value:>14.6g} ± {1.96 * variance**0.5:<12.3g} {term}")
+    if said := origins(model):
+        voice.say(said.strip())
     for label, error in zip(labels, errors, strict=True):
         free = f"{error['free_run']:.4g}{unit}" if error["finished"] else f"{error['free_run']:.4g}{unit} (diverged)"
         voice.say(f"{label}, unseen part: one step {error['one_step']:.4g}{unit} rms, free run {free} rms")
         voice.say(f"  {error['validation']}")
+
+
+def _origins(model: NarxModel) -> dict[str, float]:
+    """By signal what its terms count from."""
+    values = [*model.input_origin.tolist(), *model.output_origin.tolist()]
+    return dict(zip(model.input_names + model.output_names, values, strict=True))
 
 
 def _for_check(model: NarxModel, records: list[Recording], unseen: list[Recording]) -> NarxModel:

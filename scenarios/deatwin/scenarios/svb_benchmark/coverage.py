@@ -61,14 +61,15 @@ def variational(system: BenchmarkSystem, recording: Recording) -> NarxModel:
     data = Regression.on(recording, TermTable(system.terms))
     gram, moment, power = data.gram()
     statistics = Statistics(gram=gram, moment=moment, power=power, n_samples=data.n_samples)
-    sizes = statistics.sizes
+    sizes, output_size = statistics.root_mean_squares, statistics.output_size
     priors = Priors(a0=usual.a0, b0=usual.b0, c0=usual.c0, d0=usual.d0)
     found = fit_relevance(
-        statistics.divided(sizes), priors, np.full(sizes.size, priors.c0 / priors.d0),
+        statistics.divided(sizes, output_size), priors, np.full(sizes.size, priors.c0 / priors.d0),
         tolerance=usual.tolerance, max_iterations=usual.max_iterations,
     ).posterior  # fmt: skip
+    scales = sizes / output_size
     return data.model(
-        found.mean / sizes, found.covariance / np.outer(sizes, sizes), found.noise_variance,
+        found.mean / scales, found.covariance / np.outer(scales, scales), found.noise_variance * output_size**2,
         identifier=usual, theta_dof=2 * found.a,
     )  # fmt: skip
 

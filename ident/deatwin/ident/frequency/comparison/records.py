@@ -63,7 +63,7 @@ class _Track:
 
 def compare_records(
     recordings: Mapping[str, Recordings],
-    terms: Sequence[Term | str],
+    terms: NarxModel | Sequence[Term | str],
     orders: Iterable[int],
     bands: Sequence[Range],
     *,
@@ -86,8 +86,8 @@ def compare_records(
     recordings : mapping of str to Recording, Experiment, or several
         One input and one output, by the name of the actuator; excited alike, of the same sample time and about the same
         length.
-    terms : sequence of Term or str
-        Those of every model.
+    terms : NarxModel, or sequence of Term or str
+        Those of every model, as `Fixed` takes them.
     orders : iterable of int
         Orders n of H_n, up to 5.
     bands : sequence of (float, float)

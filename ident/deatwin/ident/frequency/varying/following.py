@@ -92,7 +92,7 @@ def hold_equilibrium(
     change = np.eye(max(len(terms), place + 1), len(terms))
     change[place] = -others
     theta = change @ trajectory.theta
-    theta[place] += output
+    theta[place] += output - trajectory.model.output_origin[0]
     return replace(
         trajectory,
         model=_centred(_with_constant(trajectory.model, theta[:, -1], change), float(inputs[0]), output),

@@ -1,0 +1,291 @@
+"""Signals that are far from zero: the model counts from an origin, and everything that takes it is right about it.
+
+The reference is the same experiment without its offsets, or the raw polynomial where that still has its digits.
+"""
+
+import itertools
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from deatwin.ident.frequency import equilibrium, gfrf, hold_equilibrium, linear_part, remove_dc
+from deatwin.ident.narx import Fixed, Frols, Narmax, NarxModel, SvbNarx, ThetaSmoother, refine
+from deatwin.ident.narx.predictive import free_run_band, one_step_band
+from deatwin.ident.narx.robust import robust_covariance
+from deatwin.plant.errors import ModelError
+from deatwin.plant.recording import Recording
+
+U0, Y0 = 40.0, 300.0
+
+
+def signals(n=600, seed=0):
+    """y(k) = 0.6 y(k-1) + 0.5 u(k-1) + 0.3 u(k-2) + 0.1 u(k-1) u(k-2), seen with noise of 1 %."""
+    rng = np.random.default_rng(seed)
+    u, y = rng.uniform(-1, 1, n), np.zeros(n)
+    for k in range(2, n):
+        y[k] = 0.6 * y[k - 1] + 0.5 * u[k - 1] + 0.3 * u[k - 2] + 0.1 * u[k - 1] * u[k - 2]
+    return u, y + 0.005 * rng.standard_normal(n)
+
+
+def moved(u, y, input_offset=0.0, output_offset=0.0, units=(1.0, 1.0)):
+    return Recording.from_arrays(units[0] * (u + input_offset), units[1] * (y + output_offset), 1.0)
+
+
+def free_run(svb, recording):
+    run = svb.model_.simulate(recording)
+    assert run.status.ok
+    return (run.outputs[0] - svb.model_.output_origin[0]) / recording.outputs[0].std()
+
+
+@pytest.mark.parametrize("swings", [0.0, 3.0, 1e2, 1e5])
+def test_terms_and_free_run_do_not_depend_on_the_offset_of_the_output(swings):
+    u, y = signals()
+    plain = moved(u, y)
+    svb, about = SvbNarx(), moved(u, y, 0.0, swings * np.ptp(y))
+    terms, reference = SvbNarx().fit(plain).terms_, SvbNarx().fit(plain).model_.simulate(plain)
+    run = svb.fit(about).model_.simulate(about)
+    assert run.status.ok
+    assert svb.terms_ == terms
+    assert run.rms_error == pytest.approx(reference.rms_error, rel=0.01)
+    assert run.rms_error < 0.02 * y.std()
+    assert svb.notes_ == ()
+
+
+def test_terms_and_free_run_do_not_depend_on_how_large_the_offsets_are():
+    u, y = signals()
+    fits = [(SvbNarx().fit(r), r) for r in (moved(u, y, s * np.ptp(u), s * np.ptp(y)) for s in (3.0, 1e2, 1e5))]
+    assert len({svb.terms_ for svb, _ in fits}) == 1
+    errors = [svb.model_.simulate(recording).rms_error for svb, recording in fits]
+    assert max(errors) == pytest.approx(min(errors), rel=1e-4)
+    assert max(errors) < 0.02 * y.std()
+
+
+@pytest.mark.parametrize("units", [(1e-6, 1.0), (1e6, 1.0), (1.0, 1e-6), (1.0, 1e6), (3.7e-6, 8.1e5)])
+@pytest.mark.parametrize("offset", [0.0, Y0])
+def test_terms_and_free_run_do_not_depend_on_units(units, offset):
+    u, y = signals()
+    plain, other = moved(u, y, 0.0, offset), moved(u, y, 0.0, offset, units)
+    one, two = SvbNarx(degree=3).fit(plain), SvbNarx(degree=3).fit(other)
+    assert one.terms_ == two.terms_
+    np.testing.assert_allclose(free_run(one, plain), free_run(two, other), atol=1e-6)
+
+
+def test_a_signal_that_reaches_zero_counts_from_zero():
+    u, y = signals()
+    model = SvbNarx().fit(moved(0.5 + 0.5 * u, y)).model_  # 0 to 1
+    assert model.input_origin.tolist() == model.output_origin.tolist() == [0.0]
+    assert "where" not in str(model)
+
+
+@pytest.mark.parametrize("radius", [0.98, 0.999])
+def test_slightly_damped_poles_and_nearly_collinear_lags(radius):
+    """Two modes at low frequencies: least squares on the same terms is the reference."""
+    rng = np.random.default_rng(4)
+    poles = [radius * np.exp(1j * angle * sign) for angle in (0.2, 0.35) for sign in (1, -1)]
+    a, n = np.poly(poles).real, 800
+    u, y = np.cumsum(rng.standard_normal(n)) * 0.1, np.zeros(n)
+    for k in range(4, n):
+        y[k] = -a[1:] @ y[k - 4 : k][::-1] + 0.1 * u[k - 1]
+    y = y + 1e-4 * y.std() * rng.standard_normal(n)
+    recording = Recording.from_arrays(u, y, 1.0)
+    lags = {"output_lags": 5, "input_lags": 5, "degree": 1}
+    svb = SvbNarx(**lags).fit(recording)
+    least = Fixed(terms=svb.model_).fit(recording).model_
+    assert svb.notes_ == () and svb.settled_
+    assert svb.model_.predict(recording).rms_error <= 1.01 * least.predict(recording).rms_error
+    run, reference = svb.model_.simulate(recording), least.simulate(recording)
+    assert run.status is reference.status
+    assert run.rms_error <= 1.5 * reference.rms_error
+
+
+def test_a_fit_that_is_worse_than_least_squares_says_so():
+    from deatwin.ident.narx import Ridge
+
+    u, y = signals()
+    held = Fixed(terms=["y(k-1)", "u(k-1)", "u(k-2)"], estimator=Ridge(penalty=1.0)).fit(moved(u, y))
+    assert len(held.notes_) == 1 and "least squares" in held.notes_[0]
+    assert Fixed(terms=["y(k-1)", "u(k-1)", "u(k-2)"]).fit(moved(u, y)).notes_ == ()
+    assert Frols().fit(moved(u, y)).notes_ == ()
+    early = SvbNarx(max_iterations=1).fit(moved(u, y))
+    assert not early.settled_ and any("max_iterations" in note for note in early.notes_)
+
+
+def test_noise_models_and_several_outputs_about_an_origin():
+    u, y = signals()
+    plain, far = Narmax(SvbNarx()).fit(moved(u, y)), Narmax(SvbNarx()).fit(moved(u, y, 0.0, 1e3))
+    deterministic = [fit.model_.deterministic for fit in (plain, far)]
+    assert deterministic[0].terms == deterministic[1].terms
+    np.testing.assert_allclose(deterministic[0].theta, deterministic[1].theta, rtol=0.02)
+    both = np.stack([y, 2 * y + 0.1 * np.append(0.0, u[:-1])])
+    several = SvbNarx(degree=1).fit(Recording.from_arrays(u, both + np.array([[1e4], [0.0]]), 1.0))
+    assert several.model_.output_origin[0] > 9e3 and several.model_.output_origin[1] == 0.0
+    reference = SvbNarx(degree=1).fit(Recording.from_arrays(u, both, 1.0))
+    recording = Recording.from_arrays(u, both + np.array([[1e4], [0.0]]), 1.0)
+    assert several.model_.predict(recording).rms_error == pytest.approx(
+        reference.model_.predict(Recording.from_arrays(u, both, 1.0)).rms_error, rel=0.01
+    )
+
+
+def test_a_constant_input_takes_no_part():
+    u, y = signals()
+    recording = Recording.from_arrays(np.stack([u, np.full(u.size, 5.1)]), y, 1.0)
+    assert not any("u2" in str(term) for term in SvbNarx().fit(recording).terms_)
+
+
+# ---- consumers: a model about an origin equals the raw polynomial written out, which at this swing has its digits
+
+TERMS = {"1": 0.2, "y(k-1)": 0.5, "u(k-1)": 0.4, "u(k-1)^2": 0.2, "y(k-1)u(k-2)": -0.1}
+COV = np.diag([1e-4, 4e-4, 1e-4, 1e-4, 1e-4])
+
+
+def about_origin():
+    return NarxModel.from_terms(
+        TERMS, sample_time=1.0, theta_cov=COV, noise_variance=1e-4, input_origin=[U0], output_origin=[Y0]
+    )
+
+
+def jacobian():
+    """Of the raw parameters (1, y1, u1, u2, u1^2, y1 u2) by those about the origin: (y - Y0)(u - U0) and so on."""
+    return np.array([
+        [1, -Y0, -U0, U0**2, Y0 * U0], [0, 1, 0, 0, -U0], [0, 0, 1, -2 * U0, 0], [0, 0, 0, 0, -Y0],
+        [0, 0, 0, 1, 0], [0, 0, 0, 0, 1],
+    ])  # fmt: skip
+
+
+def raw():
+    theta = jacobian() @ np.array(list(TERMS.values()))
+    theta[0] += Y0
+    terms = dict(zip(["1", "y(k-1)", "u(k-1)", "u(k-2)", "u(k-1)^2", "y(k-1)u(k-2)"], theta, strict=True))
+    covariance = jacobian() @ COV @ jacobian().T
+    return NarxModel.from_terms(terms, sample_time=1.0, theta_cov=covariance, noise_variance=1e-4)
+
+
+def experiment(n=200):
+    rng = np.random.default_rng(2)
+    u = U0 + rng.uniform(-1, 1, n)
+    run = raw().simulate(Recording.from_arrays(u, np.full(n, Y0), 1.0))
+    return Recording.from_arrays(u, run.outputs + 0.01 * rng.standard_normal((1, n)), 1.0)
+
+
+def test_it_predicts_and_runs_free_as_the_raw_polynomial():
+    recording = experiment()
+    for method in ("predict", "simulate"):
+        found, expected = getattr(about_origin(), method)(recording), getattr(raw(), method)(recording)
+        np.testing.assert_allclose(found.outputs, expected.outputs, rtol=0, atol=1e-9)
+    assert np.array_equal(found.outputs[:, :2], recording.outputs[:, :2])
+
+
+def test_its_bands_are_those_of_the_raw_polynomial():
+    recording = experiment()
+    found, expected = one_step_band(about_origin(), recording), one_step_band(raw(), recording)
+    np.testing.assert_allclose(found.upper, expected.upper, rtol=0, atol=1e-7)
+    wide = free_run_band(about_origin(), recording, np.random.default_rng(0), n_draws=200)
+    np.testing.assert_allclose(wide.outputs, raw().simulate(recording).outputs, atol=0.15)
+
+
+def test_its_equilibrium_gains_and_responses_are_those_of_the_raw_polynomial():
+    point = equilibrium(about_origin(), U0 + 0.3)
+    assert point.output == pytest.approx(equilibrium(raw(), U0 + 0.3).output, abs=1e-9)
+    for at in (None, U0 + 0.3):
+        level = U0 if at is None else at
+        rest = equilibrium(about_origin(), level).output
+        found, expected = (linear_part(m, level, rest) for m in (about_origin(), raw()))
+        assert found.b.sum() / (1 - found.a.sum()) == pytest.approx(expected.b.sum() / (1 - expected.a.sum()))
+    deviations, reference = remove_dc(about_origin(), U0 + 0.3), remove_dc(raw(), U0 + 0.3)
+    assert deviations.terms == reference.terms
+    np.testing.assert_allclose(deviations.theta, reference.theta, atol=1e-9)
+    np.testing.assert_allclose(deviations.theta_cov, reference.theta_cov, atol=1e-7)
+    assert not deviations.output_origin.any() and not deviations.input_origin.any()
+    for order in (1, 2):
+        tones = np.full((1, order), 0.1)
+        found, expected = (gfrf(m, order, tones, operating_input=U0 + 0.3) for m in (about_origin(), raw()))
+        np.testing.assert_allclose(found.values, expected.values, rtol=1e-7)
+
+
+def test_its_linear_models_are_those_of_the_raw_polynomial():
+    from deatwin.control import linearise
+    from deatwin.control.linear.family import linearise_many
+
+    found, expected = (linearise(m, U0 + 0.3) for m in (about_origin(), raw()))
+    assert found.operating_output == pytest.approx(expected.operating_output)
+    np.testing.assert_allclose(found.denominator, expected.denominator, atol=1e-9)
+    np.testing.assert_allclose(found.numerator, expected.numerator, atol=1e-9)
+    np.testing.assert_allclose(found.covariance, expected.covariance, atol=1e-7)
+    rng = np.random.default_rng(1)
+    thetas = about_origin().theta + 0.01 * rng.standard_normal((20, 5))
+    others = thetas @ jacobian().T + np.array([Y0, 0, 0, 0, 0, 0])
+    found, expected = linearise_many(about_origin(), [U0 + 0.3], thetas), linearise_many(raw(), [U0 + 0.3], others)
+    assert found.exists.all()
+    np.testing.assert_allclose(found.numerators, expected.numerators, atol=1e-9)
+    np.testing.assert_allclose(found.operating_outputs, expected.operating_outputs, atol=1e-7)
+
+
+def test_python_control_runs_it_as_it_runs_free():
+    from deatwin.control.interop.narx_system import NarxSystem
+
+    recording, system = experiment(), NarxSystem(model=about_origin())
+    state, expected = system.past(recording.inputs[:, :2], recording.outputs[:, :2]), about_origin().simulate(recording)
+    outputs = []
+    for k in range(2, recording.n_samples):
+        outputs.append(system.output(float(k), state, recording.inputs[:, k], {}))
+        state = system.update(float(k), state, recording.inputs[:, k], {})
+    np.testing.assert_allclose(np.array(outputs).T, expected.outputs[:, 2:], rtol=0, atol=1e-9)
+
+
+def test_refits_keep_the_origin():
+    recording = experiment(600)
+    fixed = Fixed(terms=about_origin())
+    for estimator in (fixed, ThetaSmoother(terms=about_origin()), Narmax(fixed)):
+        model = estimator.fit(recording).model_
+        assert model.output_origin.tolist() == [Y0] and model.input_origin.tolist() == [U0]
+        assert model.predict(recording).rms_error < 0.012
+    start = replace(about_origin(), theta=about_origin().theta * 1.02)
+    refined = refine(start, recording)
+    assert refined.simulate(recording).rms_error <= start.simulate(recording).rms_error
+    assert robust_covariance(refined, recording).shape == (5, 5)
+    smoothed = ThetaSmoother(terms=about_origin()).fit(recording).trajectory_
+    assert smoothed.predict(recording).rms_error < 0.012
+    held = hold_equilibrium(smoothed, Y0 + 0.1, U0)
+    assert equilibrium(held.at(held.timepts[50]), U0).output == pytest.approx(Y0 + 0.1)
+
+
+def test_it_is_saved_and_printed_with_its_origin(tmp_path):
+    model = about_origin()
+    model.save(tmp_path / "narx.json")
+    again = NarxModel.load(tmp_path / "narx.json")
+    assert again.output_origin.tolist() == [Y0] and again.input_origin.tolist() == [U0]
+    assert json.loads((tmp_path / "narx.json").read_text())["outputs"][0]["origin"] == Y0
+    assert str(model).endswith("\nwhere y is output less 300, u is input less 40")
+    with pytest.raises(ModelError, match=r"input_origin must be 1 finite number"):
+        NarxModel.from_terms({"y(k-1)": 0.5}, sample_time=1.0, input_origin=[1.0, 2.0])
+
+
+def test_the_exported_source_runs_as_the_model(tmp_path):
+    import ctypes
+    import shutil
+    import subprocess
+
+    from deatwin.ident.narx.export import narx_source
+
+    compiler = shutil.which("cc") or shutil.which("gcc")
+    if compiler is None:
+        pytest.skip("no C compiler")
+    source = narx_source(about_origin())
+    driver = """
+        narx_state held;
+        void start(void) { narx_init(&held); }
+        int go(const double *u, double *y) { return narx_step(&held, u, y); }
+    """
+    (tmp_path / "narx.c").write_text(source.text + driver)
+    subprocess.run([compiler, "-shared", "-fPIC", "-o", tmp_path / "narx.so", tmp_path / "narx.c"], check=True)
+    library, recording, number = ctypes.CDLL(str(tmp_path / "narx.so")), experiment(), ctypes.c_double
+    library.start()
+    rest = Recording.from_arrays(
+        np.concatenate([np.full((1, 2), U0), recording.inputs], axis=1), np.full(recording.n_samples + 2, Y0), 1.0
+    )
+    expected, y = about_origin().simulate(rest).outputs[0, 2:], number()
+    for u, wanted in itertools.islice(zip(recording.inputs[0], expected, strict=True), 100):
+        assert library.go(ctypes.byref(number(u)), ctypes.byref(y)) == 0
+        assert y.value == pytest.approx(wanted, abs=1e-9)
