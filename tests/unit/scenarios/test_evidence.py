@@ -213,7 +213,7 @@ def test_what_scenarios_reached_becomes_data_and_tables_and_leaves_that_of_other
     assert names == sorted(names, key=list(STORIES).index) and len(set(names)) == len(names)
     page = (docs / "validation.md").read_text(encoding="utf-8")
     # The linear model is none of the black boxes, and the one whose run left counts for nothing.
-    assert "| a cubic spring | cubic spring | cubic stiffness | 250 to 3 mV | 2 mV |" in page
+    assert "| a cubic spring | cubic spring | cubic stiffness | open | 250 to 3 mV | 2 mV |" in page
     assert "| `silverbox` | 1 of 2 | seed 9, deatwin 7.8; commit 0123abc |" in page
     assert page.count("| `silverbox` | smooth ∣H(f)∣ | below 1 | 2 |") == 1  # among what was missed
     assert page.count("| `semp-fleet` | smooth ∣H(f)∣ | below 1 | 2 |") == 2  # and among the NARX models

@@ -143,6 +143,9 @@ class Case:
         What was done with the recordings, and what of the plant needs saying.
     law : callable
         Takes the amended plant, returns the `Law`.
+    loop : str
+        ``open loop``, or ``closed loop`` where the plant holds the recording's controller and a run gets its reference:
+        the controller then corrects the model's errors, and the two kinds of error must not be compared.
     """
 
     name: str
@@ -156,6 +159,7 @@ class Case:
     files: tuple[Path, ...]
     notes: tuple[str, ...]
     law: Callable[[Plant], Law]
+    loop: str = "open loop"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -323,6 +327,6 @@ def _said(case: Case, trial: Trial) -> str:
     best = trial.best_rival
     beside = "" if best is None else f"; the best NARX leaves {best.free_run / case.scale:.3g}"
     return (
-        f"{trial.held_out.name}, on which nothing was fitted or chosen: free run to {base:.3g} {case.unit} rms before, "
-        f"{amended:.3g} after{beside}."
+        f"{trial.held_out.name}, on which nothing was fitted or chosen: free run in {case.loop} to {base:.3g} "
+        f"{case.unit} rms before, {amended:.3g} after{beside}."
     )
