@@ -228,7 +228,7 @@ def test_a_black_box_is_ahead_where_it_errs_less(amended: float, verdict: str, s
     errors = {**SILVERBOX["held_out"]["The arrow-head"], "recording": "The arrow-head", "amended": amended}
     row = {"story": "silverbox", "verdict": verdict, "causes": ["cubic_stiffness"], **errors}
     made = measured_blocks({"stories": [], "measures": [], "recordings": [row]})["recordings-of-others"]
-    assert f"| {shown} | 250 to {1000 * amended:g} mV | 2 mV |" in made[2]
+    assert f"| {shown} | open | 250 to {1000 * amended:g} mV | 2 mV |" in made[2]
     assert f"it is ahead on {ahead} of 1." in made[-1]
 
 
