@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.greybox.fit import calibrate
-from deatwin.ident.greybox.parts import Part
 from deatwin.ident.mismatch import Diagnosis
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant.errors import ModelError
@@ -274,7 +273,7 @@ def judged(case: Case, diagnosis: Diagnosis, jobs: int = 1) -> tuple[Trial, ...]
     seen, model = diagnosis.evidence, diagnosis.model
     if seen is None or model is None:
         raise ModelError("a diagnosis without its evidence cannot be judged")
-    base = calibrate(seen.base_model.plant, [Part.whole(e) for e in case.fitted]).plant
+    base = calibrate(seen.base_model.plant, case.fitted, starts=1).plant
     amended = model.plant
     tasks = [(method, held.rival) for held in case.held_out if held.rival is not None for method in reversed(RIVALS)]
     outcomes = run_jobs(attempt, tasks, workers=jobs)
