@@ -12,7 +12,7 @@ from deatwin.ident.greybox.minimum import Minimum
 from deatwin.plant import DataError, Experiment, Parameter, Plant, Recording, Rig, Scale, StartProcedure
 from deatwin.plant.builder import Builder
 
-H, COUNT, NOISE = 0.02, 600, 0.02
+H, COUNT, NOISE = 0.02, 450, 0.02
 TRUE = {"gain": 8.0, "damping": 1.2, "stiffness": 20.0}
 
 
@@ -77,15 +77,15 @@ def started(seed: int) -> Plant:
 
 def test_the_least_of_many_minima_is_found_from_wherever_it_starts(turned):
     alone = several = 0
-    for seed in range(4):
+    for seed in range(3):
         one, found = calibrate(started(seed), turned, starts=1), calibrate(started(seed), turned)
         alone += one.rms < 1.5 * NOISE
         several += found.rms < 1.5 * NOISE
         assert found.rms < 1.5 * NOISE or found.status is not FitStatus.SETTLED
         if found.status is FitStatus.SETTLED:
             assert found.agreed >= 2 and f"{found.agreed} of {found.starts} starts agree" in str(found)
-    assert alone < 3  # a single descent is not enough
-    assert several == 4
+    assert alone < 2  # a single descent is not enough
+    assert several == 3
 
 
 def test_recordings_and_experiments_are_taken_as_they_are(turned):
