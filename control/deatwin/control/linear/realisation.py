@@ -78,8 +78,8 @@ class Realisation:
         from scipy.linalg import eigvals
 
         a, b, c, d = self.joined()
-        b, c, d = b / np.linalg.norm(b), c / np.linalg.norm(c), d / (np.linalg.norm(b) * np.linalg.norm(c))
-        pencil = np.block([[a, b[:, None]], [c[None, :], np.full((1, 1), d)]])
+        moved, seen = np.linalg.norm(b), np.linalg.norm(c)
+        pencil = np.block([[a, b[:, None] / moved], [c[None, :] / seen, np.full((1, 1), d / (moved * seen))]])
         above, below = eigvals(pencil, np.diag([*np.ones(b.size), 0.0]), homogeneous_eigvals=True)
         finite = np.abs(below) > 1e-12 * np.abs(above)
         return np.asarray(above[finite] / below[finite], dtype=np.complex128)
