@@ -15,6 +15,8 @@ __all__ = ["States", "integrating"]
 
 Array = NDArray[np.float64]
 
+_NO_ANSWER = 1e-7
+"""Share of the static gain below which a sample answers nothing: ten times the error of `States.balanced`."""
 _HARDLY = 5e-9  # of the largest Hankel singular value; what is left out counts twice
 
 
@@ -110,7 +112,7 @@ class States:
     def delay(self) -> int:
         """Samples from a command to the first reading that answers to it, at least 1."""
         moved, samples = self.b, 1
-        while self.c @ moved == 0.0 and samples <= self.b.size:
+        while abs(self.c @ moved) <= _NO_ANSWER and samples <= self.b.size:
             moved, samples = self.a @ moved, samples + 1
         return samples
 

@@ -34,8 +34,10 @@ _NEAR = np.concatenate([-np.geomspace(30.0, 0.03, 40), [0.0], np.geomspace(0.03,
 """Points about a pole, in its widths: a resonance turns by half a circle within some of them."""
 _DIVIDED, _ROUNDS = 16, 12
 """A bracket is divided in so many parts so often: 16^12 is 2^48."""
-_ROUNDING = 64 * np.finfo(float).eps
-"""Of the sum of its coefficients: where the controller's denominator is less, it has a pole."""
+_INTEGRATES = 1e-9
+"""So near to 1 a controller's pole is an integrator's: no other has a time constant of 10^9 samples."""
+_ALGEBRAIC = 64 * np.finfo(float).eps
+"""Up to which 1 + D D_k is rounding: the loop then has no solution."""
 
 
 def loop_margins(linear: LinearModel, law: Law) -> Margins:
@@ -89,27 +91,27 @@ def family_margins(family: LinearFamily, point: int, law: Law) -> Margins:
 
 
 def _margins(plant: Realisation, law: Law, sample_time: float) -> Margins:
-    closed, top_bottom = _closed(plant, law), law.feedback
+    closed = _closed(plant, law)
+    feedback = Realisation(a=law.a, b=-law.b[:, READING:], c=law.c, d=-law.d[READING:])
 
     def loop(angle: Array) -> Complex:
         delay = np.exp(-1j * angle)
-        top, bottom = (np.polyval(p[::-1], delay) for p in top_bottom)
         with np.errstate(divide="ignore", invalid="ignore"):
-            return np.asarray(plant.response(delay) * top / bottom)
+            return np.asarray(plant.response(delay) * feedback.response(delay))
 
     stable = closed is not None and bool((np.abs(np.linalg.eigvals(closed)) < 1.0).all())
     if closed is None or not stable:
         return _unstable(loop, plant, law, sample_time)
-    angle = _grid(np.concatenate([plant.modes, np.linalg.eigvals(law.a), np.linalg.eigvals(closed)]))
+    angle = _grid(np.concatenate([plant.modes, feedback.modes, np.linalg.eigvals(closed)]))
     value = loop(angle)
     real = _crossings(lambda a: loop(a).imag, angle, value.imag)
-    at_real = np.concatenate([loop(real), _ends(loop, top_bottom[1])])
+    at_ends = _ends(loop, feedback)
+    at_real = np.concatenate([loop(real), at_ends])
     size = np.abs(at_real[at_real.real < 0.0])
     gains = _gain_crossings(loop, angle, value)
     turned = np.angle(-loop(gains))
     disk = _least(lambda a: np.abs(1 + loop(a)) / np.maximum(np.abs(1 - loop(a)), np.finfo(float).tiny), angle)
-    ends = np.abs(1 + _ends(loop, top_bottom[1]))
-    modulus = min(_least(lambda a: np.abs(1 + loop(a)), angle), float(ends.min(initial=np.inf)))
+    modulus = min(_least(lambda a: np.abs(1 + loop(a)), angle), float(np.abs(1 + at_ends).min(initial=np.inf)))
     return _one(
         gain=np.maximum(size, 1 / size).min(initial=np.inf), phase_deg=np.degrees(np.abs(turned)).min(initial=np.inf),
         delay=(np.mod(turned, 2 * np.pi) / gains * sample_time).min(initial=np.inf),
@@ -134,7 +136,7 @@ def _closed(plant: Realisation, law: Law) -> Array | None:
     a, b, c, d = plant.joined()
     back, through = -law.b[:, READING], -float(law.d[READING])
     around = 1.0 + d * through
-    if abs(around) <= _ROUNDING:
+    if abs(around) <= _ALGEBRAIC:
         return None
     # y = (C x + D C_k x_k)/(1 + D D_k), u = C_k x_k - D_k y.
     reading = np.concatenate([c, d * law.c]) / around
@@ -157,11 +159,10 @@ def _grid(poles: Complex) -> Array:
     return found[(found >= _LOWEST) & (found <= np.pi - _LOWEST)]
 
 
-def _ends(loop: Loop, bottom: Array) -> Complex:
+def _ends(loop: Loop, feedback: Realisation) -> Complex:
     """The loop at 0 Hz and at half the sampling rate, where it is real, but for a pole of the controller."""
-    signs = np.where(np.arange(bottom.size) % 2, -1.0, 1.0)
-    sums = np.array([bottom.sum(), bottom @ signs])
-    return loop(np.array([0.0, np.pi])[np.abs(sums) > _ROUNDING * np.abs(bottom).sum()])
+    away = [np.abs(feedback.modes - end).min(initial=np.inf) > _INTEGRATES for end in (1.0, -1.0)]
+    return loop(np.array([0.0, np.pi])[away])
 
 
 def _gain_crossings(loop: Loop, angle: Array, value: Complex) -> Array:
