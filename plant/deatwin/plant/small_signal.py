@@ -41,6 +41,9 @@ HALVINGS = 14
 UPDATES = 20
 SETTLED = 1e-12
 """Change of the unknowns, against their scale, that ends Newton's method; nothing is differentiated through it."""
+RANK = 1e-12
+"""Singular value of the equations of rest, against the largest, below which a combination of them says nothing:
+rounding leaves some 1e-15, and each equation has a scale of its own."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -63,6 +66,9 @@ class SmallSignal:
         SI by unit of the command.
     reading : float
         At rest, SI.
+    static_gain : float
+        Slope of the reading at rest by the command, SI by unit of the command, from the equations of rest and not from
+        the matrices: an independent check of them. NaN where the command has no rest to move, as of an integrator.
     """
 
     a: np.ndarray
@@ -70,6 +76,7 @@ class SmallSignal:
     c: np.ndarray
     d: np.ndarray
     reading: float
+    static_gain: float
 
     def __post_init__(self) -> None:
         for name in ("a", "b", "c", "d"):
@@ -282,7 +289,38 @@ def _differentiated(equations: Equations, point: Point, time: float, sample_time
     return SmallSignal(
         a=step[:n_x, :n_x].copy(), b=step[:n_x, n_x:].copy(), c=through[:n_x].copy(),
         d=through[n_x:] + by_last.ravel()[: 1 + equations.history], reading=float(level.item()),
+        static_gain=_static_gain(equations, point, time, sample_time),
     )  # fmt: skip
+
+
+def _static_gain(equations: Equations, point: Point, time: float, sample_time: float) -> float:
+    """Slope of the reading by the command, along the states of rest that a slow command goes through.
+
+    Where a combination of the equations says nothing, as of the memory of hysteresis that follows the motion, its
+    time integral is conserved, and says how that state moves.
+    """
+    (here, held, inputs, values), functions, count = point, _functions(equations), 1 + equations.history
+    inputs = _inputs(equations, inputs, time - sample_time, time)
+    arguments = (here, held, inputs, time, values, equations.constants)
+    by_unknowns, by_inputs = (np.asarray(v) for v in functions.dynamics(*arguments)[1:])
+    scaled, pushed = by_unknowns * equations.scale, -by_inputs[:, :count].sum(axis=1)
+    rows = np.abs(scaled).max(axis=1, initial=0.0)
+    rows[rows == 0.0] = 1.0
+    scaled, pushed = scaled / rows[:, None], pushed / rows
+    left, sizes, _ = np.linalg.svd(scaled)
+    silent = left[:, sizes <= RANK * sizes.max(initial=0.0)]
+    mass = np.zeros(here.size)
+    mass[: len(equations.states)] = np.asarray(equations.mass(values, equations.constants)).ravel()
+    conserved = (silent / rows[:, None]).T * (mass * equations.scale)
+    conserved = conserved / np.maximum(np.linalg.norm(conserved, axis=1, keepdims=True), np.finfo(float).tiny)
+    moved, _, rank, _ = np.linalg.lstsq(
+        np.vstack([scaled, conserved]), np.append(pushed, np.zeros(len(conserved))), rcond=RANK
+    )
+    drifts = np.abs(silent.T @ pushed).max(initial=0.0) > RANK * max(float(np.abs(pushed).max(initial=0.0)), 1.0)
+    if drifts or rank < here.size:
+        return float("nan")
+    _, by_end, by_last = (np.asarray(v) for v in functions.output(*arguments))
+    return float((by_end.ravel() * equations.scale) @ moved + by_last.ravel()[:count].sum())
 
 
 def _step_derivatives(equations: Equations, point: Point, time: float, step: Step) -> np.ndarray:

@@ -213,7 +213,7 @@ def test_what_scenarios_reached_becomes_data_and_tables_and_leaves_that_of_other
     assert names == sorted(names, key=list(STORIES).index) and len(set(names)) == len(names)
     page = (docs / "validation.md").read_text(encoding="utf-8")
     # The linear model is none of the black boxes, and the one whose run left counts for nothing.
-    assert "| a cubic spring | cubic spring | cubic stiffness | 250 to 3 mV | 2 mV |" in page
+    assert "| a cubic spring | cubic spring | cubic stiffness | open | 250 to 3 mV | 2 mV |" in page
     assert "| `silverbox` | 1 of 2 | seed 9, deatwin 7.8; commit 0123abc |" in page
     assert page.count("| `silverbox` | smooth ∣H(f)∣ | below 1 | 2 |") == 1  # among what was missed
     assert page.count("| `semp-fleet` | smooth ∣H(f)∣ | below 1 | 2 |") == 2  # and among the NARX models
@@ -228,7 +228,7 @@ def test_a_black_box_is_ahead_where_it_errs_less(amended: float, verdict: str, s
     errors = {**SILVERBOX["held_out"]["The arrow-head"], "recording": "The arrow-head", "amended": amended}
     row = {"story": "silverbox", "verdict": verdict, "causes": ["cubic_stiffness"], **errors}
     made = measured_blocks({"stories": [], "measures": [], "recordings": [row]})["recordings-of-others"]
-    assert f"| {shown} | 250 to {1000 * amended:g} mV | 2 mV |" in made[2]
+    assert f"| {shown} | open | 250 to {1000 * amended:g} mV | 2 mV |" in made[2]
     assert f"it is ahead on {ahead} of 1." in made[-1]
 
 

@@ -162,3 +162,11 @@ def test_an_interrupted_story_leaves_no_empty_folder(tmp_path: Path, monkeypatch
     monkeypatch.setattr(stories, "STORIES", {"stopped": own})
     assert main(["scenario", "stopped", "--out", str(tmp_path / "new"), "--quiet"]) == 130
     assert not (tmp_path / "new").exists()
+
+
+def test_the_recorded_motor_force_holds_the_pulses_already(tmp_path):
+    # A motor of 35 N/V at 1 V throughout: whatever the column of pulses says, 35 N went in.
+    steady = {**MOTOR, "vir": np.ones((1500, 1)), "gtau": [[35.0]]}
+    savemat(tmp_path / "DATA_EMPS.mat", steady)
+    savemat(tmp_path / "DATA_EMPS_PULSES.mat", {**steady, "pulses_N": np.full((1500, 1), 5.0)})
+    np.testing.assert_allclose(emps(tmp_path).test.inputs, 35.0, rtol=1e-3)

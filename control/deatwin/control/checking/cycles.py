@@ -16,7 +16,7 @@ from deatwin.control.loop.sine_response import SineResponse, sine_response
 from deatwin.control.progress import Progress
 from deatwin.control.stability.describing import Quantiser, Saturation
 from deatwin.control.stability.limit_cycles import LimitCycle, limit_cycles
-from deatwin.control.stability.margins import margins
+from deatwin.control.stability.loops import loop_margins
 from deatwin.control.stability.polynomials import in_series
 from deatwin.plant.model import Plant
 
@@ -172,7 +172,7 @@ def _crossover(controller: Controller, linear: LinearModel) -> float:
 
     A controller that hardly acts has its crossover at periods of days, which no run lasts.
     """
-    found = float(margins(*_loop(controller, linear), controller.sample_time).crossover[0])
+    found = float(loop_margins(linear, controller.local(controller.operating_input)).crossover[0])
     asked = 1.0 / controller.closed_loop_time
     return max(found or asked, asked / _SLUGGISH)
 

@@ -12,8 +12,8 @@ from deatwin.control.controllers.base import Controller
 from deatwin.control.linear.family import LinearFamily
 from deatwin.control.linear.model import LinearModel
 from deatwin.control.stability.bands import MarginBand
-from deatwin.control.stability.margins import Margins, margins
-from deatwin.control.stability.polynomials import in_series
+from deatwin.control.stability.loops import family_margins
+from deatwin.control.stability.margins import Margins
 
 __all__ = ["QUANTILE", "MarginRow", "row_of_band", "rows_of_family"]
 
@@ -82,11 +82,7 @@ def rows_of_family(
     """
     rows = []
     for point, operating_input in enumerate(family.operating_inputs):
-        numerator, denominator = controller.local(float(operating_input)).feedback
-        found = margins(
-            in_series(family.numerators[point], numerator), in_series(family.denominators[point], denominator),
-            family.sample_time,
-        )  # fmt: skip
+        found = family_margins(family, point, controller.local(float(operating_input)))
         rows.append(
             _row(source, float(operating_input), None if times is None else times[point], found, family.exists[point])
         )

@@ -13,6 +13,7 @@ from deatwin.control.linear.model import LinearModel
 __all__ = ["SecondOrderDelay", "reduce_to_second_order"]
 
 Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
 
 _REAL = 0.01  # oscillation against decay of a pair that is a double lag (damping 1 - 5e-5): rounding splits equal lags
 _CLOSE = 1.6 * (1 - 1e-3)  # a zero is nearer to the smaller lag beside it if their ratio is below 1.6, less rounding
@@ -69,8 +70,8 @@ def reduce_to_second_order(linear: LinearModel) -> SecondOrderDelay:
     291-309, sections 2.1 (half rule) and 2.2 (zeros).
     """
     h = linear.require().sample_time
-    lags, leads = _times(linear.denominator, h), _times(linear.numerator, h)
-    rest = max(_residence(linear) - lags.sum() + leads.sum(), 0.0)
+    lags, leads = _times(linear.poles, h), _times(linear.zeros, h)
+    rest = max(linear.mean_delay - lags.sum() + leads.sum(), 0.0)
     delay, share, kept = rest, 1.0, lags
     for _ in range(_ROUNDS):
         share, kept = _without_leads(lags, leads, max(delay, 0.5 * h))
@@ -91,19 +92,11 @@ def reduce_to_second_order(linear: LinearModel) -> SecondOrderDelay:
     )  # fmt: skip
 
 
-def _times(polynomial: Array, h: float) -> Array:
-    """Time constants of the real roots between 0 and 1, the longest first, s."""
-    roots = np.roots(np.trim_zeros(polynomial, "f"))
+def _times(roots: Complex, h: float) -> Array:
+    """Time constants of the real ones between 0 and 1, the longest first, s."""
     rates = np.log(roots[roots != 0.0].astype(np.complex128))
     real = rates.real[(rates.real < 0.0) & (np.abs(rates.imag) <= _REAL * np.abs(rates.real))]
     return np.asarray(np.sort(-h / real)[::-1])
-
-
-def _residence(linear: LinearModel) -> float:
-    """Mean of the impulse response over time, s: of lags and delays their sum, leads counted negative."""
-    top, bottom = linear.numerator, linear.denominator
-    steps = np.arange(top.size) @ top / top.sum() - np.arange(bottom.size) @ bottom / bottom.sum()
-    return float(steps * linear.sample_time)
 
 
 def _without_leads(lags: Array, leads: Array, delay: float) -> tuple[float, Array]:

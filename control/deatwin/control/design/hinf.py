@@ -17,7 +17,7 @@ from deatwin.control.design.pid import Limits
 from deatwin.control.design.states import States, integrating
 from deatwin.control.errors import ControlError, MissingPackageError
 from deatwin.control.linear.model import LinearModel, linear_model
-from deatwin.control.stability.margins import margins
+from deatwin.control.stability.loops import loop_margins
 
 if TYPE_CHECKING:
     from control import StateSpace, TransferFunction
@@ -171,9 +171,7 @@ def hinf(
     if found is None:
         raise ControlError(_why_not(plant, bounds))
     law = integrating(_from_w(found)).scaled(1.0 / states.gain)
-    top, bottom = law.feedback
-    loop = margins([np.convolve(linear.numerator, top)], [np.convolve(linear.denominator, bottom)], h)
-    if not loop.stable[0]:
+    if not loop_margins(linear, law).stable[0]:
         raise ControlError("the H-infinity controller lost stability to rounding: choose another bandwidth")
     return LinearController(
         name="H-infinity", sample_time=h, operating_input=linear.operating_input,

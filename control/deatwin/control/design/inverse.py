@@ -196,5 +196,5 @@ def _behind(linear: LinearModel, curve: StaticCurve, slope: float) -> LinearMode
     return replace(
         linear, numerator=linear.numerator / slope, covariance=linear.covariance * np.outer(scale, scale),
         operating_input=float(curve.output(linear.operating_input)), input_name="demand",
-        input_unit=linear.output_unit,
+        input_unit=linear.output_unit, realisation=linear.realisation and linear.realisation.scaled(1.0 / slope),
     )  # fmt: skip

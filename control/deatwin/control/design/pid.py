@@ -11,8 +11,7 @@ from deatwin.control.controllers.law import REFERENCE, Law
 from deatwin.control.controllers.linear import LinearController
 from deatwin.control.errors import ControlError
 from deatwin.control.linear.model import LinearModel, linear_model
-from deatwin.control.stability.margins import margins
-from deatwin.control.stability.polynomials import in_series
+from deatwin.control.stability.loops import loop_margins
 
 __all__ = ["Limits", "PidGains", "pid"]
 
@@ -172,8 +171,7 @@ def pid(linear: LinearModel, gains: PidGains, command_limits: Limits, closed_loo
     """
     h = linear.sample_time
     law = gains.law(h)
-    top, bottom = law.feedback
-    if not margins(in_series(linear.numerator, top), in_series(linear.denominator, bottom), h).stable[0]:
+    if not loop_margins(linear, law).stable[0]:
         raise ControlError(
             f"with a closed-loop time of {closed_loop_time:.3g} s the loop would be unstable on the model itself: "
             "ask for a longer one, or choose another design"

@@ -15,6 +15,8 @@ __all__ = ["States", "integrating"]
 
 Array = NDArray[np.float64]
 
+_NO_ANSWER = 1e-7
+"""Share of the static gain below which a sample answers nothing: ten times the error of `States.balanced`."""
 _HARDLY = 5e-9  # of the largest Hankel singular value; what is left out counts twice
 
 
@@ -39,7 +41,7 @@ class States:
 
     @classmethod
     def of(cls, linear: LinearModel) -> States:
-        """The observable canonical form of a model.
+        """The states of a model by matrices, or the observable canonical form of one by coefficients.
 
         Parameters
         ----------
@@ -49,7 +51,7 @@ class States:
         Returns
         -------
         States
-            Of as many states as the transfer function has poles, those of the delay included.
+            Of as many states as the model has poles, those of the delay included.
 
         Raises
         ------
@@ -64,6 +66,9 @@ class States:
                 "the model answers to a command in the same sample: design on it as the controller sees it, "
                 "linear.in_loop(rig.reading)"
             )
+        if linear.realisation is not None:
+            a, b, c, _ = linear.realisation.joined()
+            return cls(a=a, b=b, c=c / gain, gain=gain)
         top, bottom = (np.trim_zeros(p, "b") for p in (linear.numerator / gain, linear.denominator))
         n = max(top.size, bottom.size) - 1
         top, bottom = (np.pad(p, (0, n + 1 - p.size)) for p in (top, bottom))
@@ -106,7 +111,10 @@ class States:
     @property
     def delay(self) -> int:
         """Samples from a command to the first reading that answers to it, at least 1."""
-        return int(np.flatnonzero(self.b)[0]) + 1
+        moved, samples = self.b, 1
+        while abs(self.c @ moved) <= _NO_ANSWER and samples <= self.b.size:
+            moved, samples = self.a @ moved, samples + 1
+        return samples
 
 
 def _root(gramian: Array) -> Array:

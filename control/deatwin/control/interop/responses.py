@@ -174,17 +174,18 @@ def linear_frd(linear: LinearModel, omega: ArrayLike, *, name: str = "response")
     if given.ndim != 1 or given.size == 0 or not np.all(given <= highest * (1 + 1e-9)):
         raise ModelError(f"omega must be frequencies from 0 to half the sampling rate, {highest:.6g} rad/s")
     values = linear.response(given)
+    signals = (linear.input_name, linear.output_name)
+    units = (linear.output_unit, linear.input_unit)
+    unit = "/".join(units) if all(units) else ""
+    if not linear.covariance.any():  # of many slow modes the coefficients below would hold nothing
+        return _frd(given, values, np.zeros((given.size, 2, 2)), signals, unit, name)
     delay = np.exp(-1j * given * linear.sample_time)[:, None]
     bottom = np.polyval(linear.denominator[::-1], delay)
     by_numerator = delay ** np.arange(linear.numerator.size) / bottom
     by_denominator = -values[:, None] * delay ** np.arange(1, linear.denominator.size) / bottom
     slopes = np.concatenate([by_numerator, by_denominator], axis=1)
     parts = np.stack([slopes.real, slopes.imag], axis=1)
-    units = (linear.output_unit, linear.input_unit)
-    return _frd(
-        given, values, parts @ linear.covariance @ parts.swapaxes(1, 2),
-        (linear.input_name, linear.output_name), "/".join(units) if all(units) else "", name,
-    )  # fmt: skip
+    return _frd(given, values, parts @ linear.covariance @ parts.swapaxes(1, 2), signals, unit, name)
 
 
 def _frd(

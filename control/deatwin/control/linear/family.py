@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from deatwin.control.arguments import generator, instance, numbers, positive, require_fields, taking, whole
 from deatwin.control.linear.model import LinearModel, LinearStatus
+from deatwin.control.linear.realisation import Realisation
 from deatwin.ident.frequency.checks import real_numbers
 from deatwin.ident.frequency.dc import equilibrium, expand
 from deatwin.ident.frequency.linear import levels, motion, operating_input_of
@@ -49,11 +50,14 @@ class LinearFamily:
     stable : ndarray of bool, shape (n_points, n_samples)
         Whether there is one and it is stable.
     has_gain : ndarray of bool, shape (n_points, n_samples)
-        Whether there is one and its static gain is more than rounding.
+        Whether there is one and its static gain is more than rounding, and known.
     sample_time : float
         s.
     input_name, output_name, input_unit, output_unit : str
         Names and units of the signals.
+    realisations : tuple of tuple of (Realisation or None)
+        For each operating point those of its samples, from which gain, poles and margins are computed; None without an
+        equilibrium. Empty for models that are given by coefficients alone.
 
     Raises
     ------
@@ -73,6 +77,7 @@ class LinearFamily:
     output_name: str = "output"
     input_unit: str = ""
     output_unit: str = ""
+    realisations: tuple[tuple[Realisation | None, ...], ...] = ()
 
     def __post_init__(self) -> None:
         require_fields(
@@ -86,6 +91,8 @@ class LinearFamily:
             object.__setattr__(self, name, _read_only(getattr(self, name), np.bool_))
         fits = [a.shape == shape for a in (self.operating_outputs, self.stable, self.has_gain)]
         fits += [a.ndim == 3 and a.shape[:2] == shape for a in (self.numerators, self.denominators)]
+        if self.realisations:
+            fits += [[len(row) for row in self.realisations] == [shape[1]] * shape[0]]
         if len(shape) != 2 or 0 in shape or not all(fits) or self.operating_inputs.shape != shape[:1]:
             raise ModelError("a family of linear models needs arrays over the same operating points and samples, "
                              "at least one of each")  # fmt: skip
@@ -124,9 +131,10 @@ class LinearFamily:
                 [[np.pad(m.denominator, (0, n_a - m.denominator.size)) for m in row] for row in models]
             ),
             exists=exists, stable=exists & (statuses != LinearStatus.UNSTABLE),
-            has_gain=exists & (statuses != LinearStatus.NO_GAIN), sample_time=first.sample_time,
+            has_gain=exists & (statuses != LinearStatus.NO_GAIN) & (statuses != LinearStatus.INACCURATE),
+            sample_time=first.sample_time,
             input_name=first.input_name, output_name=first.output_name,
-            input_unit=first.input_unit, output_unit=first.output_unit,
+            input_unit=first.input_unit, output_unit=first.output_unit, realisations=_realisations(models),
         )  # fmt: skip
 
     @property
@@ -142,6 +150,9 @@ class LinearFamily:
     @cached_property
     def static_gains(self) -> Array:
         """G(1), output unit by input unit, shape (n_points, n_samples); NaN without an equilibrium."""
+        if self.realisations:
+            known = [[np.nan if one is None else one.static_gain for one in row] for row in self.realisations]
+            return _read_only(known, np.float64)
         with np.errstate(divide="ignore", invalid="ignore"):
             gains = self.numerators.sum(axis=2) / self.denominators.sum(axis=2)
         return _read_only(np.where(self.exists, gains, np.nan), np.float64)
@@ -152,6 +163,11 @@ class LinearFamily:
         n_a = self.denominators.shape[2] - 1
         if n_a == 0:
             return _read_only(np.zeros((*self.exists.shape, 0)), np.complex128)
+        if self.realisations:
+            modes = [[np.zeros(0) if one is None else one.modes for one in row] for row in self.realisations]
+            padded = np.array([[np.pad(one, (0, n_a - one.size)) for one in row] for row in modes], dtype=np.complex128)
+            padded[~self.exists] = np.nan
+            return _read_only(padded, np.complex128)
         companion = np.zeros((*self.exists.shape, n_a, n_a))
         companion[..., 1:, :-1] = np.eye(n_a - 1)
         companion[..., 0, :] = -self.denominators[..., 1:]
@@ -182,7 +198,8 @@ class LinearFamily:
             if answering.size:
                 self.at(*(int(i) for i in answering[0])).in_loop(reading)  # which says what is wrong
             return self
-        return replace(self, numerators=np.pad(self.numerators, ((0, 0), (0, 0), (1, 0))))
+        late = tuple(tuple(one and one.delayed() for one in row) for row in self.realisations)
+        return replace(self, numerators=np.pad(self.numerators, ((0, 0), (0, 0), (1, 0))), realisations=late)
 
     def at(self, point: int, sample: int) -> LinearModel:
         """One of the models.
@@ -206,7 +223,8 @@ class LinearFamily:
         size = numerator.size + denominator.size - 1
         model = LinearModel(
             numerator=numerator, denominator=denominator, covariance=np.zeros((size, size)),
-            operating_output=float(self.operating_outputs[point, sample]), **signals,
+            operating_output=float(self.operating_outputs[point, sample]),
+            realisation=self.realisations[point][sample] if self.realisations else None, **signals,
         )  # fmt: skip
         least_gain = 0.0 if self.has_gain[point, sample] else np.inf
         return model.judged(bool(self.stable[point, sample]), least_gain)
@@ -312,6 +330,13 @@ def _at_one_point(model: NarxModel, level: float, thetas: Array) -> tuple[Array,
     exists &= np.isfinite(numerators).all(axis=1) & np.isfinite(denominators).all(axis=1)
     numerators[~exists], denominators[~exists, 1:] = 0.0, 0.0
     return np.where(exists, outputs, np.nan), numerators, denominators, exists
+
+
+def _realisations(models: Sequence[Sequence[LinearModel]]) -> tuple[tuple[Realisation | None, ...], ...]:
+    """Those of models that all have one, but for those without an equilibrium."""
+    if any(m.realisation is None and m.operating_output is not None for row in models for m in row):
+        return ()
+    return tuple(tuple(m.realisation for m in row) for row in models)
 
 
 def _read_only(values: Any, dtype: Any) -> NDArray[Any]:

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from deatwin.control.arguments import finite, instance, number, numbers, positive, require_fields
 from deatwin.control.linear.datasets import linear_dataset
+from deatwin.control.linear.realisation import Realisation
 from deatwin.ident.narx.covariance import covariance_of
 from deatwin.plant.errors import ModelError
 from deatwin.plant.rigs.base import ReadingTime
@@ -40,6 +41,10 @@ class LinearStatus(Enum):
     NO_GAIN = (
         "the static gain cannot be told from zero, so that no integral action can be chosen: "
         "record with a larger input about this operating point"
+    )
+    INACCURATE = (
+        "the static gain of the linear model is not the slope of the static curve: its digits are lost; take slow "
+        "effects out, or choose another operating input"
     )
 
     @property
@@ -84,6 +89,9 @@ class LinearModel:
         What was found where the status is not sound or digits were lost, else empty.
     input_name, output_name, input_unit, output_unit : str
         Names and units of the signals.
+    realisation : Realisation, optional
+        The system by its matrices, of which the coefficients are the rounded transfer function: poles, gain and
+        responses are then computed from the matrices. It has no covariance.
 
     Raises
     ------
@@ -105,6 +113,7 @@ class LinearModel:
     output_name: str = "output"
     input_unit: str = ""
     output_unit: str = ""
+    realisation: Realisation | None = None
 
     def __post_init__(self) -> None:
         require_fields(
@@ -127,6 +136,10 @@ class LinearModel:
             raise ModelError("the coefficients of a linear model must be finite")
         if self.covariance.shape != (size, size):
             raise ModelError(f"the covariance has shape {self.covariance.shape}: it must be ({size}, {size})")
+        if self.realisation is not None:
+            require_fields(self, realisation=instance(Realisation))
+            if self.covariance.any():
+                raise ModelError("a linear model that is given by its matrices has no covariance of coefficients")
         if self.status is not LinearStatus.NO_EQUILIBRIUM:
             object.__setattr__(self, "covariance", _covariance(self.covariance, self.numerator.size))
 
@@ -210,16 +223,38 @@ class LinearModel:
     @cached_property
     def poles(self) -> NDArray[np.complex128]:
         """Poles in the z plane, shape (n_a,)."""
+        if self.realisation is not None:
+            return self.realisation.modes
         return np.asarray(np.roots(self.denominator), dtype=np.complex128)
+
+    @cached_property
+    def zeros(self) -> NDArray[np.complex128]:
+        """Finite zeros in the z plane, shape (n_zeros,)."""
+        if self.realisation is not None:
+            return self.realisation.zeros
+        return np.asarray(np.roots(np.trim_zeros(self.numerator, "f")), dtype=np.complex128)
+
+    @property
+    def mean_delay(self) -> float:
+        """Mean of the impulse response over time, s: of lags and delays their sum, leads counted negative."""
+        if self.realisation is not None:
+            return self.realisation.mean_delay * self.sample_time
+        top, bottom = self.numerator, self.denominator
+        steps = np.arange(top.size) @ top / top.sum() - np.arange(bottom.size) @ bottom / bottom.sum()
+        return float(steps * self.sample_time)
 
     @property
     def static_gain(self) -> float:
         """G(1), output unit by input unit."""
+        if self.realisation is not None:
+            return self.realisation.static_gain
         return float(self.numerator.sum() / self.denominator.sum())
 
     @property
     def static_gain_deviation(self) -> float:
         """Standard deviation of the static gain, output unit by input unit."""
+        if self.realisation is not None:
+            return 0.0
         slopes = np.concatenate(
             [np.ones(self.numerator.size), np.full(self.denominator.size - 1, -self.static_gain)]
         )
@@ -240,6 +275,8 @@ class LinearModel:
             Output unit by input unit.
         """
         delay = np.exp(-1j * np.asarray(omega, dtype=np.float64) * self.sample_time)
+        if self.realisation is not None:
+            return self.realisation.response(delay.ravel()).reshape(delay.shape)
         values = np.polyval(self.numerator[::-1], delay) / np.polyval(self.denominator[::-1], delay)
         return np.asarray(values, dtype=np.complex128)
 
@@ -258,6 +295,8 @@ class LinearModel:
         """
         from scipy.signal import lfilter
 
+        if self.realisation is not None:
+            return self.realisation.step_response(count)
         return np.asarray(lfilter(self.numerator, self.denominator, np.ones(count)), dtype=np.float64)
 
     def in_loop(self, reading: ReadingTime) -> LinearModel:
@@ -289,10 +328,15 @@ class LinearModel:
                 )
             return self
         covariance = np.pad(self.covariance, ((1, 0), (1, 0)))
-        return replace(self, numerator=np.concatenate([[0.0], self.numerator]), covariance=covariance)
+        late = None if self.realisation is None else self.realisation.delayed()
+        return replace(
+            self, numerator=np.concatenate([[0.0], self.numerator]), covariance=covariance, realisation=late
+        )
 
     def system(self) -> TransferFunction:
         """The transfer function as a discrete system of python-control.
+
+        Its coefficients hold many slow modes badly, of which `detail` then speaks; `state_space` holds them.
 
         Returns
         -------
@@ -327,7 +371,13 @@ class LinearModel:
         """
         import control
 
-        return control.ss(self.system())
+        if self.realisation is None:
+            return control.ss(self.system())
+        self.rest_output  # noqa: B018  (raises without an equilibrium)
+        a, b, c, d = self.realisation.joined()
+        return control.ss(
+            a, b[:, None], c[None, :], d, self.sample_time, inputs=[self.input_name], outputs=[self.output_name]
+        )
 
 
 linear_model = instance(LinearModel, hint=", as linearise(model, operating_input) makes it")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from deatwin.control.arguments import each, generator, instance, number, numbers, taking, whole
 from deatwin.control.linear.family import LinearFamily
-from deatwin.control.linear.model import LinearModel
+from deatwin.control.linear.model import LinearModel, LinearStatus
 from deatwin.control.linear.realisation import Realisation
 from deatwin.ident.greybox.fit import Problem
 from deatwin.ident.narx.posterior import covariance_root
@@ -32,6 +33,9 @@ _NO_GAIN = 1e-12
 """Static gain that is rounding, as a share of what the command does to the states and the states to the reading."""
 _LOWEST, _POINTS = 1e-3, 50
 """From this frequency, Hz, to half the sampling rate the coefficients are compared with the matrices."""
+_GAIN_ERROR = 1e-3
+"""Relative difference between the static gain of the matrices and the slope of the static curve that a design may have:
+far below what a gain margin leaves, far above rounding."""
 _LOSS = 1e-6
 """Relative error of the response that the coefficients may have without a word about it."""
 
@@ -72,8 +76,10 @@ def linearise_plant(
 
     Notes
     -----
-    Coefficients hold slow modes by the sums of their last digits: with one or two slow effects the response keeps ten
-    digits from 1 mHz on, with three about three; `LinearModel.detail` says so where it keeps fewer than six.
+    Poles, gain and responses are computed from the matrices of the step. The coefficients beside them hold slow modes
+    by the sums of their last digits: with one or two slow effects ten digits of the response from 1 mHz on, with three
+    about three, with more none; `LinearModel.detail` says so where they hold fewer than six. The static gain is
+    compared with the slope of the equations of rest; where they differ by more than 0.1 %, the status is not OK.
     """
     return _models(plant, [operating_input], values, time)[0]
 
@@ -189,33 +195,39 @@ def _model(plant: Plant, operating_input: float, small: SmallSignal | None) -> L
     whole = Realisation(a=small.a, b=small.b, c=small.c, d=small.d)
     least = whole.minimal()
     numerator, denominator = least.coefficients()
+    seen = least
     if plant.rig.reading is ReadingTime.START_OF_HOLD:  # a row shows what the hold before has led to
-        numerator = np.concatenate([[0.0], numerator])
+        numerator, seen = np.concatenate([[0.0], numerator]), least.delayed()
     size = numerator.size + denominator.size - 1
     linear = LinearModel(
         numerator=numerator, denominator=denominator, covariance=np.zeros((size, size)),
-        operating_output=small.reading, detail=_lost(least, numerator, denominator, plant), **signals,
+        operating_output=small.reading, detail=_lost(seen, numerator, denominator, plant), realisation=seen, **signals,
     )  # fmt: skip
     grows = np.abs(whole.modes).max(initial=0.0) > 1.0 + _GROWS
     # States count in their typical sizes, so that much less than one of these by unit of the command is rounding too.
     moved = max(float(np.linalg.norm(whole.b)), 1.0)
     floor = _NO_GAIN * float(np.linalg.norm(whole.c) * moved + np.linalg.norm(whole.d))
-    return linear.judged(not grows and bool((np.abs(least.modes) < 1.0).all()), floor)
+    judged = linear.judged(not grows and bool((np.abs(least.modes) < 1.0).all()), floor)
+    error = abs(linear.static_gain - small.static_gain)
+    if not judged.status.ok or not error > _GAIN_ERROR * abs(small.static_gain):  # also without such a slope
+        return judged
+    detail = f"{linear.static_gain:.4g} against {small.static_gain:.4g}"
+    return replace(judged, status=LinearStatus.INACCURATE, detail=detail)
 
 
-def _lost(least: Realisation, numerator: Array, denominator: Array, plant: Plant) -> str:
+def _lost(seen: Realisation, numerator: Array, denominator: Array, plant: Plant) -> str:
     """What is to be said of the digits that the coefficients have lost."""
     interval = plant.rig.sample_time
     omega = np.geomspace(min(2 * np.pi * _LOWEST, 0.1 * np.pi / interval), np.pi / interval, _POINTS)
     delay = np.exp(-1j * omega * interval)
-    exact = least.response(delay) * (delay if plant.rig.reading is ReadingTime.START_OF_HOLD else 1.0)
+    exact = seen.response(delay)
     held = np.polyval(numerator[::-1], delay) / np.polyval(denominator[::-1], delay)
     size = float(np.abs(exact).max(initial=0.0))
     loss = float(np.max(np.abs(held - exact) / np.maximum(np.abs(exact), 1e-9 * size))) if size else 0.0
     if loss <= _LOSS:
         return ""
     share = f"only to {loss:.1g} of it" if loss < 1.0 else "not at all"
-    return f"the plant has many slow modes, so that the coefficients hold its response {share}"
+    return f"the plant has many slow modes, so that the coefficients hold its response {share}; its matrices do"
 
 
 def _signals(plant: Plant, operating_input: float) -> dict[str, Any]:

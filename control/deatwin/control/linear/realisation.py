@@ -1,8 +1,9 @@
-"""From the matrices of a sampled linear system to the coefficients of its transfer function, without loss.
+"""A sampled linear system by its matrices, and the coefficients of its transfer function.
 
 Slow poles crowd near z = 1: of a product of factors 1 - p, each some 1e-4, the coefficients of the polynomial hold no
-more than their last digits. So modes that nothing excites or shows are taken out first, and the coefficients are then
-computed in integers, by the recursion of Faddeev and Leverrier, and rounded once.
+more than their last digits, and of five such factors none. So gain, poles, zeros and responses are computed from the
+matrices. The coefficients are there for what needs coefficients: modes that nothing excites or shows are taken out
+first, and the coefficients are then computed in integers, by the recursion of Faddeev and Leverrier, and rounded once.
 """
 
 from __future__ import annotations
@@ -23,6 +24,8 @@ Complex = NDArray[np.complex128]
 _NOTHING = 1e-11
 """Cosine of a mode with all that excites it, or shows it, below which that is rounding: one sample of the slowest
 effect of the catalogue, 20000 s, still moves its mode by 1e-6."""
+_BLOCK = 512
+"""Samples of a step response that are computed at once."""
 _BITS = 64
 """Behind the point of the largest entry of a matrix in integers; smaller entries lose nothing that a sum with the
 largest would keep, and 11 bits more than that."""
@@ -54,6 +57,96 @@ class Realisation:
         """Eigenvalues of A, shape (n,)."""
         return np.asarray(np.linalg.eigvals(self.a), dtype=np.complex128)
 
+    @cached_property
+    def static_gain(self) -> float:
+        """C (I - A)^-1 B + D, output unit by input unit; infinite where a mode integrates."""
+        try:
+            return float(self.c @ self._rest(self.b.sum(axis=1)) + self.d.sum())
+        except np.linalg.LinAlgError:
+            return float("inf")
+
+    @property
+    def mean_delay(self) -> float:
+        """Mean of the impulse response over time, samples: of lags and delays their sum, leads counted negative."""
+        lags, rest = np.arange(self.d.size), self._rest(self.b.sum(axis=1))
+        late = self.c @ (self._rest(rest) + self._rest(self.b @ lags)) + self.d @ lags
+        return float(late / self.static_gain)
+
+    @property
+    def zeros(self) -> Complex:
+        """Zeros in the z plane, those at infinity left out, shape (n_zeros,)."""
+        from scipy.linalg import eigvals
+
+        a, b, c, d = self.joined()
+        moved, seen = np.linalg.norm(b), np.linalg.norm(c)
+        pencil = np.block([[a, b[:, None] / moved], [c[None, :] / seen, np.full((1, 1), d / (moved * seen))]])
+        above, below = eigvals(pencil, np.diag([*np.ones(b.size), 0.0]), homogeneous_eigvals=True)
+        finite = np.abs(below) > 1e-12 * np.abs(above)
+        return np.asarray(above[finite] / below[finite], dtype=np.complex128)
+
+    def _rest(self, pushed: Array) -> Array:
+        return np.asarray(np.linalg.solve(np.eye(len(self.a)) - self.a, pushed))
+
+    def joined(self) -> tuple[Array, Array, Array, float]:
+        """A, B, C and D with the past inputs among the states.
+
+        Returns
+        -------
+        tuple of (ndarray, ndarray, ndarray, float)
+            Of shapes (m, m), (m,) and (m,), with m = n + n_lags - 1.
+        """
+        n, late = len(self.a), self.d.size - 1
+        a, b = np.zeros((n + late, n + late)), np.zeros(n + late)
+        a[:n, :n], a[:n, n:], b[:n] = self.a, self.b[:, 1:], self.b[:, 0]
+        if late:
+            b[n] = 1.0
+            a[n + 1 :, n:-1] = np.eye(late - 1)
+        return a, b, np.concatenate([self.c, self.d[1:]]), float(self.d[0])
+
+    def delayed(self) -> Realisation:
+        """The same system with its input one sample later."""
+        return Realisation(
+            a=self.a, b=np.pad(self.b, ((0, 0), (1, 0))), c=self.c, d=np.concatenate([[0.0], self.d])
+        )  # fmt: skip
+
+    def scaled(self, factor: float) -> Realisation:
+        """The same system with its output times a factor, which may have a unit."""
+        return Realisation(a=self.a, b=self.b, c=factor * self.c, d=factor * self.d)
+
+    def step_response(self, count: int) -> Array:
+        """Response to a unit step of the input.
+
+        Parameters
+        ----------
+        count : int
+            Number of samples.
+
+        Returns
+        -------
+        ndarray, shape (count,)
+            Output unit by input unit.
+        """
+        a, b, c, d = self.joined()
+        # The input is a state that stays, so that many samples follow from one by powers of a matrix.
+        whole = np.block([[a, b[:, None]], [np.zeros((1, b.size)), np.ones((1, 1))]])
+        rows = [np.append(c, d)]
+        for _ in range(min(count, _BLOCK) - 1):
+            rows.append(rows[-1] @ whole)
+        seen, jump = np.array(rows), np.linalg.matrix_power(whole, _BLOCK)
+        state, parts = np.append(np.zeros(b.size), 1.0), []
+        for _ in range(0, count, _BLOCK):
+            parts.append(seen @ state)
+            state = jump @ state
+        return np.concatenate(parts)[:count] if parts else np.zeros(0)
+
+    @cached_property
+    def _triangular(self) -> tuple[Complex, Complex, Complex]:
+        """A as an upper triangle by a unitary change of states, and B and C in those: nothing is lost in it."""
+        from scipy.linalg import schur
+
+        upper, turn = schur(self.a, output="complex")
+        return upper, turn.conj().T @ self.b, self.c @ turn
+
     def response(self, delay: Complex) -> Complex:
         """The transfer function from the matrices themselves.
 
@@ -68,9 +161,14 @@ class Realisation:
             Output unit by input unit.
         """
         lags = delay[:, None] ** np.arange(self.d.size)
-        shifted = np.eye(len(self.a)) / delay[:, None, None] - self.a
-        states = np.linalg.solve(shifted, (lags @ self.b.T)[:, :, None].astype(complex))[:, :, 0]
-        return np.asarray(states @ self.c + lags @ self.d)
+        found = lags @ self.d
+        if not self.c.size:
+            return np.asarray(found, dtype=np.complex128)
+        upper, b, c = self._triangular
+        states = b @ lags.T
+        for i in range(c.size - 1, -1, -1):
+            states[i] = (states[i] + upper[i, i + 1 :] @ states[i + 1 :]) / (1.0 / delay - upper[i, i])
+        return np.asarray(c @ states + found, dtype=np.complex128)
 
     def minimal(self) -> Realisation:
         """The same system without modes that the input does not excite or the output does not show.

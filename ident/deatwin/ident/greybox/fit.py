@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from deatwin.ident.greybox.minimum import EVALUATIONS, TOLERANCE, minimise
-from deatwin.ident.greybox.parts import Part
+from deatwin.ident.greybox.minimum import EVALUATIONS, TOLERANCE
+from deatwin.ident.greybox.parts import Part, Records, parts_of
+from deatwin.ident.greybox.starts import EXACT, STARTS, Search, least
 from deatwin.ident.greybox.status import FitStatus
 from deatwin.ident.greybox.tangent import linearised_rms
 from deatwin.plant.datasets import dataset
+from deatwin.plant.errors import DataError
 from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter
 
@@ -24,6 +26,11 @@ NOTHING = 1e-100
 which must be a number."""
 RANK = 1e-12
 """Of the squares of singular values, over the largest one: a direction in which the readings change less is none."""
+REMAINING = 10.0
+"""Times the tolerance: what share of the squared residual a linear model may still take off at a fit that has settled.
+A fit ends where a step takes off less than the tolerance itself, and a step may take a tenth of the way."""
+WHOLE = 1e-9
+"""Share of a range that an interval may lack at its ends and still be all of it."""
 INVOLVED = 1e-8
 """Share of a parameter's square in such directions, far above rounding, from which it may go anywhere along them."""
 
@@ -49,7 +56,11 @@ class Calibration:
     at_bound : tuple of str
         Parameters that ended on a bound of their range.
     evaluations : int
-        Simulations made.
+        Simulations made, over all starts.
+    starts : int
+        Fits made, from as many starting points or by another way from the same.
+    agreed : int
+        How many of them ended with the same error as this one, the best.
     """
 
     plant: Plant
@@ -60,6 +71,20 @@ class Calibration:
     status: FitStatus
     at_bound: tuple[str, ...]
     evaluations: int
+    starts: int = 1
+    agreed: int = 1
+
+    def __str__(self) -> str:
+        agree = f"; {self.agreed} of {self.starts} starts agree" if self.starts > 1 else ""
+        unit = f" {self.plant.rig.output_unit}" if self.plant.rig.output_unit not in ("", "1") else ""
+        rows = [f"rms {self.rms:.4g}{unit} after {self.evaluations} simulations: {self.status.value}{agree}"]
+        for name in self.names:
+            parameter, (low, high) = self.plant.parameters[name], self.interval(name)
+            unit = "" if parameter.unit == "1" else f" {parameter.unit}"
+            known = f"{low:.4g} to {high:.4g}" if self.is_determined(name) else "undetermined"
+            bound = ", on a bound of its range" if name in self.at_bound else ""
+            rows.append(f"  {name} = {parameter.value:.6g}{unit} ({known}{bound})")
+        return "\n".join(rows)
 
     @property
     def rms(self) -> float:
@@ -119,6 +144,22 @@ class Calibration:
         low, high = sorted(scale.to_value(min(max(centre + side * half, least), most)) for side in (-1, 1))
         return low, high
 
+    def is_determined(self, name: str) -> bool:
+        """Whether the readings narrow a parameter down at all: its interval is not the whole allowed range.
+
+        Parameters
+        ----------
+        name : str
+            A fitted parameter.
+
+        Returns
+        -------
+        bool
+        """
+        parameter, (low, high) = self.plant.parameters[name], self.interval(name)
+        slack = WHOLE * (parameter.upper - parameter.lower) if np.isfinite(parameter.upper - parameter.lower) else 0.0
+        return not (low <= parameter.lower + slack and high >= parameter.upper - slack)
+
     def to_xarray(self) -> Any:
         """Return fitted values with 95 % intervals, covariance, residuals and Jacobian as an `xarray.Dataset`; SI."""
         found = [self.plant.parameters[name] for name in self.names]
@@ -130,6 +171,7 @@ class Calibration:
                 "low": ("parameter", ends[:, 0]),
                 "high": ("parameter", ends[:, 1]),
                 "unit": ("parameter", np.array([p.unit for p in found], dtype=str)),
+                "determined": ("parameter", np.array([self.is_determined(name) for name in self.names], dtype=bool)),
                 "scale": ("parameter", np.array([p.scale.value for p in found], dtype=str)),
                 "covariance": (pair, self.covariance),
                 "residual": ("sample", self.residuals, unit),
@@ -137,7 +179,8 @@ class Calibration:
             },
             {name: (name, np.array(self.names, dtype=str)) for name in pair},
             {"status": self.status.name, "advice": self.status.value, "at_bound": list(self.at_bound),
-             "evaluations": self.evaluations, "rms": self.rms, "effects": list(self.plant.effect_names)},
+             "evaluations": self.evaluations, "starts": self.starts, "agreed": self.agreed,
+             "rms": self.rms, "effects": list(self.plant.effect_names)},
         )  # fmt: skip
 
 
@@ -217,9 +260,10 @@ class Problem:
 
 def calibrate(
     plant: Plant,
-    parts: Sequence[Part],
+    records: Records,
     *,
     names: Sequence[str] | None = None,
+    starts: int = STARTS,
     evaluations: int = EVALUATIONS,
     tolerance: float = TOLERANCE,
     hopeless: float = np.inf,
@@ -231,16 +275,23 @@ def calibrate(
     events stay where they are, since only a sample or two know of them; they are among the fitted parameters all the
     same, with their variance.
 
+    A descent ends in the nearest minimum. So, unless the first fit leaves no more than the rig's noise, others follow:
+    from the same values through growing openings of the record, and so from other points in the parameters' ranges, of
+    low discrepancy and the same in every run. It ends once three were made and two agree on the least error, which
+    costs some three times one fit.
+
     Parameters
     ----------
     plant : Plant
         With starting values.
-    parts : sequence of Part
-        Samples that count; each experiment starts from rest.
+    records : Part, Experiment or Recording, or a sequence of such
+        What counts: of experiments and recordings all samples; each starts from rest.
     names : sequence of str, optional
         Parameters to be fitted; all free ones by default.
+    starts : int
+        Most fits; 1 for a single descent from the plant's values.
     evaluations : int
-        Largest number of simulations.
+        Largest number of simulations of the whole record in each fit.
     tolerance : float
         Relative change of the squared residual at which the fit has settled.
     hopeless : float
@@ -249,21 +300,29 @@ def calibrate(
     Returns
     -------
     Calibration
-        With `status` saying how it ended.
+        The best of all, with `status` saying how it ended, and how many starts agreed.
+
+    Raises
+    ------
+    DataError
+        If there is no recording, or the number of starts is not at least 1.
 
     References
     ----------
     Ljung, System Identification (1999), section 5.5; Branch, Coleman & Li, SIAM J. Sci. Comput. 21 (1999) 1,
     doi:10.1137/S1064827595289108.
     """
-    problem = Problem(plant=plant, parts=tuple(parts), names=tuple(names or plant.parameters.free))
-    found = minimise(problem, evaluations=evaluations, tolerance=tolerance, hopeless=hopeless)
-    if found is None:
+    if starts < 1:
+        raise DataError(f"starts = {starts}: a calibration needs at least one")
+    problem = Problem(plant=plant, parts=parts_of(records), names=tuple(names or plant.parameters.free))
+    search = least(problem, plant.rig.noise, starts, evaluations, tolerance, hopeless)
+    if search is None:
         return _impossible(problem)
+    found = search.best
     lower, upper = problem.bounds()
     span = 1e-4 * (upper - lower)
     near = (found.coordinates - lower < span) | (upper - found.coordinates < span)
-    return Calibration(
+    calibration = Calibration(
         plant=plant.with_values(problem.values(found.coordinates)),
         names=problem.names,
         covariance=_covariance(found.residuals, found.jacobian),
@@ -272,7 +331,25 @@ def calibrate(
         status=found.status,
         at_bound=tuple(n for n, hit in zip(problem.names, near, strict=True) if hit),
         evaluations=found.evaluations,
+        starts=search.tried,
+        agreed=search.agreed,
     )
+    return replace(calibration, status=_ended(calibration, problem, search, tolerance))
+
+
+def _ended(fit: Calibration, problem: Problem, search: Search, tolerance: float) -> FitStatus:
+    """How a fit ended: settled only where its gradient is small, and no other start contradicts."""
+    if fit.status is not FitStatus.SETTLED:
+        return fit.status
+    moves = [s and name not in fit.at_bound for name, s in zip(fit.names, problem.smooth(), strict=True)]
+    measured = np.concatenate([part.measured for part in problem.parts])
+    exact = fit.rms <= EXACT * float(np.std(measured))  # what is left is rounding, whose gradient means nothing
+    left = linearised_rms(fit.residuals, fit.jacobian[:, moves]) if any(moves) and not exact else fit.rms
+    if fit.rms**2 - left**2 > REMAINING * tolerance * fit.rms**2:
+        return FitStatus.UNSETTLED
+    if search.tried > 1 and search.agreed < 2:
+        return FitStatus.OTHER_MINIMA
+    return fit.status
 
 
 def _covariance(residuals: np.ndarray, jacobian: np.ndarray) -> np.ndarray:

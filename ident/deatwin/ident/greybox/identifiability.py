@@ -213,7 +213,7 @@ def _deviance(best: Calibration, parts: Sequence[Part], name: str, value: float)
     """Twice the loss of log likelihood with one parameter held, the others fitted; infinite without a fit."""
     plant, others = _moved(best, parts, name, value), [n for n in best.names if n != name]
     if others:
-        refit = calibrate(plant, parts, names=others, tolerance=1e-6)
+        refit = calibrate(plant, parts, names=others, starts=1, tolerance=1e-6)
         residuals = refit.residuals if refit.status.ok else None
     else:
         residuals = free_run_residuals(plant, parts)

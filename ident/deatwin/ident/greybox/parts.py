@@ -9,10 +9,10 @@ import numpy as np
 
 from deatwin.plant.errors import DataError
 from deatwin.plant.model import Plant
-from deatwin.plant.recording import Experiment
+from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.timeline import Timeline
 
-__all__ = ["Part", "free_run_residuals", "reading_times", "simulated"]
+__all__ = ["Part", "Records", "free_run_residuals", "parts_of", "reading_times", "simulated"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -59,6 +59,24 @@ class Part:
         kept = (*records[:last], records[last].section(0, end))
         return Part(experiment=Experiment(recordings=kept), masks=(*self.masks[:last], self.masks[last][:end]))
 
+    def opening(self, count: int) -> Part:
+        """The first of the samples that count, of an experiment that ends with the last of them.
+
+        Parameters
+        ----------
+        count : int
+            How many, at least 1; all where there are no more.
+
+        Returns
+        -------
+        Part
+        """
+        before = np.cumsum([0, *(int(mask.sum()) for mask in self.masks)])
+        masks = tuple(
+            mask & (first + np.cumsum(mask) <= count) for mask, first in zip(self.masks, before[:-1], strict=True)
+        )
+        return Part(experiment=self.experiment, masks=masks).until_last()
+
     @property
     def size(self) -> int:
         """Number of samples that count."""
@@ -94,6 +112,45 @@ class Part:
         """Readings that count, one after another, shape (n,), SI."""
         records = zip(self.experiment.recordings, self.masks, strict=True)
         return np.concatenate([r.outputs[0, m] for r, m in records])
+
+
+Records = Part | Experiment | Recording | Sequence[Part | Experiment | Recording]
+"""What a plant can be calibrated on."""
+
+
+def parts_of(records: Records) -> tuple[Part, ...]:
+    """Whatever counts, as parts.
+
+    Parameters
+    ----------
+    records : Part, Experiment or Recording, or a sequence of such
+        All samples of experiments and recordings count, and each of them starts from rest.
+
+    Returns
+    -------
+    tuple of Part
+
+    Raises
+    ------
+    DataError
+        If one is something else, or there are none.
+    """
+    listed = (records,) if isinstance(records, Part | Experiment | Recording) else tuple(records)
+    if not listed:
+        raise DataError("no recording is given: a calibration needs at least one")
+    return tuple(_part(one) for one in listed)
+
+
+def _part(given: object) -> Part:
+    if isinstance(given, Part):
+        return given
+    if isinstance(given, Recording):
+        return Part.whole(Experiment(recordings=(given,)))
+    if isinstance(given, Experiment):
+        return Part.whole(given)
+    raise DataError(
+        f"a {type(given).__name__} is no recording: give a Recording, an Experiment, a Part of one, or a list of such"
+    )
 
 
 def reading_times(plant: Plant, parts: Sequence[Part]) -> np.ndarray:

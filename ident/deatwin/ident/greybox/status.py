@@ -12,6 +12,13 @@ class FitStatus(Enum):
 
     SETTLED = "the fit settled"
     STOPPED = "the fit used up its evaluations: its parameters may still move"
+    UNSETTLED = (
+        "the fit stopped where its gradient is not small: start it elsewhere, or go on with a smaller tolerance"
+    )
+    OTHER_MINIMA = (
+        "the error has several minima, and only one of the starts came to the least that was found: "
+        "give starting values that are nearer, or more starts"
+    )
     GIVEN_UP = "the fit was given up: even its linearised minimum leaves far more than another fit does"
     IMPOSSIBLE = "the plant cannot be simulated at its starting values: it pulls in or finds no state of rest"
 

@@ -87,7 +87,7 @@ def _tables(diagnosis: Diagnosis, amplitude: str) -> Variables:
     ]  # fmt: skip
     fitted = [
         {"name": name, "value": p.value, "low": p.low, "high": p.high, "unit": p.unit, "nominal": p.nominal,
-         "at_bound": p.at_bound}
+         "at_bound": p.at_bound, "undetermined": p.undetermined}
         for name, p in diagnosis.parameters.items()
     ]  # fmt: skip
     smallest = diagnosis.detect.get("smallest_detectable") or {}

@@ -99,10 +99,13 @@ class FittedParameter(Interval):
         Before the calibration, SI.
     at_bound : bool
         Whether it ended on a bound of its range.
+    undetermined : bool
+        Whether its interval is its whole allowed range: the recordings say nothing of it.
     """
 
     nominal: float | None = None
     at_bound: bool = False
+    undetermined: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -117,7 +117,7 @@ def _base(diagnosis: Diagnosis, parts: Sequence[Part]) -> Calibration:
     if diagnosis.evidence is None:
         raise SimulationError("the diagnosis kept no evidence: there is no base plant to compare with")
     plant = diagnosis.evidence.base_model.plant
-    found = calibrate(plant, parts)
+    found = calibrate(plant, parts, starts=1)
     if not found.status.ok:
         raise SimulationError("the base plant of the diagnosis cannot be fitted to the whole recordings")
     return found

@@ -116,7 +116,7 @@ def cover(spec: IntervalSpec) -> dict[str, Any]:
     rng = np.random.default_rng(spec.seed)
     true, silent = _simulable(spec, rng)
     recorded = _read(true, silent, spec.coloured, rng)
-    fit = calibrate(true, [Part.whole(recorded)], tolerance=TOLERANCE)
+    fit = calibrate(true, [Part.whole(recorded)], starts=1, tolerance=TOLERANCE)
     effect = effect_named(spec.effect)
     rows = []
     for parameter in effect.parameters:

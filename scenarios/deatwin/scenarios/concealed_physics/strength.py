@@ -71,7 +71,7 @@ class StructuralScale:
         SimulationError
             If the base plant cannot be simulated there.
         """
-        form = calibrate(base, [_part(experiment, clean)], tolerance=TOLERANCE)
+        form = calibrate(base, [_part(experiment, clean)], starts=1, tolerance=TOLERANCE)
         if not form.status.ok:
             raise SimulationError(f"no refit of the base plant: {form.status.value}")
         return cls(experiment=experiment, clean=np.concatenate(clean), form=form, noise=noise)
@@ -114,7 +114,7 @@ class StructuralScale:
         """
         same, shifted = self._left(readings)
         plant = self.form.plant if same <= shifted else _read_otherwise(self.form.plant)
-        refitted = calibrate(plant, [_part(self.experiment, readings)], tolerance=TOLERANCE)
+        refitted = calibrate(plant, [_part(self.experiment, readings)], starts=1, tolerance=TOLERANCE)
         if not refitted.status.ok:
             raise SimulationError(f"no refit of the base plant: {refitted.status.value}")
         return _rms(refitted.residuals - self.form.residuals) / self.noise

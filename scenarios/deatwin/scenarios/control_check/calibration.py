@@ -31,7 +31,7 @@ def calibrated(recording: Recording) -> CalibratedPlant:
     """
     wished = specification()
     part = Part.whole(Experiment(recordings=(recording,)))
-    fit = calibrate(wished, [part], names=CALIBRATED, evaluations=30, tolerance=1e-4)
+    fit = calibrate(wished, [part], names=CALIBRATED, starts=1, evaluations=30, tolerance=1e-4)
     left = float(np.sqrt(np.mean(fit.residuals**2)))
     return CalibratedPlant(
         plant=fit.plant, noise=wished.rig.noise, model_error=left, names=fit.names, covariance=fit.covariance

@@ -21,8 +21,8 @@ from deatwin.control.linear.narx import linearise
 from deatwin.control.linear.plant import linearise_plant
 from deatwin.control.loop.closed_loop import ClosedLoop, closed_loop
 from deatwin.control.loop.references import step_reference, tone_reference
-from deatwin.control.stability.margins import Margins, margins
-from deatwin.control.stability.polynomials import in_series
+from deatwin.control.stability.loops import loop_margins
+from deatwin.control.stability.margins import Margins
 from deatwin.plant.excitation import band_limited_noise
 from deatwin.plant.fleet import Actuator, fleet, specification
 from deatwin.plant.model import Plant
@@ -233,8 +233,7 @@ def _with_dynamics(controller: InverseController, linear: LinearModel) -> Invers
 
 
 def _margins(controller: Controller, linear: LinearModel) -> Margins:
-    top, bottom = controller.local(controller.operating_input).feedback
-    return margins(in_series(linear.numerator, top), in_series(linear.denominator, bottom), linear.sample_time)
+    return loop_margins(linear, controller.local(controller.operating_input))
 
 
 def _tones(centre: Array | float, ends: Array, sample_time: float, rng: np.random.Generator) -> Array:

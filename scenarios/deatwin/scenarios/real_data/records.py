@@ -199,8 +199,9 @@ def emps(folder: Path) -> DataSet:
     return DataSet(
         name="emps", title="EMPS", train=train, test=test, unit="mm/s", scale=1e-3, files=files,
         candidates=Candidates(output_lags=2, input_lags=(0, 1, 2), degree=3, max_terms=12),
-        note="Force in (motor and pulses), velocity out (differences of the position), both decimated from 1 kHz to "
-        "50 Hz. Recorded in closed loop: the force answers to the motion's own errors, so that one-step estimates "
+        note="Motor force in, which holds the pulses of the validation record, and velocity out (differences of the "
+        "position), both decimated from 1 kHz to 50 Hz. The free run is in open loop, from force to velocity. "
+        "Recorded in closed loop: the force answers to the motion's own errors, so that one-step estimates "
         "are biased. A polynomial has no Coulomb friction.",
     )  # fmt: skip
 
@@ -208,9 +209,9 @@ def emps(folder: Path) -> DataSet:
 def _emps(path: Path) -> Recording:
     from scipy.signal import decimate
 
-    data = matlab_vectors(path, ("vir", "qm"), single=("gtau",), optional=("pulses_N",))
+    data = matlab_vectors(path, ("vir", "qm"), single=("gtau",))
     require_samples(path, data["qm"].size, EMPS_LEAST)
-    force = data["vir"] * data["gtau"][0] + data.get("pulses_N", 0.0)
+    force = data["vir"] * data["gtau"][0]  # the motor's, as recorded: it holds the pulses already
     position, step = data["qm"], 1e-3
     for factor in EMPS_DECIMATION:
         force, position = (decimate(signal, factor, ftype="fir") for signal in (force, position))

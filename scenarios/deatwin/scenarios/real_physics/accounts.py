@@ -74,7 +74,7 @@ def error_table(case: Case, trials: Sequence[Trial]) -> Table:
             for o in trial.rivals
         ]
     return Table(
-        title="Free runs over held-out recordings: root mean square errors",
+        title=f"Free runs in {case.loop} over held-out recordings: root mean square errors",
         columns=["recording", "model", f"error ({case.unit})"], rows=rows,
     )  # fmt: skip
 

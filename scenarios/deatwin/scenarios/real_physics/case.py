@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.greybox.fit import calibrate
-from deatwin.ident.greybox.parts import Part
 from deatwin.ident.mismatch import Diagnosis
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant.errors import ModelError
@@ -143,6 +142,9 @@ class Case:
         What was done with the recordings, and what of the plant needs saying.
     law : callable
         Takes the amended plant, returns the `Law`.
+    loop : str
+        ``open loop``, or ``closed loop`` where the plant holds the recording's controller and a run gets its reference:
+        the controller then corrects the model's errors, and the two kinds of error must not be compared.
     """
 
     name: str
@@ -156,6 +158,7 @@ class Case:
     files: tuple[Path, ...]
     notes: tuple[str, ...]
     law: Callable[[Plant], Law]
+    loop: str = "open loop"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -270,7 +273,7 @@ def judged(case: Case, diagnosis: Diagnosis, jobs: int = 1) -> tuple[Trial, ...]
     seen, model = diagnosis.evidence, diagnosis.model
     if seen is None or model is None:
         raise ModelError("a diagnosis without its evidence cannot be judged")
-    base = calibrate(seen.base_model.plant, [Part.whole(e) for e in case.fitted]).plant
+    base = calibrate(seen.base_model.plant, case.fitted, starts=1).plant
     amended = model.plant
     tasks = [(method, held.rival) for held in case.held_out if held.rival is not None for method in reversed(RIVALS)]
     outcomes = run_jobs(attempt, tasks, workers=jobs)
@@ -323,6 +326,6 @@ def _said(case: Case, trial: Trial) -> str:
     best = trial.best_rival
     beside = "" if best is None else f"; the best NARX leaves {best.free_run / case.scale:.3g}"
     return (
-        f"{trial.held_out.name}, on which nothing was fitted or chosen: free run to {base:.3g} {case.unit} rms before, "
-        f"{amended:.3g} after{beside}."
+        f"{trial.held_out.name}, on which nothing was fitted or chosen: free run in {case.loop} to {base:.3g} "
+        f"{case.unit} rms before, {amended:.3g} after{beside}."
     )

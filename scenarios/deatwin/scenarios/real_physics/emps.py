@@ -147,7 +147,7 @@ def case(folder: Path) -> Case:
     return Case(
         name="emps", title="EMPS", documented=("coulomb_friction",), plant=Plant(rig=ControlledCarriage()),
         fitted=(Experiment(recordings=(estimation.section(0, FITTED),)),), held_out=(pulsed, rest), unit="µm",
-        scale=1e-6, files=files, law=lambda amended: _law(amended, validation, files[1]),
+        scale=1e-6, files=files, loop="closed loop", law=lambda amended: _law(amended, validation, files[1]),
         notes=(
             f"Diagnosed: the first {FITTED / 1000:g} s of the estimation record, from rest, at 1 kHz. Judged: the "
             "validation record, in which force pulses disturb the carriage, and the rest of the estimation record.",
@@ -155,6 +155,9 @@ def case(folder: Path) -> Case:
             "micrometres by which the stiff controller lets it. The plant has the controller's gains from the file, "
             "viscous friction and a force offset. The reference is held at the middle of each sample, and the "
             "controller is taken as continuous, so that its delay is found as less mass.",
+            "So all errors here are of closed-loop runs, in which the controller corrects what the model gets wrong. "
+            "They must not be compared with published errors of open-loop runs, from the motor force to the position, "
+            "which are some thousand times larger.",
             "The pulses are called newtons in the file; the recorded motor voltage jumps by 5 V with each, and the "
             "carriage by 5 V over the gains, so they act as volts at the motor, and the plant takes them so.",
             "Black boxes get the reference's velocity and predict the deviation from the reference, 100 times a "

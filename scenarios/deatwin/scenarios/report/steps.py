@@ -139,6 +139,7 @@ def parameters(diagnosis: Diagnosis) -> list[dict[str, Any]]:
     rows = []
     for name, fitted in diagnosis.parameters.items():
         value, interval = with_interval(fitted.value, fitted.low, fitted.high, fitted.unit)
+        interval = "undetermined" if fitted.undetermined else interval
         before = "" if fitted.nominal is None else quantity(fitted.nominal, fitted.unit)
         rows.append({"name": name, "before": before, "value": value, "interval": interval, "at_bound": fitted.at_bound})
     return rows

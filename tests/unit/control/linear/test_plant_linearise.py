@@ -1,6 +1,6 @@
 """The linearised plant against small-signal simulation, closed forms, and its own matrices."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import control
@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+import deatwin.control.linear.plant as plant_module
 from deatwin.control.linear.model import LinearStatus
 from deatwin.control.linear.plant import draw_plants, linearise_calibrated, linearise_plant, linearise_plants
 from deatwin.control.linear.realisation import Realisation
@@ -33,6 +34,7 @@ from deatwin.plant import (
     SensorLag,
     SensorSaturation,
     StartProcedure,
+    actuation_curve,
     thesis_plant,
 )
 from deatwin.plant.builder import Builder
@@ -188,6 +190,46 @@ def test_lost_digits_are_said():
     linear = linearise_plant(plant, 2.5)
     assert linear.status is LinearStatus.OK
     assert "slow modes" in linear.detail
+
+
+THREE_BRANCHES = Plant(rig=Diaphragm(material="VHB 4910 Hossain 2012"), values={"shear_modulus": 25e3})
+SLOW = (Creep(time=1500.0), DielectricAbsorption(), ChargeInjection())
+
+
+@pytest.mark.parametrize(
+    ("plant", "count"),
+    [
+        pytest.param(Plant(rig=Diaphragm(resolution="fine")), 26, id="fine film"),
+        pytest.param(THREE_BRANCHES.with_effects(*SLOW), 8, id="slow modes"),
+        pytest.param(thesis_plant().with_values(STILL), 3, id="with hysteresis"),
+    ],
+)
+def test_many_modes_keep_their_static_gain_and_their_poles(plant, count, monkeypatch):
+    """The gain is the slope of the static curve, and all poles of a film at rest lie inside the unit circle."""
+    monkeypatch.setenv("DEATWIN_COMPILER", "")
+    linear = linearise_plant(plant, 2.4).require()
+    assert linear.poles.size == count
+    assert np.abs(linear.poles).max() < 1.0
+    if "hysteresis" not in plant.effect_names:  # there the curve bends by the motion, and the model is a spring
+        curve = actuation_curve(plant, np.array([2.398, 2.402]))
+        assert linear.static_gain == pytest.approx(np.diff(curve.readings)[0] / 0.004, rel=1e-3)
+    (small,) = small_signals(plant, [2.4])
+    assert linear.static_gain == pytest.approx(small.static_gain, rel=1e-6)
+    # What goes to python-control is the same system.
+    omega = 2 * np.pi * np.geomspace(1e-4, 20.0, 9)
+    np.testing.assert_allclose(linear.state_space()(np.exp(0.02j * omega)), linear.response(omega), rtol=1e-6)
+
+
+def test_a_gain_that_is_not_the_slope_of_the_static_curve_is_no_sound_model(monkeypatch):
+    def wrong(*arguments, **named):
+        found = small_signals(*arguments, **named)
+        return tuple(replace(small, static_gain=1.01 * small.static_gain) for small in found)
+
+    monkeypatch.setattr(plant_module, "small_signals", wrong)
+    linear = linearise_plant(FILM, 2.5)
+    assert linear.status is LinearStatus.INACCURATE
+    with pytest.raises(ModelError, match="static curve"):
+        linear.require()
 
 
 def test_modes_that_nothing_excites_are_left_out():

@@ -52,5 +52,5 @@ def shortlist(bench: Bench, start: Plant, found: Sequence[Lead]) -> tuple[Lead, 
 
 def _opens(start: Plant, parts: Sequence[Part]) -> float:
     """Rms of what a rough fit leaves; infinite where the plant cannot be simulated."""
-    fit = calibrate(start, parts, evaluations=EVALUATIONS, tolerance=ROUGH)
+    fit = calibrate(start, parts, starts=1, evaluations=EVALUATIONS, tolerance=ROUGH)
     return fit.rms if fit.status.ok else float(np.inf)

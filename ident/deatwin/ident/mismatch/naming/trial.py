@@ -220,7 +220,7 @@ def _tried(bench: Bench, trial: Trial, hopeless: float) -> Calibration:
         found = _better(found, roughly(found.plant, bench.fitted))  # from afar the linearised minimum errs most
     # The plant without the effect is a special case of the one with it: a worse fit is a failed search.
     if not found.status.ok or found.rms > FAILED_SEARCH * trial.promised:
-        again = calibrate(trial.bent, bench.fitted, evaluations=FEW, tolerance=ROUGH, hopeless=hopeless)
+        again = calibrate(trial.bent, bench.fitted, starts=1, evaluations=FEW, tolerance=ROUGH, hopeless=hopeless)
         if again.status is FitStatus.STOPPED and _better(found, again) is again:
             again = _better(again, roughly(again.plant, bench.fitted, hopeless))
         found = _better(found, again)

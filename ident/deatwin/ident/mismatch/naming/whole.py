@@ -165,7 +165,7 @@ def _of_the_fitted_part(candidate: Candidate) -> Candidate:
 
 def _on_everything(candidate: Candidate, parts: Sequence[Part]) -> Candidate | None:
     """A candidate fitted to all parts, of which nothing is unseen; None where there is no fit."""
-    fit = calibrate(candidate.calibration.plant, parts, tolerance=DECIDING)
+    fit = calibrate(candidate.calibration.plant, parts, starts=1, tolerance=DECIDING)
     if not fit.status.ok:
         return None
     return replace(

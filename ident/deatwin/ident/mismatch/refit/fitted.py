@@ -33,7 +33,7 @@ def fitted_parameters(nominal: Plant, fit: Calibration) -> dict[str, FittedParam
         before = nominal.parameters[name].value if name in nominal.parameters else None
         found[name] = FittedParameter(
             value=parameter.value, low=low, high=high, unit=parameter.unit, nominal=before,
-            at_bound=name in fit.at_bound,
+            at_bound=name in fit.at_bound, undetermined=not fit.is_determined(name),
         )  # fmt: skip
     return found
 

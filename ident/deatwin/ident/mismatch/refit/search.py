@@ -70,7 +70,7 @@ def approach(start: Plant, parts: Sequence[Part]) -> Calibration:
         On the openings of `parts`.
     """
     openings = [opening(part, OPENING_SAMPLES) for part in parts]
-    return calibrate(start, openings, evaluations=OPENING_EVALUATIONS, tolerance=ROUGH)
+    return calibrate(start, openings, starts=1, evaluations=OPENING_EVALUATIONS, tolerance=ROUGH)
 
 
 def roughly(near: Plant, parts: Sequence[Part], hopeless: float = np.inf) -> Calibration:
@@ -90,7 +90,7 @@ def roughly(near: Plant, parts: Sequence[Part], hopeless: float = np.inf) -> Cal
     Calibration
         On all of `parts`.
     """
-    return calibrate(near, parts, evaluations=ROUGH_EVALUATIONS, tolerance=ROUGH, hopeless=hopeless)
+    return calibrate(near, parts, starts=1, evaluations=ROUGH_EVALUATIONS, tolerance=ROUGH, hopeless=hopeless)
 
 
 def is_promising(rough: Calibration, noise: float) -> bool:
@@ -151,7 +151,7 @@ def finish(rough: Calibration, parts: Sequence[Part]) -> Calibration:
     """
     found = rough
     for _ in range(ROUNDS):
-        again = calibrate(found.plant, parts, tolerance=DECIDING)
+        again = calibrate(found.plant, parts, starts=1, tolerance=DECIDING)
         if not again.status.ok:
             break
         gained, found = 1.0 - (again.rms / found.rms) ** 2, again
@@ -284,7 +284,7 @@ def refit(found: Calibration, everything: Sequence[Part]) -> Calibration:
         On `everything`; `found` where there is no such fit.
     """
     placed = at_its_time(found, everything)
-    final = calibrate(placed.plant, everything, evaluations=EVALUATIONS, tolerance=SETTLED)
+    final = calibrate(placed.plant, everything, starts=1, evaluations=EVALUATIONS, tolerance=SETTLED)
     return final if final.status.ok else found
 
 

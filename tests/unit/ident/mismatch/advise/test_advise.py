@@ -417,7 +417,7 @@ def test_a_drive_of_both_polarities_is_not_used_where_no_recording_was(low, high
     nominal = Plant(rig=CrudeWire(noise=0.0, command_range=(-10.0, 10.0)))
     experiment = nominal.record(blank(np.linspace(low, high, 400)), np.random.default_rng(0))
     bench = bench_of(nominal.with_rig(nominal.rig.for_motion(experiment.recordings[0].outputs.std())), experiment)
-    fit = calibrate(nominal, bench.fitted)
+    fit = calibrate(nominal, bench.fitted, starts=1)
     asked = question.Question.of(bench, [fit, replace(fit)], 0.0, np.random.default_rng(1))
     for name in set(REPERTOIRE) - BIPOLAR:
         made = asked.commands(name, 1000)
@@ -429,7 +429,7 @@ def test_a_drive_of_both_polarities_is_not_used_where_no_recording_was(low, high
 def test_an_input_by_which_nothing_moves_is_calm_enough(monkeypatch):
     nominal = Plant(rig=Wire(noise=0.0, command_range=(-10.0, 10.0)))
     bench = bench_of(nominal, nominal.record(blank(np.linspace(-0.3, 0.5, 400)), np.random.default_rng(0)))
-    fit = calibrate(nominal, bench.fitted)
+    fit = calibrate(nominal, bench.fitted, starts=1)
     asked = question.Question.of(bench, [fit, replace(fit)], 0.0, np.random.default_rng(1))
     monkeypatch.setattr(question.Question, "_error_of", lambda _, made: 0.0 if made.max() <= 0.5 else 1.0)
     assert asked.commands("staircase up and down", 500).max() == pytest.approx(0.5)
@@ -443,7 +443,7 @@ def test_one_explanation_needs_no_advice():
     nominal = Plant(rig=Wire())
     experiment = nominal.record(blank(sine(4.0, 0.5)), np.random.default_rng(0))
     bench = bench_of(nominal, experiment)
-    only = judge(bench, calibrate(nominal, bench.fitted), nominal.rig.noise)
+    only = judge(bench, calibrate(nominal, bench.fitted, starts=1), nominal.rig.noise)
     assert only is not None
     assert advise(bench, [only], np.random.default_rng(0)) is None
 
@@ -476,11 +476,11 @@ def decided(truth: Effect, other: Effect, frequency: float, seconds: float, tria
     for trial in range(trials):
         rng = np.random.default_rng(1000 + trial)
         parts = [replace(bench.fitted[0], experiment=concealed.record(poor, rng))]
-        right, wrong = (calibrate(rival.calibration.plant, parts) for rival in rivals)
+        right, wrong = (calibrate(rival.calibration.plant, parts, starts=1) for rival in rivals)
         before += wrong.rms < right.rms
         if found.experiment is not None:
             parts.append(Part.whole(concealed.record(found.experiment, rng)))
-            right, wrong = (calibrate(fit.plant, parts) for fit in (right, wrong))
+            right, wrong = (calibrate(fit.plant, parts, starts=1) for fit in (right, wrong))
             after += wrong.rms < right.rms
     return SimpleNamespace(advice=found, foreseen=distance.confusion(squared), before=before, after=after)
 

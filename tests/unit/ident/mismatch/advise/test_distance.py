@@ -84,7 +84,7 @@ def start(plant: Plant, asked: list[Part]) -> Calibration:
     """The plant as it is, fitted to its own readings."""
     readings = simulated(plant, asked)
     assert readings is not None
-    return calibrate(plant, measured(asked, readings), evaluations=1)
+    return calibrate(plant, measured(asked, readings), evaluations=1, starts=1)
 
 
 def spread(readings: np.ndarray, noise: float, model_error: float) -> np.ndarray:
@@ -168,7 +168,7 @@ def test_earlier_recordings_hold_a_rival_back():
     old, new = parts(commands(seed=2)), parts(commands(200, seed=3))
     plants = [BASE.with_effects(Delay(time=0.05)), BASE.with_effects(SensorLag(time=0.05))]
     seen = measured(old, simulated(plants[0], old))
-    truth, rival = (calibrate(plant, seen, tolerance=1e-8) for plant in plants)
+    truth, rival = (calibrate(plant, seen, tolerance=1e-8, starts=1) for plant in plants)
     memory = Memory.of(truth, rival, seen)
     free = distance_squared(truth.plant, rival, new, NOISE)
     held = distance_squared(truth.plant, rival, new, NOISE, memory=memory)
@@ -193,7 +193,7 @@ def wrong_wins(asked: list[Part], plants: list[Plant], errors: tuple[float, floa
     wins = 0
     for _ in range(trials):
         seen = measured(asked, y + root @ rng.standard_normal(y.size))
-        right, wrong = (calibrate(plant, seen, evaluations=8, tolerance=1e-6).rms for plant in plants)
+        right, wrong = (calibrate(plant, seen, evaluations=8, tolerance=1e-6, starts=1).rms for plant in plants)
         wins += wrong < right
     return wins
 
@@ -211,7 +211,8 @@ def test_the_wrong_one_wins_as_often_as_predicted(share, trials):
 
     def squared(size: float) -> float:
         truth, rival = plants(share * size)
-        return distance_squared(truth, calibrate(rival, measured(asked, simulated(truth, asked))), asked, size)
+        fit = calibrate(rival, measured(asked, simulated(truth, asked)), starts=1)
+        return distance_squared(truth, fit, asked, size)
 
     noise = NOISE * np.sqrt(squared(NOISE)) / 2  # d² goes with the square of the errors: here d is 2
     predicted = confusion(squared(noise))

@@ -280,7 +280,7 @@ def bench_of(command: np.ndarray, seed: int, truth: Plant = PLANT) -> Bench:
 
 def test_a_plant_that_is_its_own_truth_lacks_nothing():
     bench = bench_of(band_limited_noise(np.random.default_rng(0), 40.0, STEP), 1)
-    base = judge(bench, calibrate(PLANT, bench.fitted, evaluations=4), PLANT.rig.noise)
+    base = judge(bench, calibrate(PLANT, bench.fitted, evaluations=4, starts=1), PLANT.rig.noise)
     left = leftover_of(base, bench)
     np.testing.assert_allclose(left.residual[left.fitted], base.calibration.residuals, atol=1e-12)
     np.testing.assert_allclose(left.residual[~left.fitted], base.unseen, atol=1e-12)
@@ -304,7 +304,7 @@ def small_then_large() -> np.ndarray:
 def test_what_the_plant_takes_up_once_it_is_fitted_to_all_recordings_is_not_missing():
     """The truth has the same equations: what stiffens the film where it moves far is hardly seen where it does not."""
     bench = bench_of(small_then_large(), 1, PLANT.with_values({"stretch_limit": 200.0}))
-    base = judge(bench, calibrate(PLANT, bench.fitted, evaluations=20), PLANT.rig.noise)
+    base = judge(bench, calibrate(PLANT, bench.fitted, evaluations=20, starts=1), PLANT.rig.noise)
     found = detect(base, bench, np.random.default_rng(2))
     assert replace(found, taken_up=None).mismatch  # by chance and size alone it would be one
     assert found.taken_up
@@ -314,11 +314,11 @@ def test_what_the_plant_takes_up_once_it_is_fitted_to_all_recordings_is_not_miss
 
 @pytest.mark.parametrize("refitted", [
     lambda found, parts: found,  # the refit has failed, or has gone nowhere
-    lambda found, parts: replace(calibrate(found.plant, parts, evaluations=60), at_bound=("stretch_limit",)),
+    lambda found, parts: replace(calibrate(found.plant, parts, evaluations=60, starts=1), at_bound=("stretch_limit",)),
 ], ids=["the same", "on a bound"])  # fmt: skip
 def test_a_refit_that_fails_or_ends_on_a_bound_takes_nothing_up(monkeypatch, refitted):
     bench = bench_of(small_then_large(), 1, PLANT.with_values({"stretch_limit": 200.0}))
-    base = judge(bench, calibrate(PLANT, bench.fitted, evaluations=20), PLANT.rig.noise)
+    base = judge(bench, calibrate(PLANT, bench.fitted, evaluations=20, starts=1), PLANT.rig.noise)
     module = importlib.import_module("deatwin.ident.mismatch.detect.detect")
     monkeypatch.setattr(module, "refit", refitted)
     found = detect(base, bench, np.random.default_rng(2))
@@ -329,7 +329,7 @@ def test_a_refit_that_fails_or_ends_on_a_bound_takes_nothing_up(monkeypatch, ref
 @pytest.mark.parametrize("at", [20.0, 50.0], ids=["fitted part", "unseen part"])
 def test_what_the_plant_cannot_take_up_is_missing(at):
     bench = bench_of(small_then_large(), 1, PLANT.with_effects(SensorJump(change=20e-6, at=at)))
-    base = judge(bench, calibrate(PLANT, bench.fitted, evaluations=20), PLANT.rig.noise)
+    base = judge(bench, calibrate(PLANT, bench.fitted, evaluations=20, starts=1), PLANT.rig.noise)
     found = detect(base, bench, np.random.default_rng(2))
     assert found.mismatch
     assert found.to_dict()["taken_up"] is False
@@ -338,7 +338,7 @@ def test_what_the_plant_cannot_take_up_is_missing(at):
 def test_a_level_with_a_tiny_ripple_tests_nothing():
     ripple = 2.4 + 1e-3 * np.sin(2 * np.pi * 0.5 * STEP * np.arange(2000))
     bench = bench_of(ripple, 3)
-    base = judge(bench, calibrate(PLANT, bench.fitted, evaluations=4), PLANT.rig.noise)
+    base = judge(bench, calibrate(PLANT, bench.fitted, evaluations=4, starts=1), PLANT.rig.noise)
     assert not detect(base, bench, np.random.default_rng(4)).testable
 
 
@@ -348,13 +348,13 @@ def test_linearised_refits_are_as_good_as_full_ones():
     command = band_limited_noise(np.random.default_rng(5), 40.0, STEP)
     clean = replace(PLANT, rig=replace(PLANT.rig, model_error=0.0))
     bench = replace(bench_of(command, 6), nominal=clean)
-    start = calibrate(clean, bench.fitted)
+    start = calibrate(clean, bench.fitted, starts=1)
     base = judge(bench, start, clean.rig.noise)
     law = Law(leftover_of(base, bench), np.random.default_rng(7), 1000)
     pieces = []
     for seed in range(200):
         again = bench_of(command, 1000 + seed)
-        fit = calibrate(start.plant, again.fitted)
+        fit = calibrate(start.plant, again.fitted, starts=1)
         late = judge(again, fit, clean.rig.noise).unseen
         pieces.append(law.battery(np.concatenate([fit.residuals, late])[None]))
     groups = law.groups(Scores.stacked(pieces))

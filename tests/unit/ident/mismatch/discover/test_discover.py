@@ -178,7 +178,7 @@ def benched(rig: Rig, experiment: Experiment) -> tuple[Bench, Candidate]:
         nominal=Plant(rig=rig), effects=(), fitted=(fitted,), unseen=(unseen,), everything=(Part.whole(experiment),),
         jobs=1, stated_error=rig.model_error, expected_error=rig.model_error,
     )  # fmt: skip
-    base = judge(bench, calibrate(bench.nominal, bench.fitted), rig.noise)
+    base = judge(bench, calibrate(bench.nominal, bench.fitted, starts=1), rig.noise)
     assert base is not None
     return bench, base
 
@@ -245,14 +245,15 @@ def test_what_the_plant_does_as_well_without_a_form_is_no_gain(monkeypatch):
     """A fit of the base plant that had not come to its minimum: beside any form its own parameters go on to it."""
     module = importlib.import_module("deatwin.ident.mismatch.discover.discover")
     bench, base = benched(Mass(), recorded(Plant(rig=Mass(), values=TRUE), 5))
-    far = judge(bench, calibrate(Plant(rig=Mass(), values=TRUE | {"damping": 6.0}), bench.fitted, evaluations=1), NOISE)
+    start = Plant(rig=Mass(), values=TRUE | {"damping": 6.0})
+    far = judge(bench, calibrate(start, bench.fitted, evaluations=1, starts=1), NOISE)
     assert far.mismatch and not base.mismatch
     term = Stable(column=0, inclusion=1.0)
     form = FreeForm(
         size=1e-3, terms=(Power(variable="displacement", scale=1e-2),), coefficients=(1.0,), enters=Place.BALL,
         node="force", unit="N",
     )  # fmt: skip
-    beside = calibrate(base.calibration.plant.with_effects(form), bench.fitted)
+    beside = calibrate(base.calibration.plant.with_effects(form), bench.fitted, starts=1)
     fit = _Fit(calibration=beside, stable=(term,), site=_site(far.calibration.plant, None))
     rms = {name: np.sqrt(np.mean(r**2)) for name, r in (("far", far.unseen), ("near", base.unseen))}
     assert rms["near"] < 0.9 * rms["far"]  # the gain that would be the form's

@@ -32,7 +32,7 @@ def located(clean: Experiment, spoil) -> tuple[Track, ...]:
     record = clean.recordings[0]
     outputs = spoil(record.timepts, record.outputs[0])[None]
     experiment = Experiment(recordings=(replace(record, outputs=outputs),))
-    found = calibrate(Plant(rig=Diaphragm()), [Part.whole(experiment)])
+    found = calibrate(Plant(rig=Diaphragm()), [Part.whole(experiment)], starts=1)
     return tracks(found.plant, (experiment,))
 
 

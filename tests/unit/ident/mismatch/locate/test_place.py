@@ -30,7 +30,7 @@ def placed(effect: Effect, seed: int) -> Places:
     truth = Plant(rig=Diaphragm()).with_values({"shear_modulus": 27e3, "permittivity": 4.3}).with_effects(effect)
     part = Part.whole(truth.record(blank, np.random.default_rng(seed)))
     nominal = Plant(rig=Diaphragm())
-    base = Candidate(effects=(), calibration=calibrate(nominal, [part]), unseen=np.empty(0), noise=NOISE)
+    base = Candidate(effects=(), calibration=calibrate(nominal, [part], starts=1), unseen=np.empty(0), noise=NOISE)
     bench = Bench(
         nominal=nominal, effects=(), fitted=(part,), unseen=(), everything=(part,), jobs=1, stated_error=1e-6,
         expected_error=1e-6,

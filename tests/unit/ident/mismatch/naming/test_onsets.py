@@ -154,7 +154,7 @@ slow_without_compiler = pytest.mark.skipif(
 
 @slow_without_compiler
 def test_an_event_is_seen_from_before_it_came(part):
-    fit = calibrate(PLANT, [part], evaluations=10)
+    fit = calibrate(PLANT, [part], evaluations=10, starts=1)
     bench = SimpleNamespace(fitted=[part], jobs=1)
     (bent,) = leads(footprints(bench, fit, [ElectrodeLoss()], fit), fit)
     assert abs(bent.effect.at - AT) > 0.3 * SECONDS  # what the fit leaves does not tell when
@@ -163,7 +163,7 @@ def test_an_event_is_seen_from_before_it_came(part):
     assert lead.share > bent.share
     assert lead.effect.share == ElectrodeLoss().share  # the typical one, from where a fit begins
     # with the drift in the plant nothing bends it, but what comes is large for a first order
-    beside = calibrate(PLANT.with_effects(DRIFT), [part], evaluations=10)
+    beside = calibrate(PLANT.with_effects(DRIFT), [part], evaluations=10, starts=1)
     (lead,) = event_leads(PLANT.with_effects(DRIFT), beside, [ElectrodeLoss()], [part])
     assert lead.effect.at == pytest.approx(AT, abs=SAMPLE_TIME / 2)
     assert lead.estimate.share == pytest.approx(SHARE, rel=0.25)
@@ -177,7 +177,7 @@ def test_where_it_begins_is_not_the_bent_plant(part, monkeypatch):
         "deatwin.ident.mismatch.naming.onsets.approach",
         lambda start, parts: begun.append(start) or search.approach(start, parts),
     )
-    fit = calibrate(PLANT, [part], evaluations=3)
+    fit = calibrate(PLANT, [part], evaluations=3, starts=1)
     event_leads(PLANT, fit, [SensorJump()], [part])
     assert begun == [PLANT]
 
@@ -185,7 +185,7 @@ def test_where_it_begins_is_not_the_bent_plant(part, monkeypatch):
 @slow_without_compiler
 def test_what_is_no_event_or_in_the_plant_has_no_lead_here(part):
     plant = PLANT.with_effects(SensorJump(at=AT))
-    fit = calibrate(plant, [part], evaluations=3)
+    fit = calibrate(plant, [part], evaluations=3, starts=1)
     assert event_leads(plant, fit, [Creep(), SensorJump()], [part]) == ()
 
 
@@ -194,7 +194,7 @@ def test_what_is_no_event_or_in_the_plant_has_no_lead_here(part):
     ("approach", SimpleNamespace(status=SimpleNamespace(ok=False))), ("footprint", None), ("Problem.evaluate", None),
 ])  # fmt: skip
 def test_a_plant_that_cannot_be_simulated_has_no_lead(part, monkeypatch, place, found):
-    fit = calibrate(PLANT, [part], evaluations=3)
+    fit = calibrate(PLANT, [part], evaluations=3, starts=1)
     monkeypatch.setattr(f"deatwin.ident.mismatch.naming.onsets.{place}", lambda *_: found)
     assert event_leads(PLANT, fit, [SensorJump()], [part]) == ()
 
@@ -214,7 +214,7 @@ class Unbearable(ElectrodeLoss):
 
 @slow_without_compiler
 def test_a_fit_starts_with_a_strength_at_which_the_plant_was_simulated(part):
-    fit = calibrate(PLANT, [part], evaluations=3)
+    fit = calibrate(PLANT, [part], evaluations=3, starts=1)
     bench = SimpleNamespace(fitted=[part], jobs=1)
     (known, *_) = footprints(bench, fit, [Unbearable()], fit)
     assert abs(known.effect.share) < abs(Unbearable().share)

@@ -44,7 +44,7 @@ def fitted():
     commands = band_limited_noise(np.random.default_rng(0), 20.0, 0.02)
     blank = Recording.from_arrays(commands, np.zeros_like(commands), 0.02)
     part = Part.whole(PLANT.record(Experiment(recordings=(blank,)), np.random.default_rng(1)))
-    return calibrate(PLANT, [part], evaluations=3), part
+    return calibrate(PLANT, [part], evaluations=3, starts=1), part
 
 
 @pytest.mark.parametrize("effect, name", [(EndStop(), "position"), (SensorSaturation(), "limit")])
@@ -159,7 +159,7 @@ def test_a_tone_is_looked_for_with_its_phase_at_the_readings(reading, frequency)
     commands = band_limited_noise(np.random.default_rng(0), 20.0, 0.02)
     blank = Experiment(recordings=(Recording.from_arrays(commands, np.zeros_like(commands), 0.02),))
     part = Part.whole(plant.with_effects(tone).record(blank, np.random.default_rng(1)))
-    fit = calibrate(plant, [part], evaluations=3)
+    fit = calibrate(plant, [part], evaluations=3, starts=1)
     bench = SimpleNamespace(fitted=[part], jobs=1)
     (lead,) = leads(footprints(bench, fit, [PeriodicDisturbance()], fit), fit)
     assert lead.share > 0.95  # noise has a hundredth of its power

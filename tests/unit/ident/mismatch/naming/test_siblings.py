@@ -81,7 +81,7 @@ def measured(readings: np.ndarray) -> Recording:
 
 def explained(lag: float = LAG) -> tuple[Any, Any]:
     part = Part.whole(Experiment(recordings=(measured(GAIN * lagged(COMMANDS, lag)),)))
-    fit = calibrate(Plant(rig=Mirror()).with_effects(SensorLag(time=0.02)), [part], tolerance=1e-10)
+    fit = calibrate(Plant(rig=Mirror()).with_effects(SensorLag(time=0.02)), [part], tolerance=1e-10, starts=1)
     return SimpleNamespace(fitted=(part,), jobs=1, nominal=Plant(rig=Mirror())), fit
 
 
@@ -133,7 +133,7 @@ def test_a_sibling_begins_on_its_own_side(curvature):
     readings = bent.simulate(Experiment(recordings=(blank,))).require().outputs[0][0]
     part = Part.whole(Experiment(recordings=(measured(readings),)))
     plant = Plant(rig=Mirror()).with_effects(SensorCurvature(curvature=0.1))
-    fit = calibrate(plant, [part], tolerance=1e-10)
+    fit = calibrate(plant, [part], tolerance=1e-10, starts=1)
     bench = SimpleNamespace(fitted=(part,), jobs=1, nominal=Plant(rig=Mirror()))
     (found,) = siblings(bench, fit, ("sensor_curvature",), [SensorCurvature(curvature=1.0)])
     assert np.sign(found.estimate.curvature) == np.sign(curvature)

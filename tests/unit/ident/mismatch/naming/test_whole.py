@@ -30,7 +30,7 @@ def together(monkeypatch: pytest.MonkeyPatch):
     """Sets what fits to everything leave."""
 
     def leave(sizes: dict[str, float]) -> None:
-        def calibrate(plant, parts, tolerance):
+        def calibrate(plant, parts, starts, tolerance):
             rms = sizes[plant.name]
             status = SimpleNamespace(ok=rms != FAILS)
             names = ("a",) * 8

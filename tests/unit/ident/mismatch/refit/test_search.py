@@ -36,7 +36,7 @@ def parts():
 def test_an_event_between_fitted_stretches_is_placed_by_what_lies_there(parts):
     fitted, whole = parts
     wrong = Plant(rig=Diaphragm()).with_effects(replace(JUMP, at=11.0))
-    fit = calibrate(wrong, [fitted], evaluations=4)
+    fit = calibrate(wrong, [fitted], evaluations=4, starts=1)
     placed = in_its_gap(fit, [fitted], [whole])
     assert placed.plant.parameters[AT].value == pytest.approx(JUMP.at, abs=0.02)  # one sample
     rests = fitted.timepts
@@ -51,7 +51,7 @@ def test_an_event_between_fitted_stretches_is_placed_by_what_lies_there(parts):
 
 def test_where_the_moved_plant_has_no_fit_the_one_before_stays(parts, monkeypatch):
     fitted, whole = parts
-    fit = calibrate(Plant(rig=Diaphragm()).with_effects(replace(JUMP, at=11.0)), [fitted], evaluations=4)
+    fit = calibrate(Plant(rig=Diaphragm()).with_effects(replace(JUMP, at=11.0)), [fitted], evaluations=4, starts=1)
     monkeypatch.setattr(search, "finish", lambda fit, parts: fit)
     assert in_its_gap(fit, [fitted], [whole]) is fit
 
@@ -61,7 +61,7 @@ def test_a_fit_beside_an_event_reaches_its_minimum_as_if_its_time_were_known(par
     _, whole = parts
     start = Plant(rig=Diaphragm()).with_effects(replace(JUMP, at=13.305, change=15e-6)).with_values(FAR)
     known = [name for name in start.parameters.free if name != AT]
-    fit, right = calibrate(start, [whole]), calibrate(start, [whole], names=known)
+    fit, right = calibrate(start, [whole], starts=1), calibrate(start, [whole], names=known, starts=1)
     assert fit.plant.parameters[AT].value == 13.305
     assert fit.rms == right.rms < 1.02 * fit.plant.rig.noise  # 1 / sqrt(2000) is 2 %, and parameters lower it
     assert fit.names == tuple(start.parameters.free)
@@ -70,7 +70,7 @@ def test_a_fit_beside_an_event_reaches_its_minimum_as_if_its_time_were_known(par
 
 def test_an_event_among_fitted_samples_stays_where_the_fit_has_it(parts):
     fitted, whole = parts
-    fit = calibrate(Plant(rig=Diaphragm()).with_effects(replace(JUMP, at=5.0)), [fitted], evaluations=2)
+    fit = calibrate(Plant(rig=Diaphragm()).with_effects(replace(JUMP, at=5.0)), [fitted], evaluations=2, starts=1)
     assert gap_around(fit.plant, AT, [fitted], [whole]) is None
     assert in_its_gap(fit, [fitted], [whole]) is fit
 
@@ -79,7 +79,7 @@ def test_an_event_among_fitted_samples_stays_where_the_fit_has_it(parts):
 def test_whether_a_reading_comes_after_an_event_is_told_by_the_time_that_it_is_taken_at(parts, reading, stays):
     """The last row before the gap begins at 9.98 s: a jump in it shows in its reading at the end, not at the start."""
     fitted, whole = parts
-    rough = calibrate(Plant(rig=Diaphragm(reading=reading)).with_effects(JUMP), [fitted], evaluations=2)
+    rough = calibrate(Plant(rig=Diaphragm(reading=reading)).with_effects(JUMP), [fitted], evaluations=2, starts=1)
     fit = replace(rough, plant=rough.plant.with_values({AT: 9.99}))
     assert (in_its_gap(fit, [fitted], [whole]) is fit) is stays
 

@@ -132,7 +132,7 @@ def test_a_clock_that_runs_fast_is_no_delay():
     def judged(output: np.ndarray) -> tuple[Constancy, float]:
         experiment = Experiment(recordings=(Recording.from_arrays(command, output + noise, STEP),))
         parts = (Part(experiment=experiment, masks=(np.ones(times.size, dtype=bool),)),)
-        fit = calibrate(plant.with_effects(Delay(time=0.003)), parts)
+        fit = calibrate(plant.with_effects(Delay(time=0.003)), parts, starts=1)
         (found,) = constancies(fit, parts, ("delay",))
         return found, fit.plant.parameters["delay.time"].value
 

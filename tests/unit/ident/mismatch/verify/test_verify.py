@@ -67,7 +67,7 @@ def late_readings(mean: float, growth: float, seed: int) -> Bench:
 def fitted_with(bench: Bench, *effects) -> Candidate:
     """The plant with effects, fitted from the true parameters."""
     plant = NOMINAL.with_values(VALUES).with_effects(*effects)
-    candidate = judge(bench, calibrate(plant, bench.fitted), NOISE)
+    candidate = judge(bench, calibrate(plant, bench.fitted, starts=1), NOISE)
     assert candidate is not None
     return candidate
 
@@ -151,7 +151,7 @@ def spoilt_hysteresis(sham_of):
         )
     )
     fitted, _, everything = split(gate(NOMINAL, (spoilt,)))
-    base = calibrate(plant, fitted)
+    base = calibrate(plant, fitted, starts=1)
     return {s.kind: s for s in sham_effects(base, effect, 1e-16, fitted, everything, np.random.default_rng(0))}
 
 
@@ -398,7 +398,7 @@ def test_the_share_of_an_effect_is_what_returns_without_it():
         return Candidate(effects=effects, calibration=fit, unseen=residual, noise=2.0)
 
     def fit_of_nothing():
-        return calibrate(NOMINAL, bench_of(seed=3).fitted, names=("damping",), evaluations=1)
+        return calibrate(NOMINAL, bench_of(seed=3).fitted, names=("damping",), evaluations=1, starts=1)
 
     base, one = candidate(mean_square=104.0), candidate("creep", mean_square=24.0)
     both = candidate("creep", "delay", mean_square=4.0)

@@ -1,0 +1,203 @@
+"""Margins of a controller on linear models, from the matrices of those that have them.
+
+Of many slow modes the polynomials of a loop hold nothing; the matrices of plant and controller hold all. The loop is
+evaluated on a grid, dense about its poles, each crossing is bracketed and divided until it is found, and stability is
+that of the closed loop's matrix.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.control.controllers.law import READING, Law
+from deatwin.control.linear.family import LinearFamily
+from deatwin.control.linear.model import LinearModel
+from deatwin.control.linear.realisation import Realisation
+from deatwin.control.stability.margins import Margins, margins
+from deatwin.control.stability.polynomials import in_series
+
+__all__ = ["family_margins", "loop_margins"]
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Loop = Callable[[Array], Complex]
+
+_LOWEST = 1e-6
+"""rad a sample: no crossing is looked for nearer to 0 and to half the sampling rate, as in `margins`."""
+_POINTS = 400
+"""Of the grid's logarithmic and of its linear part: 60 a decade, and 0.45° a step."""
+_NEAR = np.concatenate([-np.geomspace(30.0, 0.03, 40), [0.0], np.geomspace(0.03, 30.0, 40)])
+"""Points about a pole, in its widths: a resonance turns by half a circle within some of them."""
+_DIVIDED, _ROUNDS = 16, 12
+"""A bracket is divided in so many parts so often: 16^12 is 2^48."""
+_INTEGRATES = 1e-9
+"""So near to 1 a controller's pole is an integrator's: no other has a time constant of 10^9 samples."""
+_ALGEBRAIC = 64 * np.finfo(float).eps
+"""Up to which 1 + D D_k is rounding: the loop then has no solution."""
+
+
+def loop_margins(linear: LinearModel, law: Law) -> Margins:
+    """Compute the margins of a linear model under a control law.
+
+    Parameters
+    ----------
+    linear : LinearModel
+        As the controller sees it (`LinearModel.in_loop`).
+    law : Law
+        Of the controller.
+
+    Returns
+    -------
+    Margins
+        Of shape (1,).
+    """
+    if linear.realisation is not None:
+        return _margins(linear.realisation, law, linear.sample_time)
+    top, bottom = law.feedback
+    return margins([in_series(linear.numerator, top)], [in_series(linear.denominator, bottom)], linear.sample_time)
+
+
+def family_margins(family: LinearFamily, point: int, law: Law) -> Margins:
+    """Compute the margins of all samples of a family at one operating point.
+
+    Parameters
+    ----------
+    family : LinearFamily
+        As the controller sees it.
+    point : int
+        Position of the operating point.
+    law : Law
+        Of the controller there.
+
+    Returns
+    -------
+    Margins
+        Of shape (n_samples,).
+    """
+    top, bottom = law.feedback
+    if not family.realisations:
+        return margins(
+            in_series(family.numerators[point], top), in_series(family.denominators[point], bottom), family.sample_time
+        )
+    found = [
+        margins([0.0], [1.0], family.sample_time) if one is None else _margins(one, law, family.sample_time)
+        for one in family.realisations[point]
+    ]
+    return Margins(**{f.name: np.concatenate([getattr(m, f.name) for m in found]) for f in fields(Margins)})
+
+
+def _margins(plant: Realisation, law: Law, sample_time: float) -> Margins:
+    closed = _closed(plant, law)
+    feedback = Realisation(a=law.a, b=-law.b[:, READING:], c=law.c, d=-law.d[READING:])
+
+    def loop(angle: Array) -> Complex:
+        delay = np.exp(-1j * angle)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(plant.response(delay) * feedback.response(delay))
+
+    stable = closed is not None and bool((np.abs(np.linalg.eigvals(closed)) < 1.0).all())
+    if closed is None or not stable:
+        return _unstable(loop, plant, law, sample_time)
+    angle = _grid(np.concatenate([plant.modes, feedback.modes, np.linalg.eigvals(closed)]))
+    value = loop(angle)
+    real = _crossings(lambda a: loop(a).imag, angle, value.imag)
+    at_ends = _ends(loop, feedback)
+    at_real = np.concatenate([loop(real), at_ends])
+    size = np.abs(at_real[at_real.real < 0.0])
+    gains = _gain_crossings(loop, angle, value)
+    turned = np.angle(-loop(gains))
+    disk = _least(lambda a: np.abs(1 + loop(a)) / np.maximum(np.abs(1 - loop(a)), np.finfo(float).tiny), angle)
+    modulus = min(_least(lambda a: np.abs(1 + loop(a)), angle), float(np.abs(1 + at_ends).min(initial=np.inf)))
+    return _one(
+        gain=np.maximum(size, 1 / size).min(initial=np.inf), phase_deg=np.degrees(np.abs(turned)).min(initial=np.inf),
+        delay=(np.mod(turned, 2 * np.pi) / gains * sample_time).min(initial=np.inf),
+        crossover=gains.max(initial=0.0) / sample_time, disk=2 * disk, modulus=modulus,
+    )  # fmt: skip
+
+
+def _unstable(loop: Loop, plant: Realisation, law: Law, sample_time: float) -> Margins:
+    """All margins zero; the crossover is there all the same."""
+    angle = _grid(np.concatenate([plant.modes, np.linalg.eigvals(law.a)]))
+    crossover = _gain_crossings(loop, angle, loop(angle)).max(initial=0.0) / sample_time
+    found = _one(gain=0.0, phase_deg=0.0, delay=0.0, crossover=crossover, disk=0.0, modulus=0.0)
+    return Margins(**{**vars(found), "stable": np.zeros(1, dtype=np.bool_)})
+
+
+def _one(**values: float) -> Margins:
+    return Margins(**{name: np.array([float(v)]) for name, v in values.items()}, stable=np.ones(1, dtype=np.bool_))
+
+
+def _closed(plant: Realisation, law: Law) -> Array | None:
+    """Matrix of the closed loop; None of an algebraic loop of gain -1, which has no solution."""
+    a, b, c, d = plant.joined()
+    back, through = -law.b[:, READING], -float(law.d[READING])
+    around = 1.0 + d * through
+    if abs(around) <= _ALGEBRAIC:
+        return None
+    # y = (C x + D C_k x_k)/(1 + D D_k), u = C_k x_k - D_k y.
+    reading = np.concatenate([c, d * law.c]) / around
+    command = np.concatenate([np.zeros(b.size), law.c]) - through * reading
+    n = b.size
+    whole = np.zeros((n + law.c.size, n + law.c.size))
+    whole[:n, :n], whole[n:, n:] = a, law.a
+    whole[:n] += np.outer(b, command)
+    whole[n:] -= np.outer(back, reading)
+    return whole
+
+
+def _grid(poles: Complex) -> Array:
+    """Angles from far below all time constants to half the sampling rate, dense about the poles."""
+    grid = [np.geomspace(_LOWEST, np.pi - _LOWEST, _POINTS), np.linspace(0.0, np.pi, _POINTS + 1)[1:-1]]
+    for pole in poles[(poles.imag > 0.0) & (np.abs(poles) > 0.0)]:
+        width = max(abs(np.log(abs(pole))), np.finfo(float).eps)
+        grid.append(np.angle(pole) + width * _NEAR)
+    found = np.unique(np.concatenate(grid))
+    return found[(found >= _LOWEST) & (found <= np.pi - _LOWEST)]
+
+
+def _ends(loop: Loop, feedback: Realisation) -> Complex:
+    """The loop at 0 Hz and at half the sampling rate, where it is real, but for a pole of the controller."""
+    away = [np.abs(feedback.modes - end).min(initial=np.inf) > _INTEGRATES for end in (1.0, -1.0)]
+    return loop(np.array([0.0, np.pi])[away])
+
+
+def _gain_crossings(loop: Loop, angle: Array, value: Complex) -> Array:
+    return _crossings(lambda a: np.abs(loop(a)) - 1.0, angle, np.abs(value) - 1.0)
+
+
+def _crossings(function: Callable[[Array], Array], angle: Array, value: Array) -> Array:
+    """Where a function changes its sign."""
+    at = np.flatnonzero(np.sign(value[:-1]) * np.sign(value[1:]) < 0.0)
+    low, high, sign = angle[at], angle[at + 1], np.sign(value[at])
+    shares = np.linspace(0.0, 1.0, _DIVIDED + 1)
+    for _ in range(_ROUNDS if at.size else 0):
+        parts = low[:, None] + (high - low)[:, None] * shares
+        inner = function(parts[:, 1:-1].ravel()).reshape(at.size, -1)
+        changed = np.hstack([np.sign(inner) != sign[:, None], np.ones((at.size, 1), dtype=np.bool_)])
+        first = np.argmax(changed, axis=1)
+        rows = np.arange(at.size)
+        low, high = parts[rows, first], parts[rows, first + 1]
+    return np.concatenate([0.5 * (low + high), angle[value == 0.0]])
+
+
+def _least(function: Callable[[Array], Array], angle: Array) -> float:
+    """Least value of a function, each minimum of the grid refined."""
+    value = function(angle)
+    least = float(value.min())
+    padded = np.concatenate([[np.inf], value, [np.inf]])
+    # A minimum that is far above the least of the grid will not fall below it between two points.
+    at = np.flatnonzero((value <= padded[:-2]) & (value <= padded[2:]) & (value < 2.0 * least))
+    low, high = angle[np.maximum(at - 1, 0)], angle[np.minimum(at + 1, angle.size - 1)]
+    shares = np.linspace(0.0, 1.0, _DIVIDED + 1)
+    for _ in range(_ROUNDS // 2):
+        parts = low[:, None] + (high - low)[:, None] * shares
+        inner = function(parts.ravel()).reshape(parts.shape)
+        best = np.argmin(inner, axis=1)
+        rows = np.arange(at.size)
+        low, high = parts[rows, np.maximum(best - 1, 0)], parts[rows, np.minimum(best + 1, _DIVIDED)]
+        least = min(least, float(inner.min()))
+    return least
