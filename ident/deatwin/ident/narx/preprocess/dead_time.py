@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from deatwin.ident.narx.operating import read_only
 from deatwin.ident.narx.preprocess.delay_profile import delay_probabilities
-from deatwin.ident.narx.preprocess.impulse import LongArx, Signals, n_residuals
+from deatwin.ident.narx.preprocess.impulse import LongArx, Signals, answer_chance, n_residuals
 from deatwin.ident.narx.regression import Recordings, flatten
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError
@@ -42,21 +42,25 @@ class DeadTimeStatus(Enum):
     """What the recordings tell of a dead time; the value is the advice."""
 
     FOUND = "the recordings tell at which lag the input begins to act"
+    AT_ONCE = (
+        "the input acts within the sample, if the recording was not made in a loop: a controller that answers within "
+        "the sample looks the same"
+    )
     LOOP = (
-        "the input answers to the output, so a loop is suspected: an action at lag 0 cannot be distinguished from the "
-        "controller's answer within the sample, and the dead time may be that of the loop"
+        "the input answers to the output, so a loop is suspected: the dead time is looked for from one sample on, "
+        "because an action within the sample cannot be distinguished from the controller's answer"
     )
     UNSEEN = (
-        "no linear effect of the input is seen, so its dead time cannot be told: look at longer dead times, give the "
-        "square of the input instead where the effect is even, or record with a stronger input"
+        "no linear effect of the input is seen, so its dead time cannot be told: allow longer dead times, give the "
+        "square of the input instead where the effect is even, or record with a stronger input of more frequencies"
     )
     CONSTANT = "the input is constant, so its dead time cannot be told: record with an input that moves"
     SHORT = "the recordings are too short for their dead time to be told: record longer"
 
     @property
     def ok(self) -> bool:
-        """Whether there is an estimate on which nothing casts doubt."""
-        return self is DeadTimeStatus.FOUND
+        """Whether there is an estimate, and no sign of a loop."""
+        return self in (DeadTimeStatus.FOUND, DeadTimeStatus.AT_ONCE)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -134,7 +138,7 @@ class DeadTime:
             f"{self.input_name} begins to act on {self.output_name} after {self.samples} {word} "
             f"({self.samples * self.sample_time:.4g} s), {100 * self.probability:g} % interval {low} to {high} samples"
         )
-        return found if self.status.ok else f"{found}; {self.status.value}"
+        return found if self.status is DeadTimeStatus.FOUND else f"{found}; {self.status.value}"
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the answer of the whitened output to the input over the lag, with the dead time and its interval.
@@ -209,9 +213,11 @@ def estimate_dead_time(
     found: dict[int, DeadTime] = {}
     if longest > _AFTER:
         signals = [(u, y) for u, y in signals if n_residuals([(u, y)], longest) > 0]
-        arx = LongArx.of(signals, longest)
+        answers = [answer_chance(signals, row, longest) for row in range(moving.size)]
+        # A controller that answers within the sample acts at lag 0, whatever the plant does.
+        arx = LongArx.of(signals, longest, shortest=int(min(answers) < _LOOP))
         for row, which in enumerate(moving):
-            found[int(which)] = _of_input(arx, row, int(which), chosen[0], output, probability)
+            found[int(which)] = _of_input(arx, row, int(which), chosen[0], output, probability, answers[row])
     for which in set(range(inputs.shape[0])) - set(found):
         why = DeadTimeStatus.SHORT if which in moving else DeadTimeStatus.CONSTANT
         found[which] = _untold(chosen[0], which, output, why, probability)
@@ -284,14 +290,17 @@ def _longest(signals: Signals, n_inputs: int, wanted: int) -> int:
     return 0
 
 
-def _of_input(arx: LongArx, row: int, which: int, record: Recording, output: int, probability: float) -> DeadTime:
-    zero, feedback = arx.chances(row)
+def _of_input(
+    arx: LongArx, row: int, which: int, record: Recording, output: int, probability: float, feedback: float
+) -> DeadTime:
     searched_to = arx.longest - _AFTER
-    acting = np.flatnonzero(zero < _SEEN)
+    acting = np.flatnonzero(arx.chances(row) < _SEEN)
     status = DeadTimeStatus.LOOP if feedback < _LOOP else DeadTimeStatus.FOUND
     probabilities: Array = np.empty(0)
     if acting.size and acting[0] <= searched_to:
         probabilities = delay_probabilities(arx, row, int(acting[0]))
+        if status.ok and not np.argmax(probabilities):
+            status = DeadTimeStatus.AT_ONCE
     else:
         status = DeadTimeStatus.UNSEEN
     return DeadTime(

@@ -45,7 +45,7 @@ def delay_probabilities(arx: LongArx, which: int, latest: int) -> Array:
     squares = np.full((latest + 1, len(_STRUCTURES)), np.inf)
     n_errors, far = 1, 0
     former: list[Polynomials | None] = [None] * len(_STRUCTURES)
-    for delay in range(latest, -1, -1):
+    for delay in range(latest, arx.shortest - 1, -1):
         for number, (nb, nf) in enumerate(_STRUCTURES):
             orders = Orders(na=0, nb=(nb,), nc=0, nd=0, nf=(nf,), nk=(delay,), offset=True)
             cut = latest + 3 - (delay + nb)  # so that all have the same samples of the output

@@ -2,9 +2,7 @@
 
 The regression A y(k) = sum_i B_i u_i(k) + e(k) with many lags whitens the noise, whatever its colour and whether or
 not the input answers to the output, and B_i begins where the plant from u_i does: 1/H, with H the model of the noise,
-begins with 1. The tests hold under noise whose size changes with the input, as that which a wrong linear model
-leaves (White, "A heteroskedasticity-consistent covariance matrix estimator", Econometrica 48 (1980) 817-838,
-doi:10.2307/1912934).
+begins with 1.
 """
 
 from __future__ import annotations
@@ -15,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["LongArx", "Signals", "n_residuals"]
+__all__ = ["LongArx", "Signals", "answer_chance", "n_residuals"]
 
 Array = NDArray[np.float64]
 Signals = Sequence[tuple[Array, Array]]
@@ -23,28 +21,28 @@ Signals = Sequence[tuple[Array, Array]]
 
 _OUTPUT_LAGS = 30
 """Most lags of the output; Akaike's criterion takes what is needed of them."""
-_FUTURE = 5
-"""Samples after the present one in which the input may betray that it answers to the output."""
+_ANSWERS = 10
+"""Lags of the output from which an input that answers to it is foretold: more make the test less sharp."""
 _RESOLVED = 1e-9
 """Share of the output below which a residual is rounding: readings have at most nine digits that mean anything."""
 
 
 @dataclass(frozen=True, eq=False)
 class LongArx:
-    """The regression on the lags 0 to `longest` of each input.
+    """The regression on the lags `shortest` to `longest` of each input.
 
     Parameters
     ----------
     signals : sequence of (ndarray, ndarray)
         Of each recording.
-    longest : int
-        Largest lag of the inputs.
+    shortest, longest : int
+        Smallest and largest lag of the inputs.
     n_output_lags : int
         Lags 1 to this of the output.
     a : ndarray, shape (n_output_lags + 1,)
         A, from q^0 on.
     b : ndarray, shape (n_inputs, longest + 1)
-        B of each input.
+        B of each input, from lag 0 on; zero before the shortest lag.
     b_std : ndarray, shape (n_inputs, longest + 1)
         Standard deviation of each coefficient.
     variance : float
@@ -54,6 +52,7 @@ class LongArx:
     """
 
     signals: Signals
+    shortest: int
     longest: int
     n_output_lags: int
     a: Array
@@ -63,9 +62,14 @@ class LongArx:
     n_samples: int
 
     @property
+    def lags(self) -> range:
+        """Lags of an input, the largest first: what the shorter ones tell beyond the longer ones is tested."""
+        return range(self.longest, self.shortest - 1, -1)
+
+    @property
     def n_unknowns(self) -> int:
         """Number of coefficients."""
-        return 1 + self.n_output_lags + self.b.size
+        return 1 + self.n_output_lags + self.b.shape[0] * len(self.lags)
 
     @staticmethod
     def most_unknowns(n_inputs: int, longest: int) -> int:
@@ -76,10 +80,10 @@ class LongArx:
         n_inputs, longest : int
             Number of inputs, and their largest lag.
         """
-        return 1 + _OUTPUT_LAGS + n_inputs * (longest + 1) + _FUTURE
+        return 1 + _OUTPUT_LAGS + n_inputs * (longest + 1)
 
     @classmethod
-    def of(cls, signals: Signals, longest: int) -> LongArx:
+    def of(cls, signals: Signals, longest: int, *, shortest: int = 0) -> LongArx:
         """Fit it by least squares; of collinear regressors the shortest solution.
 
         Parameters
@@ -88,11 +92,14 @@ class LongArx:
             Of each recording.
         longest : int
             Largest lag of the inputs.
+        shortest : int
+            Smallest one.
         """
         n_inputs = signals[0][0].shape[0]
-        inputs = [_inputs(signals, i, range(longest, -1, -1)) for i in range(n_inputs)]
+        lags = range(longest, shortest - 1, -1)
+        inputs = [_inputs(signals, i, lags) for i in range(n_inputs)]
         past, target = _outputs(signals, longest)
-        order = _order(np.column_stack([np.ones(target.size), *inputs, past, target]), 1 + n_inputs * (longest + 1))
+        order = _order(np.column_stack([np.ones(target.size), *inputs, past, target]), 1 + n_inputs * len(lags))
         rows = np.column_stack([np.ones(target.size), past[:, :order], *inputs])
         scale = np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
         left, singular, right = np.linalg.svd(rows / scale, full_matrices=False)
@@ -102,14 +109,16 @@ class LongArx:
         error = target - rows @ theta
         variance = max(float(error @ error) / (target.size - rows.shape[1]), _RESOLVED**2)
         std = np.sqrt(variance * np.sum(inverse**2, axis=1)) / scale
-        shape = (n_inputs, longest + 1)
-        return cls(
-            signals, longest, order, np.r_[1.0, -theta[1 : order + 1]], theta[order + 1 :].reshape(shape)[:, ::-1],
-            std[order + 1 :].reshape(shape)[:, ::-1], variance, target.size,
-        )  # fmt: skip
 
-    def chances(self, which: int) -> tuple[Array, float]:
-        """How probable it is that chance makes the input's first coefficients, and that the output moves the input.
+        def by_lag(values: Array) -> Array:
+            tested = values[order + 1 :].reshape(n_inputs, len(lags))[:, ::-1]
+            return np.asarray(np.pad(tested, ((0, 0), (shortest, 0))))
+
+        a = np.r_[1.0, -theta[1 : order + 1]]
+        return cls(signals, shortest, longest, order, a, by_lag(theta), by_lag(std), variance, target.size)
+
+    def chances(self, which: int) -> Array:
+        """How probable it is that chance makes each of an input's coefficients as large as it is.
 
         Parameters
         ----------
@@ -118,29 +127,95 @@ class LongArx:
 
         Returns
         -------
-        zero : ndarray, shape (longest + 1,)
-            At d the p-value of "the input does not act at the lags 0 to d".
-        feedback : float
-            The p-value of "given the past, the output does not foretell the next five inputs", in which an input that
-            does not answer to the output is told by its own past (Sims, "Money, income, and causality", Am. Econ. Rev.
-            62 (1972) 540-552).
+        ndarray, shape (longest + 1,)
+            At each lag the p-value of "the input does not act at this lag, nor at shorter ones".
         """
-        n_inputs = self.b.shape[0]
-        lags = range(self.longest, -_FUTURE - 1, -1)
-        others = [_inputs(self.signals, i, range(self.longest + 1)) for i in range(n_inputs) if i != which]
+        others = [_inputs(self.signals, i, self.lags) for i in range(self.b.shape[0]) if i != which]
         past, target = _outputs(self.signals, self.longest)
-        own = _inputs(self.signals, which, lags)
+        own = _inputs(self.signals, which, self.lags)
         rows = np.column_stack([np.ones(target.size), past[:, : self.n_output_lags], *others, own])
+        test = _Scores.of(rows, target, own.shape[1])
+        found = np.ones(self.longest + 1)
+        found[list(self.lags)] = [test.p_value(slice(i, i + 1)) for i in range(own.shape[1])]
+        return found
+
+
+def answer_chance(signals: Signals, which: int, longest: int) -> float:
+    """Return the chance that an input which does not answer to the output seems to answer to it this much.
+
+    Given the past of all inputs, the past of the output must not foretell an input that is independent of it
+    (Granger, "Investigating causal relations by econometric models and cross-spectral methods", Econometrica 37 (1969)
+    424-438, doi:10.2307/1912791).
+
+    Parameters
+    ----------
+    signals : sequence of (ndarray, ndarray)
+        Of each recording.
+    which : int
+        Row of the input.
+    longest : int
+        Largest lag of the inputs.
+    """
+    n_inputs = signals[0][0].shape[0]
+    past = [_inputs(signals, i, range(longest, 0, -1)) for i in range(n_inputs)]
+    output = _outputs(signals, longest)[0][:, :_ANSWERS]
+    target = np.concatenate([inputs[which, _first(longest) :] for inputs, _ in signals])
+    test = _Scores.of(np.column_stack([np.ones(target.size), *past, output]), target, output.shape[1])
+    return test.p_value(slice(None))
+
+
+@dataclass(frozen=True, eq=False)
+class _Scores:
+    """The last columns of a regression, each less what the columns before it explain, against the target.
+
+    Parameters
+    ----------
+    total : ndarray, shape (n,)
+        Their products with the target.
+    products : ndarray, shape (n_samples, n)
+        Their products with the residual, sample by sample.
+    variance : float
+        Of the residual.
+    freedom : int
+        Samples less unknowns.
+    """
+
+    total: Array
+    products: Array
+    variance: float
+    freedom: int
+
+    @classmethod
+    def of(cls, rows: Array, target: Array, n_last: int) -> _Scores:
+        """Regress a target on rows, of which the last are tested."""
         q, _ = np.linalg.qr(rows)
-        last = q[:, -own.shape[1] :]
-        score = last.T @ target
         error = target - q @ (q.T @ target)
         freedom = target.size - rows.shape[1]
-        weight = error**2 * (target.size / freedom) + _RESOLVED**2
-        spread = last.T @ (weight[:, None] * last)
-        present = score.size - _FUTURE
-        before = [_p_value(score, spread, slice(present - d - 1, present), freedom) for d in range(self.longest + 1)]
-        return np.array(before), _p_value(score, spread, slice(present, None), freedom)
+        last = q[:, -n_last:]
+        variance = float(error @ error) / freedom + _RESOLVED**2
+        return cls(last.T @ target, last * error[:, None] * np.sqrt(target.size / freedom), variance, freedom)
+
+    def p_value(self, part: slice) -> float:
+        """Chance of scores at least as large if these columns explain nothing: the larger one of two tests' chances.
+
+        That of least squares holds where a single sample decides, as in one step; that of Newey and West
+        ("A simple, positive semi-definite, heteroskedasticity and autocorrelation consistent covariance matrix",
+        Econometrica 55 (1987) 703-708, doi:10.2307/1913610) where the residual changes with the input.
+        """
+        from scipy.special import fdtrc
+
+        total, products = self.total[part], self.products[:, part]
+        n, size = products.shape
+        width = int(np.sqrt(n))
+        spread = products.T @ products
+        for lag in range(1, width):
+            one = products[lag:].T @ products[:-lag]
+            spread = spread + (1.0 - lag / width) * (one + one.T)
+        plain = fdtrc(size, self.freedom, float(total @ total) / (size * self.variance))
+        # Bartlett's window leaves so many degrees of freedom; Hotelling's law for their estimated covariance.
+        freedom = 1.5 * n / width - size + 1
+        square = float(total @ np.linalg.solve(spread + 1e-12 * self.variance * np.eye(size), total))
+        return float(max(plain, fdtrc(size, freedom, square * freedom / (size * (freedom + size - 1)))))
 
 
 def n_residuals(signals: Signals, longest: int) -> int:
@@ -153,16 +228,7 @@ def n_residuals(signals: Signals, longest: int) -> int:
     longest : int
         Largest lag of the inputs.
     """
-    return sum(max(0, output.size - _first(longest) - _FUTURE) for _, output in signals)
-
-
-def _p_value(score: Array, spread: Array, part: slice, freedom: int) -> float:
-    """Wald's test of a part of the scores, by Hotelling's law since their covariance is estimated too."""
-    from scipy.special import fdtrc
-
-    size = score[part].size
-    square = float(score[part] @ np.linalg.solve(spread[part, part], score[part]))
-    return float(fdtrc(size, freedom - size + 1, square * (freedom - size + 1) / (size * freedom)))
+    return sum(max(0, output.size - _first(longest)) for _, output in signals)
 
 
 def _order(columns: Array, fixed: int) -> int:
@@ -179,10 +245,10 @@ def _first(longest: int) -> int:
 
 
 def _inputs(signals: Signals, which: int, lags: range) -> Array:
-    """An input at some lags, negative ones being the future, shape (n, n_lags)."""
+    """An input at some lags, shape (n, n_lags)."""
     first = _first(max(lags))
     return np.concatenate([
-        np.column_stack([inputs[which, first - lag : inputs.shape[1] - _FUTURE - lag] for lag in lags])
+        np.column_stack([inputs[which, first - lag : inputs.shape[1] - lag] for lag in lags])
         for inputs, _ in signals
     ])  # fmt: skip
 
@@ -190,5 +256,5 @@ def _inputs(signals: Signals, which: int, lags: range) -> Array:
 def _outputs(signals: Signals, longest: int) -> tuple[Array, Array]:
     """The output at the lags 1 to 30, shape (n, 30), and the output, shape (n,)."""
     first, lags = _first(longest), range(1, _OUTPUT_LAGS + 1)
-    past = [np.column_stack([y[first - lag : y.size - _FUTURE - lag] for lag in lags]) for _, y in signals]
-    return np.concatenate(past), np.concatenate([y[first : y.size - _FUTURE] for _, y in signals])
+    past = [np.column_stack([y[first - lag : y.size - lag] for lag in lags]) for _, y in signals]
+    return np.concatenate(past), np.concatenate([y[first:] for _, y in signals])
