@@ -17,6 +17,7 @@ from scipy.linalg import block_diag
 from deatwin.ident.narx.covariance import covariance_of
 from deatwin.ident.narx.document import SCHEMA, fields_of, to_document
 from deatwin.ident.narx.free_run import free_run, innovations
+from deatwin.ident.narx.horizon import require_steps, steps_ahead
 from deatwin.ident.narx.operating import Array, OperatingRange, read_only
 from deatwin.ident.narx.response import NarxResponse, ResponseStatus, divergence_limit
 from deatwin.ident.narx.terms import Term, TermTable
@@ -253,30 +254,50 @@ class NarxModel:
     def __str__(self) -> str:
         return written(self.terms, self.theta, self.equations, self.n_outputs)
 
-    def predict(self, recording: Recording) -> NarxResponse:
-        """Predict each sample one step ahead from the measured past.
+    def predict(self, recording: Recording, *, steps: int = 1) -> NarxResponse:
+        """Predict each sample from the past that was measured until some steps before it.
 
         Parameters
         ----------
         recording : Recording
             Measured inputs and outputs, in the model's units.
+        steps : int
+            Number of samples ahead. The outputs of the last ``steps - 1`` samples before the predicted one are
+            predicted too, their noise is zero, and all inputs are known.
 
         Returns
         -------
         NarxResponse
-            With ``.outputs`` of shape (n_outputs, n); the first lags are the measured ones. Where terms hold
-            noise it is the innovation, y - ``.outputs``, of the samples before, and 0 in the first lags.
+            With ``.outputs`` of shape (n_outputs, n); the samples before ``.first``, the largest lag plus
+            ``steps - 1``, are the measured ones. Where terms hold noise it is the innovation one step ahead, and
+            0 in the first lags. If predictions several steps ahead diverge, ``.status`` says so.
 
         Raises
         ------
         ModelError
-            If the recording does not suit the model.
+            If the recording does not suit the model, or is too short for the steps.
         """
         first = self._check(recording)
+        require_steps(steps, first, recording.n_samples)
+        if steps > 1:
+            return self._predict_further(recording, steps)
         outputs = recording.outputs - innovations(
             self.table, self.theta, recording.inputs, recording.outputs, self.equations
         )
         return self._response(recording, outputs, first)
+
+    def _predict_further(self, recording: Recording, steps: int) -> NarxResponse:
+        """Predict more than one step ahead."""
+        found, failed = steps_ahead(
+            self.table, self.theta, recording.inputs, recording.outputs, steps,
+            divergence_limit(self.operating, recording.outputs), self.equations,
+        )  # fmt: skip
+        first = self.table.max_lag + steps - 1
+        outputs = np.concatenate([recording.outputs[:, :first], found], axis=1)
+        if not failed.any():
+            return self._response(recording, outputs, first)
+        when = float(recording.timepts[first + int(np.argmax(failed))])
+        return self._response(recording, outputs, first, ResponseStatus.SOME_DIVERGED, when)
 
     def simulate(self, recording: Recording) -> NarxResponse:
         """Run free: only the first measured lags and the inputs of the recording are used; noise is zero.

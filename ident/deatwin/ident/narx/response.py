@@ -32,6 +32,10 @@ class ResponseStatus(Enum):
         "the free run diverged; the outputs after that time hold the last value: "
         "stay within the operating range of the model, or choose another structure"
     )
+    SOME_DIVERGED = (
+        "predictions several steps ahead diverged, the first at that time; they hold an earlier value: "
+        "predict fewer steps ahead, or choose another structure"
+    )
 
     @property
     def ok(self) -> bool:
@@ -41,7 +45,7 @@ class ResponseStatus(Enum):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NarxResponse:
-    """Outputs of a model over a recording, one step ahead or in free run.
+    """Outputs of a model over a recording, some steps ahead or in free run.
 
     Parameters
     ----------
@@ -57,7 +61,7 @@ class NarxResponse:
     status : ResponseStatus
         Whether the run is sound.
     failed_at_s : float or None
-        Time at which a free run diverged, in s.
+        Time at which a free run, or the first prediction several steps ahead, diverged, in s.
     units : tuple of str
         Unit of each output.
     """

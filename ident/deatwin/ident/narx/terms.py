@@ -344,7 +344,23 @@ class TermTable:
         if noise is None and self.channels("e"):
             raise ModelError("the terms hold noise e(k-l), which is not measured: give its values")
         lagged = [signal[v.kind][v.index, start - v.lag : stop - v.lag] for v in self.variables]  # type: ignore[index]
-        rows = np.empty((len(self.terms), stop - start))
+        return self.over(lagged, stop - start)
+
+    def over(self, lagged: Sequence[Array], count: int) -> Array:
+        """Evaluate all terms at many values of each variable.
+
+        Parameters
+        ----------
+        lagged : sequence of ndarray, each of shape (count,)
+            Values of each of ``variables``.
+        count : int
+            How many values.
+
+        Returns
+        -------
+        ndarray, shape (n_terms, count)
+        """
+        rows = np.empty((len(self.terms), count))
         for row, (parent, rest) in zip(rows, self._plan, strict=True):
             row[:] = 1.0 if parent is None else rows[parent]
             for j in rest:

@@ -161,13 +161,15 @@ class ThetaTrajectory:
             self, timepts=self.timepts[kept], theta=self.theta[:, kept], theta_cov=self.theta_cov[kept]
         )
 
-    def predict(self, recording: Recording) -> NarxResponse:
-        """Predict each sample one step ahead from the measured past, each with the parameters of its time.
+    def predict(self, recording: Recording, *, steps: int = 1) -> NarxResponse:
+        """Predict each sample from the measured past until some steps before, with the parameters of each time.
 
         Parameters
         ----------
         recording : Recording
             Measured inputs and outputs within the trajectory's times.
+        steps : int
+            Number of samples ahead.
 
         Returns
         -------
@@ -178,7 +180,7 @@ class ThetaTrajectory:
         ModelError
             If the recording does not suit the model, or reaches beyond the trajectory.
         """
-        return self._driven.predict(self._with_theta(recording))
+        return self._driven.predict(self._with_theta(recording), steps=steps)
 
     def simulate(self, recording: Recording) -> NarxResponse:
         """Run free with the parameters of each time; only the first measured lags and the inputs are used.

@@ -17,7 +17,7 @@ from deatwin.ident.narx.covariance import covariance_of
 from deatwin.ident.narx.linear.document import SCHEMA, fields_of, to_document
 from deatwin.ident.narx.linear.frequency import LinearFrequencyResponse, frequency_response
 from deatwin.ident.narx.linear.polynomials import Orders, Polynomials
-from deatwin.ident.narx.linear.run import free_run, one_step
+from deatwin.ident.narx.linear.run import free_run, some_steps
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.operating import read_only
 from deatwin.ident.narx.response import NarxResponse, ResponseStatus
@@ -165,8 +165,8 @@ class LinearModel:
         lines = [f"{name} = {_written(p)}" for name, p in sorted(rows.items()) if p.size > 1 or name[0] == "B"]
         return "\n".join([*lines, f"offset = {self.offset:.6g}"])
 
-    def predict(self, recording: Recording) -> NarxResponse:
-        """Predict each sample one step ahead from the measured past.
+    def predict(self, recording: Recording, *, steps: int = 1) -> NarxResponse:
+        """Predict each sample from the past that was measured until some steps before it.
 
         Where F has states, the first ten samples for each of them set these, and are not counted as
         predicted.
@@ -175,6 +175,8 @@ class LinearModel:
         ----------
         recording : Recording
             Measured inputs and output, in the model's units.
+        steps : int
+            Number of samples ahead; the noise of the last ``steps`` samples is zero, and all inputs are known.
 
         Returns
         -------
@@ -184,11 +186,16 @@ class LinearModel:
         Raises
         ------
         ModelError
-            If the recording does not suit the model, or C or an F is unstable.
+            If the recording does not suit the model, is too short for the steps, or C or an F is unstable.
         """
         warmup = self._warmup(recording, self.poles.size - (self.a.size - 1))
-        outputs, first = one_step(self.orders, self.polynomials, recording.inputs, recording.outputs[0], warmup)
-        return self._response(recording, outputs, first)
+        outputs, first, failed = some_steps(
+            self.orders, self.polynomials, recording.inputs, recording.outputs[0], warmup, steps
+        )
+        if failed is None:
+            return self._response(recording, outputs, first)
+        when = float(recording.timepts[failed])
+        return self._response(recording, outputs, first, ResponseStatus.SOME_DIVERGED, when)
 
     def simulate(self, recording: Recording, *, warmup: int | None = None) -> NarxResponse:
         """Run the deterministic part free.

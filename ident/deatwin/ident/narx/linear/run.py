@@ -5,18 +5,24 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.narx.horizon import require_steps
 from deatwin.ident.narx.linear.polynomials import Orders, Polynomials, is_stable
 from deatwin.ident.narx.linear.prediction import lagged, prediction_errors, recursed
 from deatwin.ident.narx.response import DIVERGED
 from deatwin.plant.errors import ModelError
 
-__all__ = ["free_run", "one_step"]
+__all__ = ["free_run", "some_steps"]
 
 Array = NDArray[np.float64]
 
 
-def one_step(orders: Orders, polynomials: Polynomials, inputs: Array, output: Array, warmup: int) -> tuple[Array, int]:
-    """Predict each sample from the measured past.
+def some_steps(
+    orders: Orders, polynomials: Polynomials, inputs: Array, output: Array, warmup: int, steps: int
+) -> tuple[Array, int, int | None]:
+    """Predict each sample from the past that was measured until some steps before it.
+
+    The output is what past and inputs give plus C/(A D) e; the errors e of the last ``steps`` samples are unknown and
+    have the mean zero (Ljung, System Identification, 2nd ed., 1999, section 3.2).
 
     Parameters
     ----------
@@ -30,6 +36,8 @@ def one_step(orders: Orders, polynomials: Polynomials, inputs: Array, output: Ar
         Output.
     warmup : int
         Number of errors that set the state of the F.
+    steps : int
+        Number of samples ahead, at least 1.
 
     Returns
     -------
@@ -37,22 +45,35 @@ def one_step(orders: Orders, polynomials: Polynomials, inputs: Array, output: Ar
         Predictions, after measured samples.
     first : int
         The first predicted sample.
+    failed : int or None
+        The first sample of which the prediction diverged; such ones hold the last measured output before the steps.
 
     Raises
     ------
     ModelError
-        If C or an F is unstable.
+        If C or an F is unstable, or the output is too short for the steps.
     """
+    from scipy.signal import lfilter
+
     if not all(is_stable(p) for p in (polynomials.c, *polynomials.f)):
         raise ModelError("a root of C or F lies on or outside of the unit circle: the predictor is unstable")
     found = prediction_errors(orders, polynomials, inputs, output, np.zeros(sum(orders.nf)))
     early = found.start_gradient[:, :warmup].T
     start = -np.linalg.lstsq(early, found.errors[:warmup], rcond=None)[0]
-    first = output.size - found.errors.size
+    first = output.size - found.errors.size + warmup
+    require_steps(steps, first, output.size)
+    errors = (found.errors + start @ found.start_gradient)[warmup:]
+    pulse = np.r_[1.0, np.zeros(steps - 1)]
+    response = lfilter(polynomials.c, np.convolve(polynomials.a, polynomials.d), pulse)
+    first += steps - 1
     outputs = output.copy()
-    outputs[first:] -= found.errors + start @ found.start_gradient
-    outputs[first : first + warmup] = output[first : first + warmup]
-    return outputs, first + warmup
+    with np.errstate(over="ignore", invalid="ignore"):  # an unstable A many steps ahead; found below
+        outputs[first:] -= np.convolve(errors, response, mode="valid")
+    bad = ~(np.abs(outputs) < _limit(output))
+    if not bad.any():
+        return outputs, first, None
+    outputs[bad] = output[np.flatnonzero(bad) - steps]
+    return outputs, first, int(np.argmax(bad))
 
 
 def free_run(
@@ -97,10 +118,14 @@ def free_run(
     first = input_lag + warmup
     outputs = output.copy()
     outputs[first:] = run[warmup:]
-    limit = DIVERGED * max(float(np.abs(output).max()), np.finfo(float).tiny)
-    bad = ~(np.abs(outputs) < limit)
+    bad = ~(np.abs(outputs) < _limit(output))
     if not bad.any():
         return outputs, first, None
     failed = int(np.argmax(bad))
     outputs[failed:] = outputs[failed - 1]
     return outputs, first, failed
+
+
+def _limit(output: Array) -> float:
+    """Return the magnitude beyond which an output has diverged."""
+    return DIVERGED * max(float(np.abs(output).max()), np.finfo(float).tiny)

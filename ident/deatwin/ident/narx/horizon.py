@@ -1,0 +1,116 @@
+"""Predictions several steps ahead of a NARX model: short free runs, one from each measured sample."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.narx.free_run import innovations
+from deatwin.ident.narx.terms import TermTable
+from deatwin.plant.errors import ModelError
+
+__all__ = ["require_steps", "steps_ahead"]
+
+Array = NDArray[np.float64]
+Booleans = NDArray[np.bool_]
+
+_BLOCK = 4096  # runs marched at once: their regressors stay in the processor's cache
+
+
+def require_steps(steps: int, first: int, n_samples: int) -> None:
+    """Raise ModelError unless a recording leaves room for a prediction so many steps ahead.
+
+    Parameters
+    ----------
+    steps : int
+        Number of samples ahead.
+    first : int
+        First sample that can be predicted one step ahead.
+    n_samples : int
+        Length of the recording.
+
+    Raises
+    ------
+    ModelError
+        If steps is not an integer of at least 1, or is too large.
+    """
+    if isinstance(steps, bool) or not isinstance(steps, int | np.integer) or steps < 1:
+        raise ModelError(f"steps = {steps!r}; it must be an integer of at least 1")
+    if steps > n_samples - first:
+        raise ModelError(
+            f"steps = {steps}; the recording of {n_samples} samples allows at most {n_samples - first}"
+        )
+
+
+def steps_ahead(
+    table: TermTable,
+    theta: Array,
+    inputs: Array,
+    outputs: Array,
+    steps: int,
+    limit: float,
+    equations: Sequence[int] | None = None,
+) -> tuple[Array, Booleans]:
+    """Predict each sample from the outputs measured until ``steps`` samples before it, and all inputs.
+
+    Parameters
+    ----------
+    table : TermTable
+        The terms.
+    theta : ndarray, shape (n_terms,)
+        Parameters.
+    inputs : ndarray, shape (n_inputs, n)
+        Inputs.
+    outputs : ndarray, shape (n_outputs, n)
+        Measured outputs.
+    steps : int
+        Number of samples ahead, from 1 to ``n - table.max_lag``.
+    limit : float
+        Outputs beyond ± this are divergence, in the outputs' unit.
+    equations : sequence of int, length n_terms, optional
+        The output, from 0, that each term belongs to; the first when not given.
+
+    Returns
+    -------
+    outputs : ndarray, shape (n_outputs, n - table.max_lag - steps + 1)
+        Predictions of the samples from ``table.max_lag + steps - 1`` on. The noise is the innovation until the
+        last measured sample and zero after it. A run that diverges holds its last value.
+    failed : ndarray of bool, shape (n - table.max_lag - steps + 1,)
+        Which of these runs diverged.
+    """
+    belongs = np.array([0] * len(table.terms) if equations is None else equations)
+    weights = np.where(belongs == np.arange(len(outputs))[:, None], theta, 0.0)
+    signals = {"u": inputs, "y": outputs}
+    if table.channels("e"):
+        signals["e"] = innovations(table, theta, inputs, outputs, equations)
+    n = outputs.shape[1] - table.max_lag - steps + 1
+    found, failed = np.empty((len(outputs), n)), np.zeros(n, dtype=np.bool_)
+    for start in range(0, n, _BLOCK):
+        part = slice(start, min(start + _BLOCK, n))
+        found[:, part], failed[part] = _runs(table, weights, signals, steps, limit, part)
+    return found, failed
+
+
+def _runs(
+    table: TermTable, weights: Array, signals: dict[str, Array], steps: int, limit: float, part: slice
+) -> tuple[Array, Booleans]:
+    """March the runs whose first computed samples are ``max_lag`` + those of ``part``; return where each ends."""
+    first, last = table.max_lag + part.start, table.max_lag + part.stop
+    state = signals["y"][:, max(first - 1, 0) : max(last - 1, 0)] if first else np.zeros((len(weights), last))
+    lost = np.zeros(last - first, dtype=np.bool_)
+    past: list[Array] = []
+    for step in range(steps):
+        lagged = []
+        for v in table.variables:
+            if v.kind == "u" or v.lag > step:
+                lagged.append(signals[v.kind][v.index, first + step - v.lag : last + step - v.lag])
+            else:
+                lagged.append(past[-v.lag][v.index] if v.kind == "y" else np.zeros(last - first))
+        with np.errstate(over="ignore", invalid="ignore"):  # found in the next line
+            values = weights @ table.over(lagged, last - first)
+        lost |= ~np.all(np.abs(values) < limit, axis=0)
+        state = np.where(lost, state, values)
+        past = [*past, state][-max(table.max_lag, 1) :]
+    return state, lost
