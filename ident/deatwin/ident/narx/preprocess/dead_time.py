@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.narx.long_arx import LongArx, Signals, answer_chance, enough_lags, n_residuals
 from deatwin.ident.narx.operating import read_only
 from deatwin.ident.narx.preprocess.delay_profile import delay_probabilities
-from deatwin.ident.narx.preprocess.impulse import LongArx, Signals, answer_chance, n_residuals
 from deatwin.ident.narx.regression import Recordings, flatten
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError
@@ -32,8 +32,6 @@ _LOOP = 1e-3
 """The same for an input that answers to the output: one test for each input."""
 _AFTER = 20
 """Lags after the largest dead time in which the answer to the input is looked for."""
-_FOR_EACH = 5
-"""Samples for each unknown: fewer leave the residual's variance, and so all tests, to the unknowns."""
 _MOST_SAMPLES = 20_000
 """More make nothing surer: a dead time is told to a sample long before, and the regression takes a second."""
 
@@ -209,7 +207,7 @@ def estimate_dead_time(
     inputs = np.concatenate([record.inputs for record in chosen], axis=1)
     moving = np.flatnonzero(np.ptp(inputs, axis=1) > 0.0)
     signals = _scaled(chosen, moving, output)
-    longest = _longest(signals, moving.size, max_dead_time + _AFTER)
+    longest = enough_lags(signals, moving.size, max_dead_time + _AFTER)
     found: dict[int, DeadTime] = {}
     if longest > _AFTER:
         signals = [(u, y) for u, y in signals if n_residuals([(u, y)], longest) > 0]
@@ -278,16 +276,6 @@ def _scaled(chosen: Sequence[Recording], moving: NDArray[np.intp], output: int) 
     u_mean, u_std = all_u.mean(axis=1, keepdims=True), all_u.std(axis=1, keepdims=True)
     u_std[u_std == 0.0], y_std = 1.0, float(all_y.std()) or 1.0
     return [((u - u_mean) / u_std, (y - all_y.mean()) / y_std) for u, y in zip(inputs, outputs, strict=True)]
-
-
-def _longest(signals: Signals, n_inputs: int, wanted: int) -> int:
-    """The most input lags, up to those wanted, for which there are samples enough; 0 where there are none."""
-    if n_inputs == 0:
-        return 0
-    for longest in range(wanted, _AFTER, -1):
-        if n_residuals(signals, longest) >= _FOR_EACH * LongArx.most_unknowns(n_inputs, longest):
-            return longest
-    return 0
 
 
 def _of_input(

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from deatwin.ident.narx.linear.polynomials import Orders, Polynomials
 from deatwin.ident.narx.linear.search import PredictionErrorLoss
 from deatwin.ident.narx.linear.start import Record, starting_points
-from deatwin.ident.narx.preprocess.impulse import LongArx
+from deatwin.ident.narx.long_arx import LongArx
 
 __all__ = ["delay_probabilities"]
 

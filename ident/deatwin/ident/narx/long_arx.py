@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["LongArx", "Signals", "answer_chance", "n_residuals"]
+__all__ = ["LongArx", "Signals", "answer_chance", "enough_lags", "n_residuals"]
 
 Array = NDArray[np.float64]
 Signals = Sequence[tuple[Array, Array]]
@@ -23,6 +23,8 @@ _OUTPUT_LAGS = 30
 """Most lags of the output; Akaike's criterion takes what is needed of them."""
 _ANSWERS = 10
 """Lags of the output from which an input that answers to it is foretold: more make the test less sharp."""
+_FOR_EACH = 5
+"""Samples for each unknown: fewer leave the residual's variance, and so all tests, to the unknowns."""
 _RESOLVED = 1e-9
 """Share of the output below which a residual is rounding: readings have at most nine digits that mean anything."""
 
@@ -70,17 +72,6 @@ class LongArx:
     def n_unknowns(self) -> int:
         """Number of coefficients."""
         return 1 + self.n_output_lags + self.b.shape[0] * len(self.lags)
-
-    @staticmethod
-    def most_unknowns(n_inputs: int, longest: int) -> int:
-        """Number of coefficients with the most lags of the output.
-
-        Parameters
-        ----------
-        n_inputs, longest : int
-            Number of inputs, and their largest lag.
-        """
-        return 1 + _OUTPUT_LAGS + n_inputs * (longest + 1)
 
     @classmethod
     def of(cls, signals: Signals, longest: int, *, shortest: int = 0) -> LongArx:
@@ -216,6 +207,24 @@ class _Scores:
         freedom = 1.5 * n / width - size + 1
         square = float(total @ np.linalg.solve(spread + 1e-12 * self.variance * np.eye(size), total))
         return float(max(plain, fdtrc(size, freedom, square * freedom / (size * (freedom + size - 1)))))
+
+
+def enough_lags(signals: Signals, n_inputs: int, wanted: int) -> int:
+    """Return the most lags of each input, up to those wanted, for which there are samples enough; 0 for none.
+
+    Parameters
+    ----------
+    signals : sequence of (ndarray, ndarray)
+        Of each recording.
+    n_inputs : int
+        Number of inputs that move.
+    wanted : int
+        Largest lag.
+    """
+    for longest in range(wanted if n_inputs else 0, 0, -1):
+        if n_residuals(signals, longest) >= _FOR_EACH * (1 + _OUTPUT_LAGS + n_inputs * (longest + 1)):
+            return longest
+    return 0
 
 
 def n_residuals(signals: Signals, longest: int) -> int:
