@@ -61,9 +61,14 @@ class Unstable:
             f"{rms:.4g} {'' if unit == '1' else unit}".rstrip() + f" rms (fit {percent:.4g} %)"
             for rms, percent, unit in zip(self.ahead.rms, self.ahead.percent, units, strict=True)
         )
+        useless = (
+            ", no better than the mean of the output: the pole is biased or terms are missing; a model of the noise "
+            "(Armax, Narmax) finds it without bias"
+        )
         return [
             f"the unstable pole: {sign}, {rate.real:+.3g} 1/s{turning}",
-            f"{self.steps} steps ahead, in which it grows by e, the prediction is off by {ahead}",
+            f"{self.steps} steps ahead, in which it grows by e, the prediction is off by {ahead}"
+            f"{useless if np.any(self.ahead.percent <= 0.0) else ''}",
         ]
 
 
