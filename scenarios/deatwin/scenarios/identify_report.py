@@ -135,7 +135,8 @@ def write_identified(found: Identified, folder: ResultFolder, record: RunRecord)
     worst = max(runs, key=lambda run: run.rms_error)
     sentence = (
         f"A NARX model of {len(found.model.terms)} terms ({found.method}): on what it has not seen its "
-        f"{found.judged} is off by {found.amount(worst.rms_error)} rms{' at most' if len(runs) > 1 else ''}; {reached} of {len(rows)} "
+        f"{found.judged} is off by {found.amount(worst.rms_error)} rms{' at most' if len(runs) > 1 else ''}; "
+        f"{reached} of {len(rows)} "
         "measures reached."
     )
     said = found.validation.status.value if found.validation is not None else f"no correlation tests: {found.why_not}"
@@ -224,7 +225,8 @@ def _rows(found: Identified, runs: Sequence[NarxResponse]) -> list[Row]:
         moved = float(np.std(run.measured[0]))
         rows.append(Row(
             measure=f"{found.judged} on the unseen part of {label(part)}",
-            demanded=f"below {found.amount(moved)} rms, which the mean of the output leaves", reached=f"{found.amount(run.rms_error)} rms"
+            demanded=f"below {found.amount(moved)} rms, which the mean of the output leaves",
+            reached=f"{found.amount(run.rms_error)} rms"
             f"{'' if run.status.ok else ' until it diverged'}",
             passed=run.status.ok and run.rms_error < moved,
         ))  # fmt: skip

@@ -152,7 +152,7 @@ def answer_chance(signals: Signals, which: int, longest: int) -> float:
     output = _outputs(signals, longest)[0][:, :_ANSWERS]
     target = np.concatenate([inputs[which, _first(longest) :] for inputs, _ in signals])
     test = _Scores.of(np.column_stack([np.ones(target.size), *past, output]), target, output.shape[1])
-    return test.p_value(slice(None))
+    return test.p_value()
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,7 +186,7 @@ class _Scores:
         variance = float(error @ error) / freedom + _RESOLVED**2
         return cls(last.T @ target, last * error[:, None] * np.sqrt(target.size / freedom), variance, freedom)
 
-    def p_value(self, part: slice) -> float:
+    def p_value(self, part: slice = slice(None)) -> float:
         """Chance of scores at least as large if these columns explain nothing: the larger one of two tests' chances.
 
         That of least squares holds where a single sample decides, as in one step; that of Newey and West

@@ -141,11 +141,12 @@ def _point(model: NarxModel, recordings: Sequence[Recording]) -> tuple[Array, Ar
 
 def _deviation(model: NarxModel, recordings: Sequence[Recording]) -> float:
     """Standard deviation of the magnitude of the largest pole, by differences along the parameters."""
-    size = abs(poles_at(model, recordings)[0])
-    spread = np.sqrt(np.maximum(model.theta_cov.diagonal(), 0.0))
+    size = float(abs(poles_at(model, recordings)[0]))
+    spread: Array = np.sqrt(np.maximum(np.asarray(model.theta_cov).diagonal(), 0.0))
     slopes = np.zeros(spread.size)
     for i in np.flatnonzero(spread):
         theta = model.theta.copy()
         theta[i] += 0.01 * spread[i]
-        slopes[i] = (abs(poles_at(replace(model, theta=theta), recordings)[0]) - size) / (0.01 * spread[i])
+        moved = float(abs(poles_at(replace(model, theta=theta), recordings)[0]))
+        slopes[i] = (moved - size) / (0.01 * spread[i])
     return float(np.sqrt(max(slopes @ model.theta_cov @ slopes, 0.0)))

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.narx.identifier import FitStatus
 from deatwin.ident.narx.linear.polynomials import Orders
-from deatwin.ident.narx.linear.start import Record
+from deatwin.ident.narx.linear.search import Minimum, PredictionErrorLoss, minimise
+from deatwin.ident.narx.linear.start import Record, starting_points
 from deatwin.ident.narx.long_arx import answer_chance, enough_lags
 
 __all__ = ["judged"]
@@ -21,25 +23,33 @@ _LAGS = 30
 _LOOP = 1e-3
 """Chance of suspecting a loop where there is none: one test for each fit and input."""
 _DETERMINED = 0.1
-"""Two standard deviations of a pole's magnitude above which the data do not determine it: with one coefficient too
-many a pole and a zero cancel anywhere in the unit disc, which says nothing of its edge."""
+"""Two standard deviations of a pole's magnitude above which the data do not determine it."""
 
 
-def judged(orders: Orders, theta: Array, theta_cov: Array, records: Sequence[Record]) -> FitStatus:
+def judged(orders: Orders, found: Minimum, records: Sequence[Record]) -> FitStatus:
     """Return what a completed fit of F says: done, at the edge of stability, or of data from a loop.
+
+    With one coefficient too many a pole and a zero cancel somewhere, and often at the edge. So a pole there counts only
+    if the model without it, and without a zero, is worse by the criterion of Schwarz.
 
     Parameters
     ----------
     orders : Orders
         Which coefficients are free.
-    theta, theta_cov : ndarray, shapes (n_theta,) and (n_theta, n_theta)
-        Parameters and their covariance.
+    found : Minimum
+        The fit.
     records : sequence of (ndarray, ndarray)
         Inputs, (n_inputs, n), and output, (n,).
     """
     longest = max(output.size for _, output in records)
-    if _largest_pole(orders, theta, theta_cov) > 1.0 - 1.0 / longest:  # does not decay within the recording
-        return FitStatus.EDGE_OF_STABILITY
+    limit = 1.0 - 1.0 / longest  # beyond it nothing decays within the recording
+    smaller, less = orders, found
+    while (which := _at_edge(smaller, less, limit)) is not None:
+        fewer = _without_a_pole(smaller, which)
+        reduced = None if fewer is None else _fitted(fewer, records)
+        if fewer is None or reduced is None or _criterion(fewer, reduced, records) > _criterion(smaller, less, records):
+            return FitStatus.EDGE_OF_STABILITY
+        smaller, less = fewer, reduced
     n_inputs = len(orders.nb)
     lags = enough_lags(records, n_inputs, _LAGS)
     if orders.nd + orders.nc == 0 and lags and min(answer_chance(records, i, lags) for i in range(n_inputs)) < _LOOP:
@@ -47,21 +57,42 @@ def judged(orders: Orders, theta: Array, theta_cov: Array, records: Sequence[Rec
     return FitStatus.DONE
 
 
-def _largest_pole(orders: Orders, theta: Array, theta_cov: Array) -> float:
-    """The largest magnitude that a root of an F has, or has within two standard deviations."""
+def _without_a_pole(orders: Orders, which: int) -> Orders | None:
+    """One pole and one zero fewer from an input; None where it has no zero to spare."""
+    if orders.nb[which] < 2:
+        return None
+    nb, nf = list(orders.nb), list(orders.nf)
+    nb[which], nf[which] = nb[which] - 1, nf[which] - 1
+    return replace(orders, nb=tuple(nb), nf=tuple(nf))
+
+
+def _fitted(orders: Orders, records: Sequence[Record]) -> Minimum:
+    loss = PredictionErrorLoss(orders, records)
+    found = [minimise(loss, start) for start in starting_points(orders, records)]
+    return min(found, key=lambda one: one.noise_variance)
+
+
+def _criterion(orders: Orders, found: Minimum, records: Sequence[Record]) -> float:
+    """Schwarz' criterion of a fit; the states at the start count as parameters."""
+    n = sum(output.size for _, output in records)
+    unknowns = orders.n_theta + len(records) * sum(orders.nf)
+    return float(n * np.log(found.noise_variance) + unknowns * np.log(n))
+
+
+def _at_edge(orders: Orders, found: Minimum, limit: float) -> int | None:
+    """The input whose F has a root on the edge, or one within two standard deviations; None where there is none."""
     ends = np.cumsum(orders.sizes)
-    largest, m = 0.0, len(orders.nb)
+    m = len(orders.nb)
     for i, nf in enumerate(orders.nf):
         part = slice(ends[m + i], ends[m + i + 1])
-        f = np.r_[1.0, theta[part]]
+        f = np.r_[1.0, found.theta[part]]
         slope = np.polyder(f)
         for root in np.roots(f):
             size, steep = abs(root), np.polyval(slope, root)
-            largest = max(largest, size)
-            if size == 0.0 or steep == 0.0:
-                continue
-            moved = (np.conj(root) / size * -(root ** np.arange(nf - 1, -1, -1)) / steep).real
-            width = 2.0 * float(np.sqrt(max(moved @ theta_cov[part, part] @ moved, 0.0)))
-            if width < _DETERMINED:
-                largest = max(largest, size + width)
-    return float(largest)
+            width = 0.0
+            if size > 0.0 and steep != 0.0:
+                moved = (np.conj(root) / size * -(root ** np.arange(nf - 1, -1, -1)) / steep).real
+                width = 2.0 * float(np.sqrt(max(moved @ found.theta_cov[part, part] @ moved, 0.0)))
+            if size > limit or (width < _DETERMINED and size + width > limit):
+                return i
+    return None

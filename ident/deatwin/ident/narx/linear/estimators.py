@@ -100,7 +100,7 @@ class LinearIdentifier(Identifier, ABC):
         progress(1.0, "done")
         best = min(found, key=lambda one: one.noise_variance)
         if self.status_.ok and any(orders.nf):
-            self.status_ = judged(orders, best.theta, best.theta_cov, loss.records)
+            self.status_ = judged(orders, best, loss.records)
         return best
 
     def _model(self, orders: Orders, data: Regression, found: Minimum) -> LinearModel:
