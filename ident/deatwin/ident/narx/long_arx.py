@@ -242,7 +242,8 @@ def n_residuals(signals: Signals, longest: int) -> int:
 
 def _order(columns: Array, fixed: int) -> int:
     """Number of output lags by Akaike's criterion: the triangle has the residual of each number of columns."""
-    last = np.linalg.qr(columns, mode="r")[:, -1] ** 2
+    triangle: Array = np.linalg.qr(columns, mode="r")
+    last = triangle[:, -1] ** 2
     squares = np.cumsum(last[::-1])[::-1][fixed:-1]  # with 0, 1, ... lags of the output
     n = columns.shape[0]
     squares = np.maximum(squares, n * _RESOLVED**2)

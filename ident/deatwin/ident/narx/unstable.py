@@ -149,4 +149,4 @@ def _deviation(model: NarxModel, recordings: Sequence[Recording]) -> float:
         theta[i] += 0.01 * spread[i]
         moved = float(abs(poles_at(replace(model, theta=theta), recordings)[0]))
         slopes[i] = (moved - size) / (0.01 * spread[i])
-    return float(np.sqrt(max(slopes @ model.theta_cov @ slopes, 0.0)))
+    return float(max(float(slopes @ model.theta_cov @ slopes), 0.0) ** 0.5)

@@ -174,6 +174,14 @@ def test_orders_begin_at_the_dead_time():
     assert 25 in choice.chosen.input_lags and choice.chosen.n_input_terms and not choice.warnings
     assert choice.dead_times[0].samples == 25
     blind = choose_orders(Frols(), training, validation, output_lags=(1,), input_lags=(3,), degrees=(1,))
-    assert any("has no input" in text for text in blind.warnings)
     assert any("after the last input lag, 3" in text for text in blind.warnings)
-    assert "has no input" in str(blind)
+
+
+def test_a_choice_without_an_input_is_said():
+    """A plant that does not answer to its input at all, so that the best model has none."""
+    rng = np.random.default_rng(8)
+    y = lfilter([1.0], [1.0, -0.9], rng.normal(size=2000))
+    record = Recording.from_arrays(rng.normal(size=2000), y, 0.1)
+    choice = choose_orders(Frols(), record.section(0, 1200), record.section(1200, 2000), output_lags=(1,), degrees=(1,))
+    assert not choice.chosen.n_input_terms and choice.dead_times[0].status is DeadTimeStatus.UNSEEN
+    assert "the chosen model has no input" in str(choice) and "cannot be told" in str(choice)
