@@ -242,7 +242,7 @@ def n_residuals(signals: Signals, longest: int) -> int:
 
 def _order(columns: Array, fixed: int) -> int:
     """Number of output lags by Akaike's criterion: the triangle has the residual of each number of columns."""
-    triangle: Array = np.linalg.qr(columns, mode="r")
+    triangle = np.asarray(np.linalg.qr(columns, mode="r"), dtype=np.float64)
     last = triangle[:, -1] ** 2
     squares = np.cumsum(last[::-1])[::-1][fixed:-1]  # with 0, 1, ... lags of the output
     n = columns.shape[0]
