@@ -46,8 +46,12 @@ def judged(orders: Orders, found: Minimum, records: Sequence[Record]) -> FitStat
     smaller, less = orders, found
     while (which := _at_edge(smaller, less, limit)) is not None:
         fewer = _without_a_pole(smaller, which)
-        reduced = None if fewer is None else _fitted(fewer, records)
-        if fewer is None or reduced is None or _criterion(fewer, reduced, records) > _criterion(smaller, less, records):
+        if fewer is None:
+            return FitStatus.EDGE_OF_STABILITY
+        reduced, n_errors = _fitted(fewer, records)
+        unknowns = 2 + len(records)  # a coefficient of B and of F, and a state at each start
+        gain = n_errors * np.log(reduced.noise_variance / less.noise_variance)
+        if gain > unknowns * np.log(n_errors):
             return FitStatus.EDGE_OF_STABILITY
         smaller, less = fewer, reduced
     n_inputs = len(orders.nb)
@@ -66,17 +70,22 @@ def _without_a_pole(orders: Orders, which: int) -> Orders | None:
     return replace(orders, nb=tuple(nb), nf=tuple(nf))
 
 
-def _fitted(orders: Orders, records: Sequence[Record]) -> Minimum:
+def _fitted(orders: Orders, records: Sequence[Record]) -> tuple[Minimum, float]:
+    """The best fit, and how many independent errors those that it leaves count for.
+
+    Correlated errors tell as much about a constant as n less by the sum of their correlations; so a slow pole that but
+    follows slow noise does not count.
+    """
     loss = PredictionErrorLoss(orders, records)
     found = [minimise(loss, start) for start in starting_points(orders, records)]
-    return min(found, key=lambda one: one.noise_variance)
-
-
-def _criterion(orders: Orders, found: Minimum, records: Sequence[Record]) -> float:
-    """Schwarz' criterion of a fit; the states at the start count as parameters."""
-    n = sum(output.size for _, output in records)
-    unknowns = orders.n_theta + len(records) * sum(orders.nf)
-    return float(n * np.log(found.noise_variance) + unknowns * np.log(n))
+    best = min(found, key=lambda one: one.noise_variance)
+    errors = loss.errors(loss.started(orders.split(best.theta)))
+    n = errors.size
+    width = int(np.sqrt(n))
+    products = np.array([errors[lag:] @ errors[: n - lag] for lag in range(width)])
+    correlations = products[1:] / max(float(products[0]), np.finfo(float).tiny)
+    inflation = 1.0 + 2.0 * float((1.0 - np.arange(1, width) / width) @ correlations)
+    return best, n / max(inflation, 1.0)
 
 
 def _at_edge(orders: Orders, found: Minimum, limit: float) -> int | None:
