@@ -176,9 +176,9 @@ def estimate_dead_time(
     than chance (robust Wald tests) bound the dead time from above. Plants of first and second order in the whitened
     signals then give each shorter dead time its likelihood, and the criterion of Schwarz makes it a probability. The
     interval leaves out half of 1 - `probability` at either end of these. Neither held, slow and autocorrelated inputs
-    nor coloured noise bias it: of 480 simulated recordings at 10 to 40 dB, with dead times of 0 to 60 samples, 479 of the
-    intervals for 95 % held the truth. Where the plant is of higher order the dead time is that of its approximation, as far as
-    the tests allow.
+    nor coloured noise bias it: of 480 simulated recordings at 10 to 40 dB, with dead times of 0 to 60 samples, 479
+    intervals for 95 % held the truth. Where the plant is of higher order the dead time is that of its approximation, as
+    far as the tests allow.
 
     At most 20 000 samples, the first of each recording, are used.
 
