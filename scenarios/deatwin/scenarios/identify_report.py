@@ -80,6 +80,27 @@ class Identified:
         name = amplitude_unit(self.model.output_units[0])[0]
         return "" if name in ("", "1") else f"_{name}"
 
+    @property
+    def steps(self) -> int | None:
+        """How many steps ahead an unstable model is judged; None where it is judged by its free run."""
+        unstable = None if self.validation is None else self.validation.unstable
+        return None if unstable is None else unstable.steps
+
+    @property
+    def judged(self) -> str:
+        """What it is judged by."""
+        return "free run" if self.steps is None else f"prediction {self.steps} steps ahead"
+
+    def run(self, part: Recording) -> NarxResponse:
+        """What it is judged by, over a recording.
+
+        Parameters
+        ----------
+        part : Recording
+            Not fitted.
+        """
+        return self.model.simulate(part) if self.steps is None else self.model.predict(part, steps=self.steps)
+
     def amount(self, value: float) -> str:
         """A size of an output, with its unit.
 
@@ -107,7 +128,7 @@ def write_identified(found: Identified, folder: ResultFolder, record: RunRecord)
     record : RunRecord
         The run, for the end of the page.
     """
-    runs = [found.model.simulate(part) for part in found.unseen]
+    runs = [found.run(part) for part in found.unseen]
     drawings = [_free_run(found, folder, number, part, run) for number, (part, run) in _first(found, runs)]
     drawings.append(_terms(found, folder))
     if found.validation is not None and found.validation.tests:
@@ -116,12 +137,16 @@ def write_identified(found: Identified, folder: ResultFolder, record: RunRecord)
     reached = sum(row.passed for row in rows)
     worst = max(runs, key=lambda run: run.rms_error)
     sentence = (
-        f"A NARX model of {len(found.model.terms)} terms ({found.method}): on what it has not seen its free run is off "
-        f"by {found.amount(worst.rms_error)} rms{' at most' if len(runs) > 1 else ''}; {reached} of {len(rows)} "
+        f"A NARX model of {len(found.model.terms)} terms ({found.method}): on what it has not seen its "
+        f"{found.judged} is off by {found.amount(worst.rms_error)} rms{' at most' if len(runs) > 1 else ''}; "
+        f"{reached} of {len(rows)} "
         "measures reached."
     )
     said = found.validation.status.value if found.validation is not None else f"no correlation tests: {found.why_not}"
-    notes = [Note(title="What the residual says", paragraphs=[f"{said[:1].upper()}{said[1:]}."])]
+    unstable = None if found.validation is None else found.validation.unstable
+    more = [] if unstable is None else unstable.sentences(found.model.output_units)
+    paragraphs = [f"{text[:1].upper()}{text[1:]}." for text in (said, *more)]
+    notes = [Note(title="What the residual says", paragraphs=paragraphs)]
     if not found.complete:
         notes.append(Note(title="Interrupted", paragraphs=["The search for terms was stopped before its end."]))
     if found.notes:
@@ -138,7 +163,7 @@ def _first(found: Identified, runs: Sequence[NarxResponse]) -> list[tuple[int, t
 
 def _free_run(found: Identified, folder: ResultFolder, number: int, part: Recording, run: NarxResponse) -> Drawing:
     """Measured and simulated output of an unseen part, what is left, and the input."""
-    name, title = f"free_run_{number}", f"Free run on the unseen part of {label(part)}"
+    name, title = f"free_run_{number}", f"{found.judged.capitalize()} on the unseen part of {label(part)}"
     timepts, measured, simulated = run.timepts, run.measured[0] / found.scale, run.outputs[0] / found.scale
     command = part.inputs[0][-timepts.size :]
     unit = f" ({found.unit})" if found.unit else ""
@@ -146,7 +171,7 @@ def _free_run(found: Identified, folder: ResultFolder, number: int, part: Record
     with draw((7.4, 5.0)) as figure:
         upper, middle, lower = figure.subplots(3, 1, sharex=True, height_ratios=(3, 1.6, 1.3))
         upper.plot(*envelope(timepts, measured), color=MEASURED, linewidth=2.2, label="measured")
-        upper.plot(*envelope(timepts, simulated), color=AFTER, linewidth=1.0, label="free run of the model")
+        upper.plot(*envelope(timepts, simulated), color=AFTER, linewidth=1.0, label=f"{found.judged} of the model")
         middle.plot(*envelope(timepts, measured - simulated), color=BEFORE, linewidth=0.8)
         middle.axhline(0, color=INK, linewidth=0.6)
         lower.plot(*envelope(timepts, command), color=INK, linewidth=0.8)
@@ -155,7 +180,8 @@ def _free_run(found: Identified, folder: ResultFolder, number: int, part: Record
         lower.set(xlabel="time (s)", ylabel=f"{part.input_names[0].replace('_', ' ')}{input_unit}")
         figure.align_ylabels()
         figure.legend(*upper.get_legend_handles_labels(), loc="outside upper left", ncols=2)
-        caption = "Only the input and the first outputs are given to it. None of this was fitted."
+        given = "the first outputs" if found.steps is None else f"the outputs until {found.steps} samples before"
+        caption = f"Only the input and {given} are given to it. None of this was fitted."
         drawing = Drawing.of(figure, name, title, caption)
     folder.csv(drawing.data, {
         "time_s": timepts, "input": command, f"measured{found.column}": measured, f"model{found.column}": simulated,
@@ -203,8 +229,9 @@ def _rows(found: Identified, runs: Sequence[NarxResponse]) -> list[Row]:
     for part, run in zip(found.unseen, runs, strict=True):
         moved = float(np.std(run.measured[0]))
         rows.append(Row(
-            measure=f"free run on the unseen part of {label(part)}", demanded=f"below {found.amount(moved)} rms, which "
-            "the mean of the output leaves", reached=f"{found.amount(run.rms_error)} rms"
+            measure=f"{found.judged} on the unseen part of {label(part)}",
+            demanded=f"below {found.amount(moved)} rms, which the mean of the output leaves",
+            reached=f"{found.amount(run.rms_error)} rms"
             f"{'' if run.status.ok else ' until it diverged'}",
             passed=run.status.ok and run.rms_error < moved,
         ))  # fmt: skip

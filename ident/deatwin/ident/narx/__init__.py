@@ -27,6 +27,7 @@ from deatwin.ident.narx.shrinkage import Ridge
 from deatwin.ident.narx.svb import CleanUpMove, PruningStep, SvbNarx
 from deatwin.ident.narx.terms import Term, TermTable, Variable, generate_terms
 from deatwin.ident.narx.trajectory import ThetaTrajectory
+from deatwin.ident.narx.unstable import Unstable
 from deatwin.ident.narx.validate import Validation, ValidationStatus, validate
 from deatwin.plant.recording import Experiment, Recording
 
@@ -61,6 +62,7 @@ __all__ = [
     "ThetaSmoother",
     "ThetaTrajectory",
     "TotalLeastSquares",
+    "Unstable",
     "Validation",
     "ValidationStatus",
     "Variable",

@@ -29,10 +29,18 @@ class FitStatus(Enum):
 
     DONE = "done"
     INTERRUPTED = "interrupted: the model is the best that was found until then; fit again for the whole search"
+    EDGE_OF_STABILITY = (
+        "the best stable model has a pole at the edge of stability: the output integrates, or does not follow from the "
+        "input alone, because the plant is unstable or the recording was made in a loop; use Armax"
+    )
+    LOOP_SUSPECTED = (
+        "the input answers to the output, so a loop is suspected, and a model of the output error is biased by it: use "
+        "Armax or BoxJenkins, which model the noise"
+    )
 
     @property
     def ok(self) -> bool:
-        """Whether the search was completed."""
+        """Whether the search was completed, and nothing speaks against its result."""
         return self is FitStatus.DONE
 
 

@@ -58,6 +58,8 @@ class Reliance:
         found = []
         if self.status is ValidationStatus.DIVERGED:
             found.append("the model's free run diverged on held-out data")
+        elif self.status is ValidationStatus.UNSTABLE:
+            found.append("the model is unstable, so that its free run on held-out data says nothing")
         elif not self.status.ok:
             tests = f" ({', '.join(self.failed)})" if self.failed else ""
             found.append(
@@ -146,7 +148,7 @@ def assess_reliance(model: NarxModel, recordings: Sequence[Recording]) -> Relian
     except ModelError:
         return None
     names = tuple(dict.fromkeys(test.name for test in found.failed))
-    if found.diverged or model.n_outputs != 1:
+    if found.diverged or found.status is ValidationStatus.UNSTABLE or model.n_outputs != 1:
         return Reliance(status=found.status, failed=names)
     error, width = _gain_error([model.simulate(recording).outputs[0] for recording in recordings], recordings)
     return Reliance(status=found.status, failed=names, gain_error=error, gain_error_half_width=width)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.narx.fit import Fit
 from deatwin.ident.narx.model import NarxModel
-from deatwin.ident.narx.operating import read_only
 from deatwin.ident.narx.panels import panels_or_new
 from deatwin.ident.narx.regression import Recordings, flatten
 from deatwin.ident.narx.residual_tests import CorrelationTest, Whiteness, correlation_tests, whiteness_of
-from deatwin.ident.narx.response import NarxResponse
+from deatwin.ident.narx.unstable import Unstable, unstable_model
 from deatwin.plant.documents import read_document, write_document
 from deatwin.plant.errors import ModelError, nearest
 
@@ -44,6 +44,11 @@ class ValidationStatus(Enum):
         "a noise model (terms in e) is missing"
     )
     STRUCTURE = "the residual depends on the input: terms are missing, or the lags or the degree are too small"
+    UNSTABLE = (
+        "the model is unstable and the recorded output is not: if the plant is unstable too, the recording was "
+        "evidently made in a closed loop, so that a free run must run away and says nothing; judge the prediction "
+        "several steps ahead"
+    )
     DIVERGED = "the free run diverges: choose another structure, or stay within the operating range"
     EXACT = "the residual is rounding error: there is nothing to test"
 
@@ -51,36 +56,6 @@ class ValidationStatus(Enum):
     def ok(self) -> bool:
         """Whether the model may be used as it is."""
         return self in (ValidationStatus.PASSED, ValidationStatus.EXACT)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Fit:
-    """How well the outputs of a model agree with the measured ones, over all recordings together.
-
-    Parameters
-    ----------
-    mean_square : ndarray, shape (n_outputs,)
-        sum (y - yhat)^2 / N, in squared units of the outputs; infinite where a free run diverged.
-    nrmse : ndarray, shape (n_outputs,)
-        sqrt( sum (y - yhat)^2 / sum (y - mean y)^2 ).
-    """
-
-    mean_square: Array
-    nrmse: Array
-
-    def __post_init__(self) -> None:
-        for item in fields(self):
-            object.__setattr__(self, item.name, read_only(getattr(self, item.name)))
-
-    @property
-    def percent(self) -> Array:
-        """100 (1 - nrmse), shape (n_outputs,); 100 is perfect, the mean of the output gives 0."""
-        return np.asarray(100.0 * (1.0 - self.nrmse), dtype=np.float64)
-
-    @property
-    def rms(self) -> Array:
-        """Root of `mean_square`, shape (n_outputs,), in the outputs' units."""
-        return np.asarray(np.sqrt(self.mean_square), dtype=np.float64)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -107,6 +82,8 @@ class Validation:
         Whether the residual is but rounding error, so that there are no tests.
     input_names, output_names, output_units : tuple of str
         Names and units of the signals.
+    unstable : Unstable or None
+        The pole outside of the unit circle, and the fit of predictions as many steps ahead as it takes to grow by e.
     """
 
     one_step: Fit
@@ -120,6 +97,7 @@ class Validation:
     input_names: tuple[str, ...] = ("input",)
     output_names: tuple[str, ...] = ("output",)
     output_units: tuple[str, ...] = ("",)
+    unstable: Unstable | None = None
 
     @property
     def mspe(self) -> Array:
@@ -138,7 +116,9 @@ class Validation:
 
     @property
     def status(self) -> ValidationStatus:
-        """What the tests say together; a diverged free run comes first."""
+        """What the tests say together; an unstable model and a diverged free run come first."""
+        if self.unstable is not None:
+            return ValidationStatus.UNSTABLE
         if self.diverged:
             return ValidationStatus.DIVERGED
         if self.exact:
@@ -208,6 +188,8 @@ class Validation:
 
     def __str__(self) -> str:
         lines = [f"{self.n_samples} samples: {self.status.value}"]
+        if self.unstable is not None:
+            lines += self.unstable.sentences(self.output_units)
         for record, time in self.diverged:
             lines.append(f"the free run of recording {record + 1} diverged at {time:g} s")
         lines.append(f"{'output':16s}{'MSPE':>11s}{'NRMSE':>9s}{'fit %':>8s}{'MSSE':>13s}{'NRMSE':>9s}{'fit %':>8s}")
@@ -244,6 +226,13 @@ class Validation:
         def fit(one: Fit) -> dict[str, Any]:
             return {"mean_square": finite(one.mean_square), "nrmse": finite(one.nrmse)}
 
+        unstable = None
+        if self.unstable is not None:
+            pole = self.unstable.pole
+            unstable = {
+                "pole": [pole.real, pole.imag], "sample_time_s": self.unstable.sample_time,
+                "steps": self.unstable.steps, "ahead": fit(self.unstable.ahead),
+            }  # fmt: skip
         return {
             "schema": SCHEMA,
             "status": self.status.name.lower(),
@@ -257,6 +246,7 @@ class Validation:
             ],
             "one_step": fit(self.one_step),
             "free_run": fit(self.free_run),
+            "unstable": unstable,
             "diverged": [{"recording": record, "time_s": time} for record, time in self.diverged],
             "tests": [
                 {
@@ -340,12 +330,12 @@ def validate(model: NarxModel, recordings: Recordings, *, max_lag: int = 25, lev
             f"{n_samples // _LEAST_SAMPLES}, and the level lies between 0 and 1"
         )
     largest = np.max([np.abs(record.outputs).max(axis=1) for record in chosen], axis=0)
-    exact = bool(np.any(np.sqrt(_fit(predicted).mean_square) <= _ROUNDING * largest))
+    exact = bool(np.any(np.sqrt(Fit.of(predicted).mean_square) <= _ROUNDING * largest))
     inputs = [record.inputs[:, response.first :] for record, response in zip(chosen, predicted, strict=True)]
     rows = range(model.n_outputs)
     return Validation(
-        one_step=_fit(predicted),
-        free_run=_fit(simulated),
+        one_step=Fit.of(predicted),
+        free_run=Fit.of(simulated),
         diverged=tuple((i, r.failed_at_s) for i, r in enumerate(simulated) if r.failed_at_s is not None),
         tests=() if exact else correlation_tests(residuals, inputs, max_lag=max_lag, level=level),
         whiteness=() if exact else tuple(whiteness_of(residuals, row, max_lag=max_lag) for row in rows),
@@ -355,26 +345,22 @@ def validate(model: NarxModel, recordings: Recordings, *, max_lag: int = 25, lev
         input_names=model.input_names,
         output_names=model.output_names,
         output_units=model.output_units,
+        unstable=unstable_model(model, chosen, diverged=any(not run.status.ok for run in simulated)),
     )
-
-
-def _fit(responses: Sequence[NarxResponse]) -> Fit:
-    """Return the fit over all recordings; of a free run that diverged there is none."""
-    residuals = np.concatenate([response.residuals for response in responses], axis=1)
-    measured = np.concatenate([response.measured[:, response.first :] for response in responses], axis=1)
-    square = np.sum(residuals**2, axis=1)
-    if not all(response.status.ok for response in responses):
-        square = np.full(len(square), np.inf)
-    around = np.sum((measured - measured.mean(axis=1, keepdims=True)) ** 2, axis=1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return Fit(mean_square=square / residuals.shape[1], nrmse=np.sqrt(square / around))
 
 
 def _fields_of(document: Mapping[str, Any]) -> dict[str, Any]:
     def fit(one: Mapping[str, Any]) -> Fit:
         return Fit(**{k: np.array([math.inf if v is None else v for v in one[k]]) for k in ("mean_square", "nrmse")})
 
+    unstable = None
+    if (told := document["unstable"]) is not None:
+        unstable = Unstable(
+            pole=complex(*told["pole"]), sample_time=float(told["sample_time_s"]), steps=int(told["steps"]),
+            ahead=fit(told["ahead"]),
+        )  # fmt: skip
     return {
+        "unstable": unstable,
         "one_step": fit(document["one_step"]),
         "free_run": fit(document["free_run"]),
         "diverged": tuple((int(item["recording"]), float(item["time_s"])) for item in document["diverged"]),

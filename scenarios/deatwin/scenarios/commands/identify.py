@@ -24,7 +24,7 @@ class Candidates(TypedDict):
     """Which terms compete."""
 
     output_lags: int
-    input_lags: range
+    input_lags: tuple[int, ...]
     degree: int
 
 
@@ -51,8 +51,16 @@ MethodOption = Annotated[
         help="svb: sparse variational Bayes; frols: forward regression; lasso; semp: least free-run error (slower)."
     ),
 ]
+InputLag = Annotated[
+    int | None, typer.Option(min=0, help="Last lag of the input; when not given, 2, or 2 after its dead time.")
+]
 FirstInputLag = Annotated[
-    int, typer.Option(min=0, help="First lag of the input: 0 where a reading ends its row, as on the rig, else 1.")
+    int | None,
+    typer.Option(
+        min=0,
+        help="First lag of the input: 0 where a reading ends its row, as on the rig, else 1. When not given, 0, or its "
+        "dead time.",
+    ),
 ]
 MaxTerms = Annotated[int, typer.Option(min=1, help="Largest number of terms (not for svb).")]
 
@@ -68,8 +76,8 @@ def identify(
     out: ModelFile,
     method: MethodOption = Method.SVB,
     output_lags: Annotated[int, typer.Option(min=1, help="Lags 1 to this of the output.")] = 2,
-    input_lags: Annotated[int, typer.Option(min=0, help="Last lag of the input.")] = 2,
-    first_input_lag: FirstInputLag = 0,
+    input_lags: InputLag = None,
+    first_input_lag: FirstInputLag = None,
     degree: Annotated[int, typer.Option(min=1, help="Largest degree of a term.")] = 2,
     max_terms: MaxTerms = 15,
     input_column: InputColumn = None,
@@ -91,12 +99,12 @@ def identify(
     from deatwin.plant.checks import require_excitation
     from deatwin.plant.files import read_recordings
     from deatwin.scenarios.folder import ResultFolder, require_place
+    from deatwin.scenarios.identify_lags import FIRST, LAST, choose_input_lags
     from deatwin.scenarios.provenance import RunRecord, hashes
 
-    if input_lags < first_input_lag:
-        raise typer.BadParameter(
-            f"the last lag, {input_lags}, lies before the first, {first_input_lag}", param_hint="--input-lags"
-        )
+    first, last = FIRST if first_input_lag is None else first_input_lag, LAST if input_lags is None else input_lags
+    if last < first:
+        raise typer.BadParameter(f"the last lag, {last}, lies before the first, {first}", param_hint="--input-lags")
     voice = Voice(as_json=as_json, quiet=quiet)
     require_place(out, recordings)
     with nullcontext() if report is None else ResultFolder(report) as folder:
@@ -109,13 +117,14 @@ def identify(
             )
         ]
         require_excitation(records)
-        lags: Candidates = {
-            "output_lags": output_lags, "input_lags": range(first_input_lag, input_lags + 1), "degree": degree
-        }  # fmt: skip
+        pieces = [_split(record) for record in records]
+        chosen = choose_input_lags([fitted for fitted, _ in pieces], first_input_lag, input_lags)
+        for sentence in chosen.sentences:
+            voice.say(sentence)
+        lags: Candidates = {"output_lags": output_lags, "input_lags": chosen.lags, "degree": degree}
         identifier = _identifier(method, lags, max_terms)
         with voice.progress("choosing terms") as progress:
             progress(0.0, "choosing terms")
-            pieces = [_split(record) for record in records]
             try:
                 identifier.fit([fitted for fitted, _ in pieces], progress=progress)
             except KeyboardInterrupt:
@@ -136,7 +145,8 @@ def identify(
         terms = {str(term): float(value) for term, value in zip(model.terms, model.theta, strict=True)}
         voice.result({
             "out": str(out), "terms": terms, "origins": _origins(model), "complete": identifier.status_.ok,
-            "notes": list(identifier.notes_), "unseen": errors,
+            "notes": list(identifier.notes_), "unseen": errors, "input_lags": chosen.lags,
+            "dead_times": chosen.document,
         })  # fmt: skip
         if not identifier.status_.ok:
             raise typer.Exit(130)
@@ -191,6 +201,8 @@ def _say(voice: Voice, model: NarxModel, errors: list[dict[str, Any]], labels: l
         free = f"{error['free_run']:.4g}{unit}" if error["finished"] else f"{error['free_run']:.4g}{unit} (diverged)"
         voice.say(f"{label}, unseen part: one step {error['one_step']:.4g}{unit} rms, free run {free} rms")
         voice.say(f"  {error['validation']}")
+        for sentence in error["unstable"]:
+            voice.say(f"  {sentence}")
 
 
 def _origins(model: NarxModel) -> dict[str, float]:
@@ -265,8 +277,12 @@ def _tested(model: NarxModel, unseen: Recording) -> dict[str, Any]:
     try:
         found = validate(model, unseen)
     except ModelError as error:
-        return {"validation": f"no correlation tests: {error}", "failed_tests": None}
-    return {"validation": found.status.value, "failed_tests": [test.name for test in found.failed]}
+        return {"validation": f"no correlation tests: {error}", "failed_tests": None, "unstable": []}
+    return {
+        "validation": found.status.value,
+        "failed_tests": [test.name for test in found.failed],
+        "unstable": [] if found.unstable is None else found.unstable.sentences(found.output_units),
+    }
 
 
 def _labels(records: list[Recording]) -> list[str]:

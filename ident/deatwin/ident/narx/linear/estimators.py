@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from deatwin.ident.narx.estimation import LeastSquares
 from deatwin.ident.narx.identifier import FitStatus, Identifier, Progress, silent
+from deatwin.ident.narx.linear.edge import judged
 from deatwin.ident.narx.linear.model import LinearModel
 from deatwin.ident.narx.linear.polynomials import Orders, per_input
 from deatwin.ident.narx.linear.search import Minimum, PredictionErrorLoss, minimise
@@ -34,7 +35,8 @@ class LinearIdentifier(Identifier, ABC):
     model_ : LinearModel
         What was learned, in physical units.
     status_ : FitStatus
-        Whether the search was completed.
+        Whether the search was completed; of models with F whether a pole came to lie at the edge of stability, and
+        of `OutputError` whether the input answers to the output.
     """
 
     model_: LinearModel
@@ -96,7 +98,10 @@ class LinearIdentifier(Identifier, ABC):
                 self.status_ = FitStatus.INTERRUPTED
                 break
         progress(1.0, "done")
-        return min(found, key=lambda one: one.noise_variance)
+        best = min(found, key=lambda one: one.noise_variance)
+        if self.status_.ok and any(orders.nf):
+            self.status_ = judged(orders, best, loss.records)
+        return best
 
     def _model(self, orders: Orders, data: Regression, found: Minimum) -> LinearModel:
         """Return the model in physical units."""

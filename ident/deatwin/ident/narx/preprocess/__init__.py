@@ -1,9 +1,11 @@
-"""Before a NARX model is fitted: what is in the recordings, which sections, which sampling time, which orders.
+"""Before a NARX model is fitted: what is in the recordings, which sections, which dead
+times, which sampling time, which orders.
 
 Nothing is altered on the way: `inspect_recordings` names what it finds, `choose_sections` and `choose_sampling`
 choose and give their reasons, and only `decimate` makes new samples, when it is told to.
 """
 
+from deatwin.ident.narx.preprocess.dead_time import DeadTime, DeadTimeStatus, estimate_dead_time, lags_after
 from deatwin.ident.narx.preprocess.decimation import (
     SamplingChoice,
     SamplingStatus,
@@ -23,6 +25,8 @@ from deatwin.ident.narx.preprocess.sections import (
 )
 
 __all__ = [
+    "DeadTime",
+    "DeadTimeStatus",
     "Finding",
     "FindingKind",
     "OrderChoice",
@@ -38,7 +42,9 @@ __all__ = [
     "choose_sampling",
     "choose_sections",
     "decimate",
+    "estimate_dead_time",
     "inspect_recordings",
+    "lags_after",
     "removed_share",
     "stationarity_tests",
 ]

@@ -64,6 +64,7 @@ def orders_dataset(choice: OrderChoice) -> Any:
             **given,
             "degree": ("trial", [trial.degree for trial in choice.trials]),
             "n_terms": ("trial", [trial.n_terms for trial in choice.trials]),
+            "n_input_terms": ("trial", [trial.n_input_terms for trial in choice.trials]),
             "error": ("trial", [t.error for t in choice.trials], choice.unit, "RMS of the free run, held-out data"),
             "mean_square": ("trial", [trial.mean_square for trial in choice.trials], squared(choice.unit)),
             "standard_error": ("trial", [t.standard_error for t in choice.trials], squared(choice.unit),

@@ -12,7 +12,9 @@ import numpy as np
 
 from deatwin.ident.narx.identifier import NarxIdentifier, Progress, silent
 from deatwin.ident.narx.lags import Lags, lags_anywhere
+from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.preprocess.datasets import orders_dataset
+from deatwin.ident.narx.preprocess.dead_time import DeadTime, estimate_dead_time, lags_after
 from deatwin.ident.narx.regression import Recordings, flatten
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant.drawing import axes_or_new
@@ -48,6 +50,8 @@ class OrderTrial:
         Largest degree of the candidates.
     n_terms : int
         Terms of the fitted model; 0 where there is none.
+    n_input_terms : int
+        Those of them that hold an input.
     error : float
         Root mean square of the free-run error over the held-out data, in the output's unit; infinite where
         there is none.
@@ -64,6 +68,7 @@ class OrderTrial:
     input_lags: Lags
     degree: int
     n_terms: int = 0
+    n_input_terms: int = 0
     error: float = np.inf
     mean_square: float = np.inf
     standard_error: float = np.inf
@@ -81,10 +86,13 @@ class OrderChoice:
         All points, those that failed or were not run too.
     unit : str
         Unit of the errors.
+    dead_times : tuple of DeadTime
+        Of each input in the training data.
     """
 
     trials: tuple[OrderTrial, ...]
     unit: str = ""
+    dead_times: tuple[DeadTime, ...] = ()
 
     @property
     def done(self) -> tuple[OrderTrial, ...]:
@@ -120,14 +128,29 @@ class OrderChoice:
         limit = self.best.mean_square + self.best.standard_error
         return min((trial for trial in self.done if trial.mean_square <= limit), key=_size)
 
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What speaks against the chosen model: it has no input, or its lags end before an input acts."""
+        if not self.done:
+            return ()
+        said, chosen = [], self.chosen
+        if self.dead_times and not chosen.n_input_terms:
+            said.append("the chosen model has no input: in none of these lags did an input lessen the free-run error")
+        last = _largest(chosen.input_lags)
+        late = [one for one in self.dead_times if one.interval is not None and one.interval[0] > last]
+        said += [f"{one}, which is after the last input lag, {last}" for one in late]
+        if not chosen.n_input_terms:
+            said += [str(one) for one in self.dead_times if one.samples is None]
+        return tuple(said)
+
     def __str__(self) -> str:
         lines = ["output lags  input lags  degree  terms  free-run error"]
         for trial in self.trials:
             error = f"{trial.error:.4g} {self.unit}" if trial.status is TrialStatus.DONE else trial.status.name.lower()
             mark = "  <- chosen" if self.done and trial is self.chosen else ""
-            lags = f"{trial.output_lags!s:>11}  {trial.input_lags!s:>10}"
+            lags = f"{_short(trial.output_lags):>11}  {_short(trial.input_lags):>10}"
             lines.append(f"{lags}  {trial.degree:>6}  {trial.n_terms:>5}  {error}{mark}")
-        return "\n".join(lines)
+        return "\n".join([*lines, *self.warnings])
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the free-run error over the output lags, a line for each degree, divergence as a cross on top.
@@ -192,7 +215,8 @@ def choose_orders(
 ) -> OrderChoice:
     """Fit a grid of lags and degrees and run each model free over held-out data.
 
-    All errors are over the same samples: those after the largest lag of the grid. Ctrl-C keeps what is done.
+    All errors are over the same samples: those after the largest lag of the grid. Ctrl-C keeps what is done. Where an
+    input has a dead time (`estimate_dead_time`), lags that begin with it are tried too, unless input lags are given.
 
     Parameters
     ----------
@@ -203,7 +227,8 @@ def choose_orders(
     output_lags : iterable of Lags
         Those to try, each as the identifier takes it: a number n for 1..n, a sequence, or those of each channel.
     input_lags : iterable of Lags, optional
-        Those to try with each output lag; the same as the output lag when not given.
+        Those to try with each output lag. When not given, the same as the output lag, and as many from the dead
+        time of each input on.
     degrees : iterable of int
         Those to try.
     workers : int
@@ -220,18 +245,19 @@ def choose_orders(
     ModelError
         If the grid is empty or the held-out data are too short for its lags.
     """
+    held_out, train = flatten(validation), flatten(training)
     own, other = list(output_lags), None if input_lags is None else list(input_lags)
-    pairs = [(lag, lag) for lag in own] if other is None else list(product(own, other))
+    dead_times = estimate_dead_time(train) if train[0].inputs.size else ()
+    pairs = _with_dead_times(own, dead_times, held_out) if other is None else list(product(own, other))
     grid = [OrderTrial(output_lags=y, input_lags=u, degree=d) for d in degrees for y, u in pairs]
     if not grid:
         raise ModelError("the grid is empty: give output lags and degrees")
-    held_out = flatten(validation)
     first = max(max(_largest(trial.output_lags), _largest(trial.input_lags)) for trial in grid)
     if any(record.n_samples < first + 2 * _BLOCKS for record in held_out):
         raise ModelError(
             f"a held-out recording is shorter than the {first + 2 * _BLOCKS} samples that lags up to {first} need"
         )
-    tell, train = progress or silent, flatten(training)
+    tell = progress or silent
     done: list[OrderTrial] = []
     chunk = 1 if workers == 1 else 8 * max(workers, 2)  # what an interrupt can cost
     try:
@@ -242,7 +268,22 @@ def choose_orders(
     except KeyboardInterrupt:
         if not done:
             raise
-    return OrderChoice(trials=(*done, *grid[len(done) :]), unit=held_out[0].output_units[0])
+    return OrderChoice(trials=(*done, *grid[len(done) :]), unit=held_out[0].output_units[0], dead_times=dead_times)
+
+
+def _with_dead_times(
+    output_lags: Sequence[Lags], dead_times: Sequence[DeadTime], held_out: Sequence[Recording]
+) -> list[tuple[Lags, Lags]]:
+    """Each output lag with as many input lags, from lag 1 and from the dead times on, as the held-out data allow."""
+    pairs: list[tuple[Lags, Lags]] = []
+    room = min(record.n_samples for record in held_out) - 2 * _BLOCKS
+    for lags in output_lags:
+        count = len(set(lags_anywhere(lags)))
+        late = lags_after(dead_times, count)
+        pairs.append((lags, lags))
+        if max(late, default=0) > count and late[-1] <= room:
+            pairs.append((lags, late))
+    return pairs
 
 
 def _try(
@@ -260,7 +301,7 @@ def _try(
     except (ModelError, np.linalg.LinAlgError) as error:
         return replace(trial, status=TrialStatus.FAILED, reason=str(error))
     runs = [model.simulate(record) for record in validation]
-    fitted = replace(trial, n_terms=len(model.terms), status=TrialStatus.DIVERGED)
+    fitted = replace(trial, n_terms=len(model.terms), n_input_terms=_n_with_input(model), status=TrialStatus.DIVERGED)
     if not all(run.status.ok for run in runs):
         return fitted
     squares = np.concatenate([(run.measured - run.outputs)[0, first:] ** 2 for run in runs])
@@ -272,6 +313,18 @@ def _try(
         standard_error=_standard_error(squares),
         status=TrialStatus.DONE,
     )
+
+
+def _n_with_input(model: NarxModel) -> int:
+    return sum(any(variable.kind == "u" for variable, _ in term.factors) for term in model.terms)
+
+
+def _short(lags: Lags) -> str:
+    """Lags as they are read: consecutive ones by the first and the last."""
+    listed = lags_anywhere(lags)
+    if isinstance(lags, int) or len(listed) < 3 or listed[-1] - listed[0] + 1 != len(listed):
+        return str(lags)
+    return f"{listed[0]}..{listed[-1]}"
 
 
 def _standard_error(squares: np.ndarray) -> float:

@@ -1,0 +1,270 @@
+"""A long ARX regression of an output on lagged inputs, and what its coefficients tell from chance.
+
+The regression A y(k) = sum_i B_i u_i(k) + e(k) with many lags whitens the noise, whatever its colour and whether or
+not the input answers to the output, and B_i begins where the plant from u_i does: 1/H, with H the model of the noise,
+begins with 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["LongArx", "Signals", "answer_chance", "enough_lags", "n_residuals"]
+
+Array = NDArray[np.float64]
+Signals = Sequence[tuple[Array, Array]]
+"""Inputs, (n_inputs, n), and output, (n,), of each recording, scaled to a variance of 1."""
+
+_OUTPUT_LAGS = 30
+"""Most lags of the output; Akaike's criterion takes what is needed of them."""
+_ANSWERS = 10
+"""Lags of the output from which an input that answers to it is foretold: more make the test less sharp."""
+_FOR_EACH = 5
+"""Samples for each unknown: fewer leave the residual's variance, and so all tests, to the unknowns."""
+_RESOLVED = 1e-9
+"""Share of the output below which a residual is rounding: readings have at most nine digits that mean anything."""
+
+
+@dataclass(frozen=True, eq=False)
+class LongArx:
+    """The regression on the lags `shortest` to `longest` of each input.
+
+    Parameters
+    ----------
+    signals : sequence of (ndarray, ndarray)
+        Of each recording.
+    shortest, longest : int
+        Smallest and largest lag of the inputs.
+    n_output_lags : int
+        Lags 1 to this of the output.
+    a : ndarray, shape (n_output_lags + 1,)
+        A, from q^0 on.
+    b : ndarray, shape (n_inputs, longest + 1)
+        B of each input, from lag 0 on; zero before the shortest lag.
+    b_std : ndarray, shape (n_inputs, longest + 1)
+        Standard deviation of each coefficient.
+    variance : float
+        Of e.
+    n_samples : int
+        Number of residuals.
+    """
+
+    signals: Signals
+    shortest: int
+    longest: int
+    n_output_lags: int
+    a: Array
+    b: Array
+    b_std: Array
+    variance: float
+    n_samples: int
+
+    @property
+    def lags(self) -> range:
+        """Lags of an input, the largest first: what the shorter ones tell beyond the longer ones is tested."""
+        return range(self.longest, self.shortest - 1, -1)
+
+    @property
+    def n_unknowns(self) -> int:
+        """Number of coefficients."""
+        return 1 + self.n_output_lags + self.b.shape[0] * len(self.lags)
+
+    @classmethod
+    def of(cls, signals: Signals, longest: int, *, shortest: int = 0) -> LongArx:
+        """Fit it by least squares; of collinear regressors the shortest solution.
+
+        Parameters
+        ----------
+        signals : sequence of (ndarray, ndarray)
+            Of each recording.
+        longest : int
+            Largest lag of the inputs.
+        shortest : int
+            Smallest one.
+        """
+        n_inputs = signals[0][0].shape[0]
+        lags = range(longest, shortest - 1, -1)
+        inputs = [_inputs(signals, i, lags) for i in range(n_inputs)]
+        past, target = _outputs(signals, longest)
+        order = _order(np.column_stack([np.ones(target.size), *inputs, past, target]), 1 + n_inputs * len(lags))
+        rows = np.column_stack([np.ones(target.size), past[:, :order], *inputs])
+        scale = np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
+        left, singular, right = np.linalg.svd(rows / scale, full_matrices=False)
+        kept = singular > 1e-10 * singular[0]
+        inverse = right[kept].T / singular[kept]
+        theta = inverse @ (left[:, kept].T @ target) / scale
+        error = target - rows @ theta
+        variance = max(float(error @ error) / (target.size - rows.shape[1]), _RESOLVED**2)
+        std = np.sqrt(variance * np.sum(inverse**2, axis=1)) / scale
+
+        def by_lag(values: Array) -> Array:
+            tested = values[order + 1 :].reshape(n_inputs, len(lags))[:, ::-1]
+            return np.asarray(np.pad(tested, ((0, 0), (shortest, 0))))
+
+        a = np.r_[1.0, -theta[1 : order + 1]]
+        return cls(signals, shortest, longest, order, a, by_lag(theta), by_lag(std), variance, target.size)
+
+    def chances(self, which: int) -> Array:
+        """How probable it is that chance makes each of an input's coefficients as large as it is.
+
+        Parameters
+        ----------
+        which : int
+            Row of the input.
+
+        Returns
+        -------
+        ndarray, shape (longest + 1,)
+            At each lag the p-value of "the input does not act at this lag, nor at shorter ones".
+        """
+        others = [_inputs(self.signals, i, self.lags) for i in range(self.b.shape[0]) if i != which]
+        past, target = _outputs(self.signals, self.longest)
+        own = _inputs(self.signals, which, self.lags)
+        rows = np.column_stack([np.ones(target.size), past[:, : self.n_output_lags], *others, own])
+        test = _Scores.of(rows, target, own.shape[1])
+        found = np.ones(self.longest + 1)
+        found[list(self.lags)] = [test.p_value(slice(i, i + 1)) for i in range(own.shape[1])]
+        return found
+
+
+def answer_chance(signals: Signals, which: int, longest: int) -> float:
+    """Return the chance that an input which does not answer to the output seems to answer to it this much.
+
+    Given the past of all inputs, the past of the output must not foretell an input that is independent of it
+    (Granger, "Investigating causal relations by econometric models and cross-spectral methods", Econometrica 37 (1969)
+    424-438, doi:10.2307/1912791).
+
+    Parameters
+    ----------
+    signals : sequence of (ndarray, ndarray)
+        Of each recording.
+    which : int
+        Row of the input.
+    longest : int
+        Largest lag of the inputs.
+    """
+    n_inputs = signals[0][0].shape[0]
+    past = [_inputs(signals, i, range(longest, 0, -1)) for i in range(n_inputs)]
+    output = _outputs(signals, longest)[0][:, :_ANSWERS]
+    target = np.concatenate([inputs[which, _first(longest) :] for inputs, _ in signals])
+    test = _Scores.of(np.column_stack([np.ones(target.size), *past, output]), target, output.shape[1])
+    return test.p_value()
+
+
+@dataclass(frozen=True, eq=False)
+class _Scores:
+    """The last columns of a regression, each less what the columns before it explain, against the target.
+
+    Parameters
+    ----------
+    total : ndarray, shape (n,)
+        Their products with the target.
+    products : ndarray, shape (n_samples, n)
+        Their products with the residual, sample by sample.
+    variance : float
+        Of the residual.
+    freedom : int
+        Samples less unknowns.
+    """
+
+    total: Array
+    products: Array
+    variance: float
+    freedom: int
+
+    @classmethod
+    def of(cls, rows: Array, target: Array, n_last: int) -> _Scores:
+        """Regress a target on rows, of which the last are tested."""
+        q, _ = np.linalg.qr(rows)
+        error = target - q @ (q.T @ target)
+        freedom = target.size - rows.shape[1]
+        last = q[:, -n_last:]
+        variance = float(error @ error) / freedom + _RESOLVED**2
+        return cls(last.T @ target, last * error[:, None] * np.sqrt(target.size / freedom), variance, freedom)
+
+    def p_value(self, part: slice = slice(None)) -> float:
+        """Chance of scores at least as large if these columns explain nothing: the larger one of two tests' chances.
+
+        That of least squares holds where a single sample decides, as in one step; that of Newey and West
+        ("A simple, positive semi-definite, heteroskedasticity and autocorrelation consistent covariance matrix",
+        Econometrica 55 (1987) 703-708, doi:10.2307/1913610) where the residual changes with the input.
+        """
+        from scipy.special import fdtrc
+
+        total, products = self.total[part], self.products[:, part]
+        n, size = products.shape
+        width = int(np.sqrt(n))
+        spread = products.T @ products
+        for lag in range(1, width):
+            one = products[lag:].T @ products[:-lag]
+            spread = spread + (1.0 - lag / width) * (one + one.T)
+        plain = fdtrc(size, self.freedom, float(total @ total) / (size * self.variance))
+        # Bartlett's window leaves so many degrees of freedom; Hotelling's law for their estimated covariance.
+        freedom = 1.5 * n / width - size + 1
+        square = float(total @ np.linalg.solve(spread + 1e-12 * self.variance * np.eye(size), total))
+        return float(max(plain, fdtrc(size, freedom, square * freedom / (size * (freedom + size - 1)))))
+
+
+def enough_lags(signals: Signals, n_inputs: int, wanted: int) -> int:
+    """Return the most lags of each input, up to those wanted, for which there are samples enough; 0 for none.
+
+    Parameters
+    ----------
+    signals : sequence of (ndarray, ndarray)
+        Of each recording.
+    n_inputs : int
+        Number of inputs that move.
+    wanted : int
+        Largest lag.
+    """
+    for longest in range(wanted if n_inputs else 0, 0, -1):
+        if n_residuals(signals, longest) >= _FOR_EACH * (1 + _OUTPUT_LAGS + n_inputs * (longest + 1)):
+            return longest
+    return 0
+
+
+def n_residuals(signals: Signals, longest: int) -> int:
+    """Return the number of samples whose lags and next inputs are all measured.
+
+    Parameters
+    ----------
+    signals : sequence of (ndarray, ndarray)
+        Of each recording.
+    longest : int
+        Largest lag of the inputs.
+    """
+    return sum(max(0, output.size - _first(longest)) for _, output in signals)
+
+
+def _order(columns: Array, fixed: int) -> int:
+    """Number of output lags by Akaike's criterion: the triangle has the residual of each number of columns."""
+    triangle = np.asarray(np.linalg.qr(columns, mode="r"), dtype=np.float64)
+    last = triangle[:, -1] ** 2
+    squares = np.cumsum(last[::-1])[::-1][fixed:-1]  # with 0, 1, ... lags of the output
+    n = columns.shape[0]
+    squares = np.maximum(squares, n * _RESOLVED**2)
+    return int(np.argmin(n * np.log(squares) + 2.0 * np.arange(squares.size)))
+
+
+def _first(longest: int) -> int:
+    return max(longest, _OUTPUT_LAGS)
+
+
+def _inputs(signals: Signals, which: int, lags: range) -> Array:
+    """An input at some lags, shape (n, n_lags)."""
+    first = _first(max(lags))
+    return np.concatenate([
+        np.column_stack([inputs[which, first - lag : inputs.shape[1] - lag] for lag in lags])
+        for inputs, _ in signals
+    ])  # fmt: skip
+
+
+def _outputs(signals: Signals, longest: int) -> tuple[Array, Array]:
+    """The output at the lags 1 to 30, shape (n, 30), and the output, shape (n,)."""
+    first, lags = _first(longest), range(1, _OUTPUT_LAGS + 1)
+    past = [np.column_stack([y[first - lag : y.size - lag] for lag in lags]) for _, y in signals]
+    return np.concatenate(past), np.concatenate([y[first:] for _, y in signals])

@@ -1,0 +1,101 @@
+"""How probable each dead time is: plants of low order in whitened signals, profiled over their first input lag."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.narx.linear.polynomials import Orders, Polynomials
+from deatwin.ident.narx.linear.search import PredictionErrorLoss
+from deatwin.ident.narx.linear.start import Record, starting_points
+from deatwin.ident.narx.long_arx import LongArx
+
+__all__ = ["delay_probabilities"]
+
+Array = NDArray[np.float64]
+
+_STRUCTURES = ((1, 1), (2, 1), (2, 2), (3, 2))
+"""Numbers of B and F: plants of first and second order under a held input, with a whole and a broken dead time."""
+_FAR = 60.0
+"""Fall of 2 log likelihood beyond which a dead time is out of the question: 1e-13 of the best one's probability."""
+_PATIENCE = 5
+"""Dead times in a row that must be out of the question before shorter ones are not looked at."""
+
+
+def delay_probabilities(arx: LongArx, which: int, latest: int) -> Array:
+    """Return the probability of each dead time from 0 to the latest, shape (latest + 1,).
+
+    Each dead time and structure has the evidence that Schwarz' criterion gives it, exp(-BIC/2), for equal
+    probabilities beforehand (Kass, Wasserman, J. Am. Stat. Assoc. 90 (1995) 928-934,
+    doi:10.1080/01621459.1995.10476592).
+    So a first coefficient that the data put at zero counts against a dead time rather than for it. What low order
+    cannot follow makes all less certain: the squares are measured by what the best plant leaves beyond the noise, for
+    each degree of freedom, as in quasi-likelihood.
+
+    Parameters
+    ----------
+    arx : LongArx
+        Whose A whitens the noise, and whose other B take out what other inputs do.
+    which : int
+        Row of the input.
+    latest : int
+        Largest dead time that the data allow.
+    """
+    records = _whitened(arx, which)
+    squares = np.full((latest + 1, len(_STRUCTURES)), np.inf)
+    n_errors, far = 1, 0
+    former: list[Polynomials | None] = [None] * len(_STRUCTURES)
+    for delay in range(latest, arx.shortest - 1, -1):
+        for number, (nb, nf) in enumerate(_STRUCTURES):
+            orders = Orders(na=0, nb=(nb,), nc=0, nd=0, nf=(nf,), nk=(delay,), offset=True)
+            cut = latest + 3 - (delay + nb)  # so that all have the same samples of the output
+            loss = PredictionErrorLoss(orders, [(inputs[:, cut:], output[cut:]) for inputs, output in records])
+            squares[delay, number], former[number] = _least(loss, former[number])
+            n_errors = loss.n_errors
+        best, here = squares.min(), squares[delay].min()
+        far = far + 1 if here - best > _FAR * arx.variance * _excess(best, n_errors, arx) else 0
+        if far >= _PATIENCE:
+            break
+    dispersion = arx.variance * _excess(float(squares.min()), n_errors, arx)
+    unknowns = np.array([nb + nf for nb, nf in _STRUCTURES])
+    evidence = -0.5 * (squares / dispersion + unknowns * np.log(n_errors))
+    weights = np.exp(evidence - evidence.max()).sum(axis=1)
+    return np.asarray(weights / weights.sum(), dtype=np.float64)
+
+
+def _excess(squares: float, n_errors: int, arx: LongArx) -> float:
+    """What the best low-order plant leaves beyond the long one: noise variances for each degree of freedom."""
+    freedom = max(arx.n_unknowns - 6, 1)
+    return max(1.0, (squares / arx.variance - (n_errors - arx.n_unknowns)) / freedom)
+
+
+def _least(loss: PredictionErrorLoss, former: Polynomials | None) -> tuple[float, Polynomials]:
+    """The smallest sum of squares, from where the neighbouring dead time ended and from an ARX model."""
+    from scipy.optimize import least_squares
+
+    starts = starting_points(loss.orders, loss.records)[1:]
+    if former is not None:
+        starts.append(former._replace(b=(former.b[0][1:],)))
+    unknowns = [loss.started(start) for start in starts]
+    least = min(unknowns, key=lambda x: float(np.sum(loss.errors(x) ** 2)))
+    loss.best = np.inf, least
+    loss.errors(least)
+    # A hundredth of the noise's variance is far below what a probability asks for.
+    least_squares(loss.errors, least, loss.gradient, x_scale="jac", ftol=0.01 / loss.n_errors, max_nfev=20)
+    square, found = loss.best
+    return square, loss.orders.split(found[: loss.orders.n_theta])
+
+
+def _whitened(arx: LongArx, which: int) -> list[Record]:
+    """An input and the output less what other inputs do, both through A."""
+    from scipy.signal import lfilter
+
+    first = max(arx.n_output_lags, arx.longest if arx.b.shape[0] > 1 else 0)
+    records: list[Record] = []
+    for inputs, output in arx.signals:
+        left = lfilter(arx.a, [1.0], output)
+        for row, b in enumerate(arx.b):
+            if row != which:
+                left = left - lfilter(b, [1.0], inputs[row])
+        records.append((lfilter(arx.a, [1.0], inputs[which : which + 1])[:, first:], left[first:]))
+    return records

@@ -1,0 +1,152 @@
+"""A model whose pole lies outside of the unit circle: which pole it is, and how it predicts some steps ahead."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.narx.fit import Fit
+from deatwin.ident.narx.model import NarxModel
+from deatwin.plant.recording import Recording
+
+__all__ = ["Unstable", "poles_at", "unstable_model"]
+
+Array = NDArray[np.float64]
+
+_STEP = 1e-4  # of the output's range: of polynomials of low degree, half of the digits are left
+_SURE = 2.0  # standard deviations by which a pole lies outside, 98 % on that side
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Unstable:
+    """The unstable pole of a model, and what its predictions are worth.
+
+    Parameters
+    ----------
+    pole : complex
+        The pole z of largest magnitude of the model, linearised at the mean of the recordings.
+    sample_time : float
+        In s.
+    steps : int
+        Samples in which it grows by e, as far as the recordings allow.
+    ahead : Fit
+        Of predictions so many steps ahead.
+    """
+
+    pole: complex
+    sample_time: float
+    steps: int
+    ahead: Fit
+
+    @property
+    def rate(self) -> complex:
+        """The pole ln(z) / sample time of continuous time: real part in 1/s, imaginary part in rad/s."""
+        return complex(np.log(self.pole) / self.sample_time)
+
+    def sentences(self, units: Sequence[str]) -> list[str]:
+        """Name the pole, and say how far predictions are off.
+
+        Parameters
+        ----------
+        units : sequence of str
+            Of the outputs.
+        """
+        rate = self.rate
+        turning = f", {abs(rate.imag):.3g} rad/s" if self.pole.imag else ""
+        sign = f"z = {self.pole.real:.4g}" if not self.pole.imag else f"|z| = {abs(self.pole):.4g}"
+        ahead = ", ".join(
+            f"{rms:.4g} {'' if unit == '1' else unit}".rstrip() + f" rms (fit {percent:.4g} %)"
+            for rms, percent, unit in zip(self.ahead.rms, self.ahead.percent, units, strict=True)
+        )
+        useless = (
+            ", no better than the mean of the output: the pole is biased or terms are missing; a model of the noise "
+            "(Armax, Narmax) finds it without bias"
+        )
+        return [
+            f"the unstable pole: {sign}, {rate.real:+.3g} 1/s{turning}",
+            f"{self.steps} steps ahead, in which it grows by e, the prediction is off by {ahead}"
+            f"{useless if np.any(self.ahead.percent <= 0.0) else ''}",
+        ]
+
+
+def unstable_model(model: NarxModel, recordings: Sequence[Recording], *, diverged: bool) -> Unstable | None:
+    """Return the unstable pole of a model, or None where it has none for sure.
+
+    The recordings set the point at which the model is linearised. A nonlinear model may be unstable there and bounded
+    all the same, so that only a diverged free run counts against it.
+
+    Parameters
+    ----------
+    model : NarxModel
+        The model.
+    recordings : sequence of Recording
+        In the model's units.
+    diverged : bool
+        Whether a free run over them did.
+    """
+    nonlinear = any(sum(power for _, power in term.factors) > 1 for term in model.terms)
+    if nonlinear and not diverged:
+        return None
+    poles = poles_at(model, recordings)
+    if not poles.size or abs(poles[0]) <= 1.0 or abs(poles[0]) - _SURE * _deviation(model, recordings) <= 1.0:
+        return None
+    growing = round(1.0 / float(np.log(abs(poles[0]))))
+    room = min(record.n_samples for record in recordings) - model.table.max_lag
+    steps = int(np.clip(growing, 2, max(2, room // 2)))
+    ahead = Fit.of([model.predict(record, steps=steps) for record in recordings])
+    if not np.all(np.isfinite(ahead.mean_square)):  # lost within one growth by e: no pole accounts for that
+        return None
+    return Unstable(pole=complex(poles[0]), sample_time=model.sample_time, steps=steps, ahead=ahead)
+
+
+def poles_at(model: NarxModel, recordings: Sequence[Recording]) -> NDArray[np.complex128]:
+    """Return the poles of a model that is linearised at the mean of recordings, largest magnitude first.
+
+    Parameters
+    ----------
+    model : NarxModel
+        The model.
+    recordings : sequence of Recording
+        In the model's units.
+    """
+    longest = max((v.lag for term in model.terms for v, _ in term.factors if v.kind == "y"), default=0)
+    lags = sorted({v.lag for term in model.terms for v, _ in term.factors if v.kind == "y"})
+    m = model.n_outputs
+    companion = np.eye(m * longest, k=-m)
+    level, inputs, moved = _point(model, recordings)
+    for lag in lags:
+        for row in range(m):
+            found = []
+            for sign in (1.0, -1.0):
+                outputs = np.tile(level[:, None], inputs.shape[1])
+                outputs[row, -1 - lag] += sign * moved[row]
+                rest = replace(recordings[0], inputs=inputs, outputs=outputs, extras={}, extra_units={})
+                found.append(model.predict(rest).outputs[:, -1])
+            companion[:m, (lag - 1) * m + row] = (found[0] - found[1]) / (2.0 * moved[row])
+    poles = np.linalg.eigvals(companion) if longest else np.empty(0)
+    return np.asarray(poles[np.argsort(-np.abs(poles))], dtype=np.complex128)
+
+
+def _point(model: NarxModel, recordings: Sequence[Recording]) -> tuple[Array, Array, Array]:
+    """Mean outputs, constant mean inputs over the samples that one prediction needs, and the step of each output."""
+    outputs = np.concatenate([record.outputs for record in recordings], axis=1)
+    inputs = np.concatenate([record.inputs for record in recordings], axis=1).mean(axis=1)
+    span = np.ptp(outputs, axis=1)
+    steps = _STEP * np.where(span > 0, span, 1.0)
+    return outputs.mean(axis=1), np.tile(inputs[:, None], model.table.max_lag + 1), steps
+
+
+def _deviation(model: NarxModel, recordings: Sequence[Recording]) -> float:
+    """Standard deviation of the magnitude of the largest pole, by differences along the parameters."""
+    size = float(abs(poles_at(model, recordings)[0]))
+    spread: Array = np.sqrt(np.maximum(np.asarray(model.theta_cov).diagonal(), 0.0))
+    slopes = np.zeros(spread.size)
+    for i in np.flatnonzero(spread):
+        theta = model.theta.copy()
+        theta[i] += 0.01 * spread[i]
+        moved = float(abs(poles_at(replace(model, theta=theta), recordings)[0]))
+        slopes[i] = (moved - size) / (0.01 * spread[i])
+    return float(max(float(slopes @ model.theta_cov @ slopes), 0.0) ** 0.5)

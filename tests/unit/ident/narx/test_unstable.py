@@ -1,0 +1,85 @@
+"""Models of unstable plants: the pole, how far ahead they are judged, and what output error says of such data."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from deatwin.ident.narx import NarxModel, Validation, ValidationStatus, validate
+from deatwin.ident.narx.identifier import FitStatus
+from deatwin.ident.narx.linear import Armax, BoxJenkins, OutputError
+from deatwin.ident.narx.unstable import poles_at
+from deatwin.plant.recording import Recording
+
+
+def looped(n=1500, noise=0.02, seed=0, dt=0.1):
+    """y(k) = 1.1 y(k-1) + u(k-1) + e(k) under u = 0.5 (r - y): the closed loop has the pole 0.6."""
+    rng = np.random.default_rng(seed)
+    wanted, y, u = np.repeat(rng.uniform(-1, 1, n // 20 + 1), 20)[:n], np.zeros(n), np.zeros(n)
+    for k in range(1, n):
+        y[k] = 1.1 * y[k - 1] + u[k - 1] + noise * rng.normal()
+        u[k] = 0.5 * (wanted[k] - y[k]) + 0.2 * rng.normal()
+    return Recording.from_arrays(u, y, dt)
+
+
+def test_the_unstable_pole_is_named_and_the_model_judged_ahead():
+    model = NarxModel.from_terms({"y(k-1)": 1.1, "u(k-1)": 1.0}, sample_time=0.1, output_units=("m",))
+    found = validate(model, looped())
+    assert found.status is ValidationStatus.UNSTABLE and not found.status.ok
+    assert "closed loop" in str(found) and "z = 1.1, +0.953 1/s" in str(found)
+    assert found.unstable.pole == pytest.approx(1.1) and found.unstable.rate == pytest.approx(np.log(1.1) / 0.1)
+    # ln 1.1 = 0.0953, so that it grows by e in ten steps; the noise of ten steps adds up to this
+    assert found.unstable.steps == 10
+    expected = 0.02 * np.sqrt(sum(1.1 ** (2 * j) for j in range(10)))
+    assert found.unstable.ahead.rms[0] == pytest.approx(expected, rel=0.1)
+
+
+def test_it_is_kept_in_the_file(tmp_path):
+    model = NarxModel.from_terms({"y(k-1)": 1.1, "u(k-1)": 1.0}, sample_time=0.1)
+    found = validate(model, looped())
+    found.save(tmp_path / "validation.json")
+    again = Validation.load(tmp_path / "validation.json")
+    assert again.to_json() == found.to_json() and again.unstable.pole == found.unstable.pole
+
+
+def test_a_pole_within_its_uncertainty_of_the_circle_is_not_called_unstable():
+    record = looped(300)
+    cov = np.diag([0.1**2, 1e-6])
+    model = NarxModel.from_terms({"y(k-1)": 1.1, "u(k-1)": 1.0}, sample_time=0.1, theta_cov=cov)
+    assert validate(model, record).unstable is None
+
+
+def test_poles_of_a_nonlinear_model_are_those_at_the_mean():
+    # slope of 0.5 y + 0.3 y^2 u at y = 1, u = 2: 0.5 + 0.6 * 2 = 1.7, and -0.2 at lag 2
+    model = NarxModel.from_terms({"y(k-1)": 0.5, "y(k-1)^2u(k-1)": 0.3, "y(k-2)": -0.2}, sample_time=1.0)
+    record = Recording.from_arrays([1.0, 3.0] * 10, [0.5, 1.5] * 10, 1.0)
+    np.testing.assert_allclose(poles_at(model, [record]), np.roots([1, -1.7, 0.2]), rtol=1e-7)
+
+
+def test_poles_of_two_coupled_outputs():
+    equations = {"y1": {"y1(k-1)": 0.5, "y2(k-2)": 0.4}, "y2": {"y1(k-1)": 0.3, "u(k-1)": 1.0}}
+    model = NarxModel.from_terms(equations, sample_time=1.0)
+    rng = np.random.default_rng(1)
+    record = Recording.from_arrays(rng.normal(size=20), rng.normal(size=(2, 20)), 1.0)
+    # z^3 - 0.5 z^2 - 0.12 = 0, the rest at the origin
+    expected = np.sort(np.abs(np.roots([1, -0.5, 0, -0.12])))[::-1]
+    np.testing.assert_allclose(np.abs(poles_at(model, [record]))[:3], expected, rtol=1e-6)
+
+
+def test_output_error_and_box_jenkins_say_that_a_loop_is_suspected():
+    record = looped(seed=2)
+    loops = (FitStatus.EDGE_OF_STABILITY, FitStatus.LOOP_SUSPECTED)
+    for identifier in (OutputError(nb=1, nf=1), BoxJenkins(nb=1, nf=1, nc=1, nd=1)):
+        status = identifier.fit(record).status_
+        assert status in loops and not status.ok and "loop" in status.value and "Armax" in status.value
+    armax = Armax(na=1, nb=1, nc=1).fit(record)
+    assert armax.status_ is FitStatus.DONE and armax.model_.poles[0] == pytest.approx(1.1, abs=0.01)
+
+
+def test_a_stable_plant_in_open_loop_is_done():
+    """Of 20 fits with one pole and one zero more than the plant has, all are done; a loop is suspected in 0.1 %."""
+    for seed in range(20):
+        rng = np.random.default_rng([seed, 5])
+        u = rng.normal(size=600) if seed % 2 else np.repeat(rng.uniform(-1, 1, 60), 10)
+        y = lfilter([0, 0.1], [1, -0.9], u)
+        y = y + 0.1 * y.std() * rng.normal(size=600)
+        assert OutputError().fit(Recording.from_arrays(u, y, 0.1)).status_ is FitStatus.DONE
