@@ -54,11 +54,20 @@ def test_a_missing_input_term_is_a_caveat() -> None:
     assert "failed its residual tests" in found.caveats[0] and "ue" in found.caveats[0]
 
 
-def test_a_diverging_free_run_is_a_caveat() -> None:
-    model = NarxModel.from_terms({"y(k-1)": 1.5, "u(k-1)": 0.2}, sample_time=0.01)
-    found = assess_reliance(model, [recorded(3)])
-    assert found is not None and found.status is ValidationStatus.DIVERGED and found.gain_error is None
-    assert found.caveats == ("the model's free run diverged on held-out data",)
+@pytest.mark.parametrize(
+    ("terms", "status", "said"),
+    [
+        ({"y(k-1)": 0.8, "u(k-1)": 0.2, "y(k-1)^3": 5.0}, ValidationStatus.DIVERGED, "diverged on held-out data"),
+        ({"y(k-1)": 1.5, "u(k-1)": 0.2}, ValidationStatus.UNSTABLE, "the model is unstable"),
+    ],
+)
+def test_a_free_run_that_runs_away_is_a_caveat(
+    terms: dict[str, float], status: ValidationStatus, said: str
+) -> None:
+    model = NarxModel.from_terms(terms, sample_time=0.01)
+    found = assess_reliance(model, [recorded(3, factor=3.0)])
+    assert found is not None and found.status is status and found.gain_error is None
+    assert len(found.caveats) == 1 and said in found.caveats[0]
 
 
 def test_it_travels_with_the_model_and_comes_back_as_it_was() -> None:
