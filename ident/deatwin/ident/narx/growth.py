@@ -13,8 +13,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.narx.criteria import CRITERIA
 from deatwin.ident.narx.identifier import Progress
 from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.preprocess.stationarity import correlation_samples
 from deatwin.ident.narx.refine import extend, sensitivities
 from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.residual_tests import whiteness_of
@@ -25,8 +27,10 @@ __all__ = ["grown", "held_out_errors", "run_errors", "smallest_adequate", "white
 Array = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
 
-_LAGS = 25  # of the test for white errors, as many as `validate` looks at
-_LEVEL = 0.05  # of that test: a false alarm costs time alone, for growth has a test of its own
+# Of the portmanteau test for white errors: more lags lose power, for the first ones hold most of what noise on readings
+# or a missing term leaves (Hyndman, Athanasopoulos, "Forecasting", 3rd ed. (2021), section 5.4: ten, or n/5).
+_LAGS = 10
+_LEVEL = 0.01  # of that test, as of the others of `Semp`: true models that are grown for chance are as rare
 # The held-out errors of a section are not told where so little of a direction of the parameters is left without it.
 _UNDETERMINED = 1e-9
 
@@ -43,7 +47,7 @@ def white(model: NarxModel, data: Regression) -> bool:
     """
     residuals = [model.predict(record).residuals for record in data.recordings]
     shortest = min(e.shape[1] for e in residuals)
-    lags = min(_LAGS, shortest - 1)
+    lags = min(_LAGS, shortest // 5)
     return lags < 1 or whiteness_of(residuals, 0, max_lag=lags).p_value >= _LEVEL
 
 
@@ -70,7 +74,8 @@ def grown(
     Returns
     -------
     tuple of NarxModel
-        The models after the given one, up to the adequate one; empty if that is the given one.
+        The models after the given one, up to the adequate one; empty if that is the given one, or no better than the
+        best of so many candidates is by chance.
     """
     try:
         path = extend(model, data.recordings, data.table.terms, max_terms=max_terms, progress=progress)
@@ -78,7 +83,24 @@ def grown(
         return ()
     given = np.array([float(e @ e) for e in _by_sections(run_errors(model, data), sections)])
     errors = np.array([given, *(held_out_errors(one, data, sections) for one in path)])
-    return path[: smallest_adequate(errors, level)]
+    found = path[: smallest_adequate(errors, level)]
+    return found if found and _beyond_chance(model, found[-1], data) else ()
+
+
+def _beyond_chance(model: NarxModel, larger: NarxModel, data: Regression) -> bool:
+    """Whether a larger model is better by more than the best of so many candidates is by chance.
+
+    By the extended Bayesian criterion, with as many samples as there would be if the larger model's errors were
+    independent: n over their correlation time.
+    """
+    old, new = run_errors(model, data), run_errors(larger, data)
+    n = sum(e.size / max(correlation_samples(e[None]), 1.0) for e in new)
+    squares = [float(np.mean(np.concatenate(errors) ** 2)) for errors in (old, new)]
+    values = [
+        CRITERIA["ebic"](square, np.inf, n, len(one.terms), len(data.table.terms))
+        for square, one in zip(squares, (model, larger), strict=True)
+    ]
+    return values[1] < values[0]
 
 
 def smallest_adequate(errors: Array, level: float) -> int:

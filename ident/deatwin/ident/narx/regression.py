@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.narx.levels import without_repeated_powers
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.operating import OperatingRange
 from deatwin.ident.narx.terms import Lags, Rule, TermTable, generate_terms
@@ -58,7 +59,7 @@ class Regression:
         rule: Rule | None = None,
         output: int = 0,
     ) -> Regression:
-        """Set up all candidates of given lags and degree.
+        """Set up all candidates of given lags and degree, without powers of inputs that have too few levels for them.
 
         Parameters
         ----------
@@ -84,10 +85,8 @@ class Regression:
             raise ModelError("the recordings have no inputs; take input_lags=0 for a model of the output alone")
         if n_outputs == 0:
             raise ModelError("the recordings have no outputs: there is nothing to identify")
-        table = TermTable(
-            generate_terms(output_lags, input_lags, degree, n_inputs=n_inputs, n_outputs=n_outputs, rule=rule)
-        )
-        return cls.on(chosen, table, output=output)
+        terms = generate_terms(output_lags, input_lags, degree, n_inputs=n_inputs, n_outputs=n_outputs, rule=rule)
+        return cls.on(chosen, TermTable(without_repeated_powers(terms, chosen)), output=output)
 
     @classmethod
     def on(cls, recordings: Recordings, table: TermTable, *, output: int = 0) -> Regression:

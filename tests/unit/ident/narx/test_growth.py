@@ -66,7 +66,7 @@ def test_the_paired_test_is_that_of_scipy():
 
 
 def test_noise_on_the_readings_of_a_slow_plant_no_longer_spoils_the_free_run():
-    """Four draws: the free run misses the clean output of another record by far less than before, and than the noise."""
+    """Four draws: the free run misses the clean output of another record by far less than before."""
     unseen, misses, plain = slow_plant(100), [], []
     for seed in range(4):
         recording = slow_plant(seed, noise=0.1)

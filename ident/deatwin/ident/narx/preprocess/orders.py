@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from deatwin.ident.narx.identifier import NarxIdentifier, Progress, silent
+from deatwin.ident.narx.levels import remarks_on_levels
 from deatwin.ident.narx.preprocess.datasets import orders_dataset
 from deatwin.ident.narx.regression import Recordings, flatten
 from deatwin.ident.narx.terms import Lags, lag_list
@@ -81,10 +82,13 @@ class OrderChoice:
         All points, those that failed or were not run too.
     unit : str
         Unit of the errors.
+    remarks : tuple of str
+        A sentence for each input of too few levels to show the largest degree.
     """
 
     trials: tuple[OrderTrial, ...]
     unit: str = ""
+    remarks: tuple[str, ...] = ()
 
     @property
     def done(self) -> tuple[OrderTrial, ...]:
@@ -127,7 +131,7 @@ class OrderChoice:
             mark = "  <- chosen" if self.done and trial is self.chosen else ""
             lags = f"{trial.output_lags!s:>11}  {trial.input_lags!s:>10}"
             lines.append(f"{lags}  {trial.degree:>6}  {trial.n_terms:>5}  {error}{mark}")
-        return "\n".join(lines)
+        return "\n".join([*lines, *self.remarks])
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the free-run error over the output lags, a line for each degree, divergence as a cross on top.
@@ -242,7 +246,10 @@ def choose_orders(
     except KeyboardInterrupt:
         if not done:
             raise
-    return OrderChoice(trials=(*done, *grid[len(done) :]), unit=held_out[0].output_units[0])
+    return OrderChoice(
+        trials=(*done, *grid[len(done) :]), unit=held_out[0].output_units[0],
+        remarks=remarks_on_levels(train, max(trial.degree for trial in grid)),
+    )  # fmt: skip
 
 
 def _try(
