@@ -31,6 +31,7 @@ Booleans = NDArray[np.bool_]
 # or a missing term leaves (Hyndman, Athanasopoulos, "Forecasting", 3rd ed. (2021), section 5.4: ten, or n/5).
 _LAGS = 10
 _LEVEL = 0.01  # of that test, as of the others of `Semp`: true models that are grown for chance are as rare
+_ROUNDING = 1e-12  # of the output: what is left of an exact recording is no noise
 # The held-out errors of a section are not told where so little of a direction of the parameters is left without it.
 _UNDETERMINED = 1e-9
 
@@ -48,7 +49,10 @@ def white(model: NarxModel, data: Regression) -> bool:
     residuals = [model.predict(record).residuals for record in data.recordings]
     shortest = min(e.shape[1] for e in residuals)
     lags = min(_LAGS, shortest // 5)
-    return lags < 1 or whiteness_of(residuals, 0, max_lag=lags).p_value >= _LEVEL
+    largest = max(float(np.abs(e).max()) for e in residuals)
+    if lags < 1 or largest <= _ROUNDING * data.output_scale:
+        return True
+    return whiteness_of(residuals, 0, max_lag=lags).p_value >= _LEVEL
 
 
 def grown(
@@ -167,9 +171,7 @@ def held_out_errors(model: NarxModel, data: Regression, sections: Sequence[int])
     norms = np.linalg.norm(slopes, axis=0)
     norms[norms == 0.0] = 1.0
     inverse = np.linalg.pinv(np.linalg.qr(slopes / norms, mode="r")) / norms[:, None]
-    parts = list(
-        zip(_by_sections(run_errors(model, data), sections), _by_sections(each, sections), strict=True)
-    )
+    parts = list(zip(_by_sections(run_errors(model, data), sections), _by_sections(each, sections), strict=True))
     found = np.full(len(parts), np.inf)
     for i, (e, part) in enumerate(parts):
         q = part @ inverse

@@ -66,7 +66,7 @@ def without_repeated_powers(terms: Sequence[Term], recordings: Sequence[Recordin
     for row in range(len(recordings[0].inputs)):
         levels = few_levels(np.concatenate([record.inputs[row] for record in recordings]), degree)
         if levels.size > 1:  # a constant input is left to the user
-            relations[row] = np.poly(levels)
+            relations[row] = np.asarray(np.poly(levels), dtype=np.float64)
     there = set(terms)
     return tuple(term for term in terms if not any(_repeats(term, v, p, relations, there) for v, p in term.factors))
 

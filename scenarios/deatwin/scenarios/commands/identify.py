@@ -88,6 +88,7 @@ def identify(
     """
     from contextlib import nullcontext
 
+    from deatwin.ident.narx.levels import remarks_on_levels
     from deatwin.plant.checks import require_excitation
     from deatwin.plant.files import read_recordings
     from deatwin.scenarios.folder import ResultFolder, require_place
@@ -125,6 +126,8 @@ def identify(
         model.save(out)
         errors = [_errors(model, unseen) for _, unseen in pieces]
         _say(voice, model, errors, _labels(records))
+        for remark in remarks_on_levels([fitted for fitted, _ in pieces], degree):
+            voice.say(remark)
         if not identifier.status_.ok:
             voice.say(identifier.status_.value)
         voice.say(f"model: {out}")
