@@ -98,7 +98,7 @@ def _beyond_chance(model: NarxModel, larger: NarxModel, data: Regression) -> boo
     independent: n over their correlation time.
     """
     old, new = run_errors(model, data), run_errors(larger, data)
-    n = sum(e.size / max(correlation_samples(e[None]), 1.0) for e in new)
+    n = max(1, int(sum(e.size / max(correlation_samples(e[None]), 1.0) for e in new)))
     squares = [float(np.mean(np.concatenate(errors) ** 2)) for errors in (old, new)]
     values = [
         CRITERIA["ebic"](square, np.inf, n, len(one.terms), len(data.table.terms))

@@ -89,7 +89,8 @@ def inspect_recordings(recordings: Recordings, *, level: float = 0.01, degree: i
 
     Inputs are looked at for trends, drift and few levels only: a command may jump, rest and stay at a limit. Trends
     and drift can be told from chance only where a twentieth of the recording is fifteen correlation times of the signal
-    long; elsewhere, as in slow staircases, nothing is said of them. Outliers are lone readings: a burst looks like motion.
+    long; elsewhere, as in slow staircases, nothing is said of them. Outliers are lone readings: a burst looks like
+    motion.
 
     Parameters
     ----------
