@@ -31,7 +31,7 @@ def test_intervals_cover(estimator: str) -> None:
 
 
 def test_a_noise_model_makes_the_intervals_of_coloured_noise_cover() -> None:
-    estimator = "extended least squares, true noise terms"
+    estimator = "least prediction error, true noise terms"
     flags = run_jobs(covered, [("S5", estimator, SEED, number) for number in range(60)])
     inside = np.concatenate(flags)
     assert 0.91 <= inside.mean() <= 0.985  # of 240: three standard deviations of 1.4 %, on the lower side

@@ -12,7 +12,7 @@ from deatwin.scenarios.folder import ResultFolder
 from deatwin.scenarios.real_data import LARGEST_ERROR, MOST_TERMS, SETS, judge, run
 from deatwin.scenarios.real_data.methods import FRO, GROWN, LINEAR, REFINED, SEMP, Outcome, attempt
 from deatwin.scenarios.real_data.published import DOCUMENTED, documented_errors
-from deatwin.scenarios.real_data.records import buck, silverbox
+from deatwin.scenarios.real_data.records import buck, cascaded_tanks, silverbox
 from deatwin.scenarios.stories import Setting
 
 DATA = Path(os.environ.get("DEATWIN_DATA") or Path(__file__).parents[2].parent / "shared" / "data")
@@ -51,6 +51,14 @@ def test_the_silverbox_reaches_beyond_what_it_was_learned_from() -> None:
     assert found.terms <= MOST_TERMS
     assert found.free_run <= LARGEST_ERROR
     assert found.free_run < attempt(FRO, data).free_run
+
+
+def test_semp_of_the_tanks_runs_better_than_any_linear_model() -> None:
+    required("cascaded_tanks")
+    data = cascaded_tanks(DATA / "cascaded_tanks")
+    assert attempt(SEMP, data).free_run <= 0.45  # V; 0.596 of the linear output-error model
+    own = replace(data, candidates=replace(data.candidates, output_lags=2, input_lags=(1, 2)))
+    assert attempt(SEMP, own).free_run <= 0.45
 
 
 def test_nothing_of_the_test_recording_is_learned() -> None:

@@ -183,7 +183,7 @@ def test_a_plant_among_the_candidates_is_found(sound: Bench) -> None:
         model = found.model
         assert set(truth) <= {str(term) for term in model.terms}
     estimated = {e.name: e.model for e in estimate_all(sound.models[SEMP].model.terms, *sound.sections)}
-    assert set(estimated) >= {"least squares", "extended least squares"}
+    assert set(estimated) >= {"least squares", "least prediction error"}
     np.testing.assert_allclose(estimated["least squares"].theta, sound.models[SEMP].model.theta)
     assert set(sound.models) == {SEMP, SVB, LINEAR, FRO, FREE}
 

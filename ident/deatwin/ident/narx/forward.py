@@ -18,6 +18,8 @@ _DEPENDENT = 1e-20
 # Squared norms and products are updated, not recomputed, until a candidate has lost this share of its squared norm, or
 # the output of its own; then they are computed afresh, so that cancellation never costs more than two digits.
 _REFRESH = 1e-2
+# Gains that differ by less than rounding leaves after cancellation are equal: of these the first candidate is taken.
+_EQUAL = 1.0 - 1e-12
 _ROWS = 64  # orthogonalised at once: of 10,000 samples they are 5 MB
 
 
@@ -52,7 +54,8 @@ def forward_selection(
     The ratio of a candidate p, orthogonalised against the chosen rows to w, is ``(w'y)^2 / (w'w y'y)``. Each step costs
     one product of the candidates with the new orthonormal direction q: w'w falls by (p'q)^2 and w'y by (p'q)(q'y).
     Chosen directions are orthogonalised twice, and norms and products are computed afresh before cancellation hurts.
-    The selection ends early where no independent candidate is left or nothing is left to explain.
+    Of candidates that explain equally, to rounding, the first is chosen: by the order of candidates, one of the lowest
+    degree. The selection ends early where no independent candidate is left or nothing is left to explain.
 
     Parameters
     ----------
@@ -93,7 +96,7 @@ def forward_selection(
         if not usable.any() or square == 0.0:
             return
         gain = np.divide(products**2, norms, out=np.full(norms.size, -1.0), where=usable)
-        best = int(np.argmax(gain))
+        best = int(np.argmax(gain >= _EQUAL * gain.max()))
         free[best] = False
         direction = _orthogonal(rows[best], basis[:count])
         direction /= np.linalg.norm(direction)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.narx.lags import channel_lags
+from deatwin.ident.narx.levels import without_repeated_powers
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.operating import OperatingRange
 from deatwin.ident.narx.terms import Lags, Rule, TermTable, generate_terms
@@ -63,7 +64,7 @@ class Regression:
         rule: Rule | None = None,
         output: int = 0,
     ) -> Regression:
-        """Set up all candidates of given lags and degree.
+        """Set up all candidates of given lags and degree, without powers of inputs that have too few levels for them.
 
         Parameters
         ----------
@@ -94,7 +95,7 @@ class Regression:
             channel_lags(input_lags, "u", n_inputs, chosen[0].input_names) or 0,
             degree, n_inputs=n_inputs, n_outputs=n_outputs, rule=rule,
         )  # fmt: skip
-        return cls.on(chosen, TermTable(terms), output=output)
+        return cls.on(chosen, TermTable(without_repeated_powers(terms, chosen)), output=output)
 
     @classmethod
     def on(cls, recordings: Recordings, table: TermTable, *, output: int = 0) -> Regression:

@@ -96,6 +96,7 @@ def identify(
     """
     from contextlib import nullcontext
 
+    from deatwin.ident.narx.levels import remarks_on_levels
     from deatwin.plant.checks import require_excitation
     from deatwin.plant.files import read_recordings
     from deatwin.scenarios.folder import ResultFolder, require_place
@@ -136,6 +137,8 @@ def identify(
         _say(voice, model, errors, _labels(records))
         for note in identifier.notes_:
             voice.say(f"note: {note}")
+        for remark in remarks_on_levels([fitted for fitted, _ in pieces], degree):
+            voice.say(remark)
         if not identifier.status_.ok:
             voice.say(identifier.status_.value)
         voice.say(f"model: {out}")

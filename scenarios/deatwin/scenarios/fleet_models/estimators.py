@@ -42,7 +42,7 @@ class Estimated:
     held_out: Validation
 
 
-def _extended(terms: Terms, section: Recording) -> NarxModel:
+def _with_noise(terms: Terms, section: Recording) -> NarxModel:
     process = Fixed(terms=terms)
     return Narmax(process, noise_lags=NOISE_LAGS, noise_degree=1, criterion="none").fit(section).model_
 
@@ -51,7 +51,7 @@ ESTIMATORS: Mapping[str, Callable[[Terms, Recording], NarxModel]] = MappingProxy
     "least squares": lambda terms, section: Fixed(terms=terms).fit(section).model_,
     "ridge": lambda terms, section: Fixed(terms=terms, estimator=Ridge()).fit(section).model_,
     "total least squares": lambda terms, section: Fixed(terms=terms, estimator=TotalLeastSquares()).fit(section).model_,
-    "extended least squares": _extended,
+    "least prediction error": _with_noise,
     "least free-run error": lambda terms, section: refine(Fixed(terms=terms).fit(section).model_, section),
 })  # fmt: skip
 """What estimates the parameters of given terms; the fourth adds e(k-1) and e(k-2)."""

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from deatwin.ident.narx import NarxModel, SvbNarx
 from deatwin.ident.narx.bayes import Priors, Statistics, fit_relevance
 from deatwin.ident.narx.fixed import Fixed
-from deatwin.ident.narx.noise import Narmax, extended_least_squares
+from deatwin.ident.narx.noise import Narmax
+from deatwin.ident.narx.prediction_error import prediction_error_fit
 from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.systems import BenchmarkSystem
 from deatwin.ident.narx.terms import TermTable
@@ -75,7 +76,7 @@ def variational(system: BenchmarkSystem, recording: Recording) -> NarxModel:
 
 
 def with_true_noise(system: BenchmarkSystem, recording: Recording) -> NarxModel:
-    """Fit the true terms and the true noise terms by extended least squares.
+    """Fit the true terms and the true noise terms by the least prediction error.
 
     Parameters
     ----------
@@ -89,13 +90,13 @@ def with_true_noise(system: BenchmarkSystem, recording: Recording) -> NarxModel:
     NarxModel
     """
     process = Regression.on(recording, TermTable(system.terms))
-    found = extended_least_squares(process, system.noise_terms).estimate
+    found = prediction_error_fit(process, system.noise_terms).estimate
     whole = replace(process, table=TermTable(system.terms + system.noise_terms))
     return whole.model(found.theta, found.theta_cov, found.noise_variance, identifier=Fixed(terms=system.terms))
 
 
 def with_chosen_noise(system: BenchmarkSystem, recording: Recording) -> NarxModel:
-    """Fit the true terms by extended least squares, with noise terms that are chosen.
+    """Fit the true terms by the least prediction error, with noise terms that are chosen.
 
     Parameters
     ----------
@@ -114,8 +115,8 @@ def with_chosen_noise(system: BenchmarkSystem, recording: Recording) -> NarxMode
 ESTIMATORS: Mapping[str, Callable[[BenchmarkSystem, Recording], NarxModel]] = MappingProxyType({
     "least squares": least_squares,
     VARIATIONAL: variational,
-    "extended least squares, true noise terms": with_true_noise,
-    "extended least squares, chosen noise terms": with_chosen_noise,
+    "least prediction error, true noise terms": with_true_noise,
+    "least prediction error, chosen noise terms": with_chosen_noise,
 })  # fmt: skip
 """How the parameters of a known structure are estimated, by name."""
 

@@ -1,14 +1,18 @@
-"""Narmax and extended least squares: bias, intervals and choice of noise terms, against simulation and plain loops."""
+"""Narmax and prediction errors: bias, intervals and choice of noise terms, against simulation, loops and Armax."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import least_squares
+from scipy.signal import lfilter
 
 from deatwin.ident.narx import Frols, NarxModel
 from deatwin.ident.narx.fixed import Fixed
 from deatwin.ident.narx.identifier import FitStatus
-from deatwin.ident.narx.noise import Narmax, NoiseStatus, _slopes, extended_least_squares
+from deatwin.ident.narx.linear import Armax
+from deatwin.ident.narx.noise import Narmax
+from deatwin.ident.narx.prediction_error import NoiseStatus, _PredictionErrors, prediction_error_fit
 from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.systems import SYSTEMS
 from deatwin.ident.narx.terms import Term, TermTable
@@ -28,31 +32,41 @@ def armax(seed, n=500, noise=0.5):
 
 
 def given(recordings, terms, noise_terms, first):
-    """A regression on given process terms, and noise terms, ready for extended least squares."""
+    """A regression on given process terms, and noise terms, ready for an estimation."""
     data = Regression.on(recordings, TermTable(tuple(map(Term.parse, terms))))
     return replace(data, first=first), tuple(map(Term.parse, noise_terms))
 
 
-def test_it_ends_where_the_innovations_reproduce_themselves():
-    """At the fixed point e is the model's own one-step error, computed sample by sample; here by a plain loop."""
+def test_it_ends_where_the_sum_of_squares_is_least():
+    """By a plain loop and a general minimiser, with the start of e as a further unknown whose square counts."""
     recording = armax(0)
     data, noise_terms = given(recording, ["y(k-1)", "u(k-1)"], ["e(k-1)"], 1)
-    fit = extended_least_squares(data, noise_terms, tolerance=1e-12)
-    assert fit.status is NoiseStatus.CONVERGED and fit.changes[-1] <= 1e-12 < fit.changes[0]
+    fit = prediction_error_fit(data, noise_terms, tolerance=1e-10)
+    assert fit.status is NoiseStatus.CONVERGED and fit.changes[-1] <= 1e-10 < fit.changes[0]
     scale = data.output_scale
-    a, b, c = fit.estimate.theta * [1, scale / data.input_scales[0], 1]
-    u, y, e = recording.inputs[0], recording.outputs[0], np.zeros(500)
-    for k in range(1, 500):
-        e[k] = y[k] - a * y[k - 1] - b * u[k - 1] - c * e[k - 1]
-    np.testing.assert_allclose(fit.noise[0][0] * scale, e, atol=1e-9)
-    # and the parameters are the least squares of y on the regressors made of it
-    rows = np.array([y[:-1], u[:-1], e[:-1]])
-    np.testing.assert_allclose([a, b, c], np.linalg.lstsq(rows.T, y[1:])[0], rtol=1e-8)
+    found = fit.estimate.theta * [1, scale / data.input_scales[0], 1]
+    u, y = recording.inputs[0], recording.outputs[0]
+
+    def errors(unknowns):
+        a, b, c, start = unknowns
+        e = np.append(start, np.zeros(499))
+        for k in range(1, 500):
+            e[k] = y[k] - a * y[k - 1] - b * u[k - 1] - c * e[k - 1]
+        return e
+
+    least = least_squares(errors, [0.5, 0.5, 0.0, 0.0], xtol=1e-12, ftol=1e-14, gtol=1e-12)
+    np.testing.assert_allclose(found, least.x[:3], atol=1e-6)
+    np.testing.assert_allclose(fit.noise[0][0] * scale, least.fun, atol=1e-6)
+    variance = np.sum(least.fun**2) / (499 - 3)
+    assert fit.estimate.noise_variance * scale**2 == pytest.approx(variance, rel=1e-8)
+    cov = variance * np.linalg.inv(least.jac.T @ least.jac)[:3, :3]
+    scales = np.array([1, scale / data.input_scales[0], 1])
+    np.testing.assert_allclose(fit.estimate.theta_cov * np.outer(scales, scales), cov, rtol=1e-4, atol=1e-9)
 
 
 def test_without_noise_terms_it_is_least_squares():
     data, _ = given(armax(0), ["y(k-1)", "u(k-1)"], [], 1)
-    fit = extended_least_squares(data, ())
+    fit = prediction_error_fit(data, ())
     rows, target = data.matrix()
     np.testing.assert_allclose(fit.estimate.theta, np.linalg.lstsq(rows.T, target)[0], rtol=1e-10)
     assert fit.status.ok and fit.changes == ()
@@ -66,7 +80,7 @@ def test_the_bias_of_least_squares_goes_and_the_intervals_cover():
         recording = armax(seed)
         plain.append(Fixed(terms=["y(k-1)", "u(k-1)"]).fit(recording).model_.theta[0])
         data, noise_terms = given(recording, ["y(k-1)", "u(k-1)"], ["e(k-1)"], 1)
-        fit = extended_least_squares(data, noise_terms)
+        fit = prediction_error_fit(data, noise_terms)
         whole = replace(data, table=TermTable(data.table.terms + noise_terms))
         model = whole.model(fit.estimate.theta, fit.estimate.theta_cov, fit.estimate.noise_variance, identifier=None)
         found.append(model.theta)
@@ -93,7 +107,7 @@ def test_the_noise_model_of_s5_covers():
         recording = system.draw(np.random.default_rng(seed)).recording
         noise_terms = [text for text in system.equation if "e(" in text]
         data, parsed = given(recording, map(str, system.terms), noise_terms, 2)
-        fit = extended_least_squares(data, parsed)
+        fit = prediction_error_fit(data, parsed)
         whole = replace(data, table=TermTable(data.table.terms + parsed))
         model = whole.model(fit.estimate.theta, fit.estimate.theta_cov, fit.estimate.noise_variance, identifier=None)
         truth = [system.equation[str(term)] for term in model.terms]
@@ -104,28 +118,40 @@ def test_the_noise_model_of_s5_covers():
     assert np.mean(variances) == pytest.approx(system.noise_std**2, rel=0.02)
 
 
-def test_slopes_against_finite_differences():
-    """de/dtheta of the recursion, with noise terms of all kinds and two recordings."""
+def test_errors_and_slopes_of_noise_terms_of_all_kinds():
+    """Products of e with itself and other signals, two recordings: errors by the model's own prediction."""
     recordings = [armax(1, 60), armax(2, 40)]
     data, noise_terms = given(
         recordings, ["y(k-1)", "u(k-1)"], ["e(k-1)", "u(k-1)e(k-2)", "e(k-1)e(k-2)", "y(k-1)e(k-1)^2"], 2
     )
-    table = TermTable(data.table.terms + noise_terms)
-    theta = np.array([0.7, 0.9, 0.5, -0.3, 0.4, 0.2])
+    errors = _PredictionErrors.of(data, TermTable(noise_terms))
+    theta = np.concatenate([[0.7, 0.9], np.zeros(4), [0.5, -0.3, 0.4, 0.2]])  # both recordings start with e = 0, twice
+    zero = np.zeros(errors.target.size)
+    point = errors.at(theta, zero)
+    whole = replace(data, table=TermTable(data.table.terms + noise_terms))
+    model = whole.model(np.delete(theta, range(2, 6)), np.zeros((6, 6)), 0.0, identifier=None)
+    for record, e in zip(recordings, errors.spread(point.errors), strict=True):
+        np.testing.assert_allclose(e[0, 2:] * data.output_scale, model.predict(record).residuals[0], atol=1e-11)
+    for j in range(theta.size):
+        step = np.eye(theta.size)[j] * 1e-6
+        up, down = (errors.at(theta + sign * step, zero).errors for sign in (1, -1))
+        np.testing.assert_allclose(point.slopes[j], -(up - down) / 2e-6, rtol=1e-6, atol=1e-7)
 
-    def errors(theta):
-        model = replace(data, table=table).model(theta, np.zeros((6, 6)), 0.0, identifier=None)
-        return [model.predict(record).residuals / data.output_scale for record in recordings]
 
-    noise = [np.pad(e, ((0, 0), (2, 0))) for e in errors(theta)]
-    rows = np.concatenate(
-        [table.rows(*data.scaled(r), 2, r.n_samples, e) for r, e in zip(recordings, noise, strict=True)], axis=1
-    )
-    slopes = _slopes(data, TermTable(noise_terms), theta[2:], rows, noise)
-    for j in range(6):
-        step = np.eye(6)[j] * 1e-6
-        up, down = (np.concatenate(errors(theta + sign * step), axis=1)[0] for sign in (1, -1))
-        np.testing.assert_allclose(slopes[j], -(up - down) / 2e-6, rtol=1e-6, atol=1e-7)
+def test_what_does_not_forget_its_start_is_refused():
+    """Roots of the noise polynomial just inside and just outside of the unit circle, and a slope that alternates."""
+    data, noise_terms = given(armax(1, 100), ["y(k-1)"], ["e(k-1)", "e(k-2)"], 2)
+    errors = _PredictionErrors.of(data, TermTable(noise_terms))
+    zero = np.zeros(errors.target.size)
+    for radius, invertible in ((0.99, True), (1.01, False)):
+        polynomial = np.poly(radius * np.exp([0.7j, -0.7j])).real
+        assert (errors.at(np.concatenate([np.zeros(3), polynomial[1:]]), zero) is not None) == invertible
+    u = np.tile([2.0, 0.1], 50)  # at half its size, for signals are scaled by powers of two: 0.5 and 0.025
+    alternating = Recording.from_arrays(u, armax(1, 100).outputs[0], 1.0)
+    data, noise_terms = given(alternating, ["y(k-1)"], ["u(k-1)e(k-1)"], 1)
+    errors = _PredictionErrors.of(data, TermTable(noise_terms))
+    for size, invertible in ((8.0, True), (10.0, False)):  # size^2 * 0.5 * 0.025 against 1: 8.94
+        assert (errors.at(np.array([0.0, 0.0, size]), np.zeros(100)) is not None) == invertible
 
 
 def test_the_noise_model_is_the_invertible_one_and_too_few_iterations_say_so():
@@ -133,10 +159,10 @@ def test_the_noise_model_is_the_invertible_one_and_too_few_iterations_say_so():
     e = rng.normal(size=400)
     y = e + np.concatenate([[0], 3.0 * e[:-1]])  # its innovations are those of 1 + e(k-1)/3
     data, noise_terms = given(Recording.from_arrays(rng.normal(size=400), y, 1.0), ["u(k-1)"], ["e(k-1)"], 1)
-    fit = extended_least_squares(data, noise_terms)
+    fit = prediction_error_fit(data, noise_terms)
     assert fit.status is NoiseStatus.CONVERGED
     assert fit.estimate.theta[1] == pytest.approx(1 / 3, abs=0.15)
-    few = extended_least_squares(data, noise_terms, max_iterations=1)
+    few = prediction_error_fit(data, noise_terms, max_iterations=2)
     assert few.status is NoiseStatus.NOT_CONVERGED and "more iterations" in few.status.value
     assert np.all(np.isfinite(few.estimate.theta_cov))
 
@@ -169,7 +195,8 @@ def test_it_goes_with_any_identifier_and_predicts_and_simulates():
     process = Frols(output_lags=2, input_lags=2, degree=1, max_terms=4)
     narmax = Narmax(process, noise_lags=2, noise_degree=1).fit(training)
     assert not hasattr(process, "model_") and narmax.process_.terms_ == narmax.model_.deterministic.terms
-    assert isinstance(narmax.model_, NarxModel) and Term.parse("e(k-1)") in narmax.noise_terms_
+    # e(k-1), or e(k-2): with one lag more of y and u, (1 + 0.7/q)(1 - 0.7/q) = 1 - 0.49/q^2 is the same model
+    assert isinstance(narmax.model_, NarxModel) and narmax.noise_terms_
     white = narmax.model_.predict(unseen).residuals[0]
     plain = narmax.process_.model_.predict(unseen).residuals[0]
     assert np.var(white) < np.var(plain) and np.var(white) == pytest.approx(0.25, rel=0.2)
@@ -191,6 +218,97 @@ def test_several_recordings_and_outputs():
     assert written[0, "e1(k-1)"] == pytest.approx(0.7, abs=0.1)
     assert written[1, "e2(k-1)"] == pytest.approx(-0.6, abs=0.1)
     assert written[0, "y1(k-1)"] == pytest.approx(0.6, abs=0.05)
+    named = Narmax(process, noise_terms={"y1": ["e1(k-1)"], "y2": ["e2(k-1)"]})
+    named.fit([whole.section(0, 400), whole.section(400, 900)])
+    assert named.model_.terms == narmax.model_.terms
+    np.testing.assert_allclose(named.model_.theta, narmax.model_.theta, rtol=1e-9)
+
+
+A = [1.0, -1.5, 0.7]
+RESONANT = ["y(k-1)", "y(k-2)", "u(k-1)", "u(k-2)"]
+NONLINEAR = [*RESONANT, "u(k-1)^2"]
+
+
+def resonant(seed, process, noise, n=2000):
+    """y(k) = 1.5 y(k-1) - 0.7 y(k-2) + f(u) + C(q) e(k); with C = A that is white noise e on the readings.
+
+    The recursion is linear in y, so that this holds exactly for f with a square of the input as well.
+    """
+    rng = np.random.default_rng(seed)
+    u = rng.normal(size=n)
+    force = lfilter([0, 1, 0.5], [1], u)
+    if process is NONLINEAR:
+        force[1:] += 0.4 * u[:-1] ** 2
+    clean = lfilter([1], A, force)
+    std = 0.3 if process is RESONANT else 0.1 * 3.3  # a tenth of what the clean output varies by, see below
+    return Recording.from_arrays(u, clean + lfilter(noise, A, std * rng.normal(size=n)), 1.0), std
+
+
+CASES = {"on the readings": (RESONANT, A), "coloured": (RESONANT, [1, 0.8, 0.4]), "nonlinear": (NONLINEAR, A)}
+
+
+def truth_of(process, noise):
+    return np.array([1.5, -0.7, 1.0, 0.5, *([0.4] if process is NONLINEAR else []), *noise[1:]])
+
+
+def resonant_fits(process, noise, seeds):
+    """Status, noise variance over the true one and which 95 % intervals hold the truth, for each seed."""
+    narmax, found = Narmax(Fixed(terms=process), noise_terms=["e(k-1)", "e(k-2)"]), []
+    for seed in seeds:
+        recording, std = resonant(seed, process, noise)
+        model = narmax.fit(recording).model_
+        held = np.abs(model.theta - truth_of(process, noise)) < 1.96 * np.sqrt(np.diag(model.theta_cov))
+        found.append((narmax.noise_status_.ok, model.noise_variance / std**2, held))
+    return zip(*found, strict=True)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_resonance_converges_and_its_intervals_cover(case):
+    """Ten seeds: the variance is known to sqrt(2 / 20000) = 1 %; of 60 or 70 intervals at least 50 hold at 95 %."""
+    converged, variances, held = resonant_fits(*CASES[case], range(10))
+    assert all(converged)
+    assert np.mean(variances) == pytest.approx(1.0, abs=0.03)
+    assert np.mean(held) > 0.85
+
+
+@pytest.mark.study
+@pytest.mark.parametrize("case", CASES)
+def test_a_resonance_converges_in_200_of_200(case):
+    """The variance is known to 0.22 %, the coverage to 0.7 % if intervals of one seed were independent."""
+    converged, variances, held = resonant_fits(*CASES[case], range(200))
+    print(f"{case}: {sum(converged)} converged, variance {np.mean(variances):.4f}, held {np.mean(held, axis=0)}")
+    assert all(converged)
+    assert np.mean(variances) == pytest.approx(1.0, abs=0.02)
+    assert 0.92 < np.mean(held) < 0.97
+
+
+@pytest.mark.parametrize("case", ["on the readings", "coloured"])
+def test_it_agrees_with_armax(case):
+    """Armax takes e = 0 before its start, which differs by far less than a standard deviation of the estimates."""
+    process, noise = CASES[case]
+    for seed in range(3):
+        recording, _ = resonant(seed, process, noise)
+        ours = Narmax(Fixed(terms=process), noise_terms=["e(k-1)", "e(k-2)"]).fit(recording).model_
+        linear = Armax(na=2, nb=2, nc=2, nk=1, offset=False).fit(recording).model_
+        theirs = np.concatenate([-linear.a[1:], linear.b[0][1:], linear.c[1:]])
+        spread = np.sqrt(np.diag(ours.theta_cov))
+        assert np.all(np.abs(ours.theta - theirs) < 0.5 * spread)
+
+
+def test_noise_terms_of_a_resonance_are_chosen():
+    """White noise on the readings: both noise terms, by the criterion, in all of five seeds."""
+    for seed in range(5):
+        recording, _ = resonant(seed, RESONANT, A)
+        narmax = Narmax(Fixed(terms=RESONANT), noise_lags=3, noise_degree=1).fit(recording)
+        assert {"e(k-1)", "e(k-2)"} <= {str(term) for term in narmax.noise_terms_} and narmax.noise_status_.ok
+
+
+def test_an_exact_recording_leaves_no_noise_and_says_so():
+    u = np.random.default_rng(1).normal(size=300)
+    narmax = Narmax(Fixed(terms=RESONANT), noise_terms=["e(k-1)"])
+    narmax.fit(Recording.from_arrays(u, lfilter([0, 1, 0.5], A, u), 1.0))
+    assert narmax.noise_status_.ok
+    np.testing.assert_allclose(narmax.model_.theta[:4], [1.5, -0.7, 1.0, 0.5], rtol=1e-9)
 
 
 def test_an_interrupt_keeps_the_process_model():
@@ -215,7 +333,7 @@ def test_the_covariance_counts_the_recursion():
     found, told, plain = [], [], []
     for seed in range(100):
         data, noise_terms = given(armax(seed), ["y(k-1)", "u(k-1)"], ["e(k-1)"], 1)
-        fit = extended_least_squares(data, noise_terms)
+        fit = prediction_error_fit(data, noise_terms)
         rows = np.vstack([data.matrix()[0], fit.noise[0][:, :-1]])
         own = [0, 2]  # the parameter of u(k-1) comes in a scale of its own for each draw
         found.append(fit.estimate.theta[own])
@@ -236,6 +354,11 @@ def test_the_covariance_counts_the_recursion():
         ({"noise_degree": 0}, "noise_degree"),
         ({"criterion": "press"}, "known are ebic"),
         ({"tolerance": 0.0}, "tolerance"),
+        ({"noise_terms": "e(k-1)"}, "list of terms"),
+        ({"noise_terms": ["u(k-1)"]}, "its own output"),
+        ({"noise_terms": ["e2(k-1)"]}, "its own output"),
+        ({"noise_terms": ["e(k-1)", "e(k-1)"]}, "only once"),
+        ({"noise_terms": ["u2(k-1)e(k-1)"]}, "2 inputs"),
     ],
 )
 def test_senseless_arguments_are_refused(arguments, says):

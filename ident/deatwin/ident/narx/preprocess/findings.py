@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from math import log
 
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.narx.levels import few_levels, said_of_levels
 from deatwin.ident.narx.preprocess.stationarity import (
     ENOUGH_CORRELATION_TIMES,
     chance_of_mean,
@@ -40,6 +41,7 @@ class FindingKind(Enum):
     OUTLIERS = "look at these samples; leave them out if the reading was disturbed"
     QUANTISATION = "the noise is not normal and not white: use a finer range"
     CLIPPING = "leave these samples out, or model the limit"
+    FEW_LEVELS = "let the input take more levels, or keep its powers in the model below their number"
     CONSTANT = "the reading was stuck or the channel lost: leave the stretch out"
 
 
@@ -59,11 +61,11 @@ class Finding:
         Where, on the recording's clock, in s.
     size : float
         How much, in the unit of the signal: total change of a trend, largest deviation of a drift or an outlier,
-        step of a quantised reading, the level of clipping or of a constant stretch.
+        step of a quantised reading, the level of clipping or of a constant stretch, the range of few levels.
     unit : str
         Unit of the signal.
     count : int
-        Number of samples concerned.
+        Number of samples concerned; of few levels, their number.
     text : str
         One sentence.
     """
@@ -82,12 +84,13 @@ class Finding:
         return f"{self.recording}, {self.signal}: {self.text}"
 
 
-def inspect_recordings(recordings: Recordings, *, level: float = 0.01) -> tuple[Finding, ...]:
-    """Look for trends, drift, outliers, quantisation, clipping and constant stretches; nothing is altered.
+def inspect_recordings(recordings: Recordings, *, level: float = 0.01, degree: int = 3) -> tuple[Finding, ...]:
+    """Look for trends, drift, outliers, quantisation, clipping, constant stretches and few levels; nothing is altered.
 
-    Inputs are looked at for trends and drift only: a command may jump, rest and stay at a limit. Trends and drift
-    can be told from chance only where a twentieth of the recording is fifteen correlation times of the signal long;
-    elsewhere, as in slow staircases, nothing is said of them. Outliers are lone readings: a burst looks like motion.
+    Inputs are looked at for trends, drift and few levels only: a command may jump, rest and stay at a limit. Trends
+    and drift can be told from chance only where a twentieth of the recording is fifteen correlation times of the signal
+    long; elsewhere, as in slow staircases, nothing is said of them. Outliers are lone readings: a burst looks like
+    motion.
 
     Parameters
     ----------
@@ -95,6 +98,8 @@ def inspect_recordings(recordings: Recordings, *, level: float = 0.01) -> tuple[
         Each of at least 200 samples.
     level : float
         Probability with which chance alone makes a finding of each kind in a signal that is normal noise.
+    degree : int
+        Largest degree that a model is to have: an input of no more levels than that cannot show it.
 
     Returns
     -------
@@ -112,15 +117,16 @@ def inspect_recordings(recordings: Recordings, *, level: float = 0.01) -> tuple[
     for record in flatten(recordings):
         if record.n_samples < _FEWEST:
             raise DataError(f"{label(record)}: {record.n_samples} samples are too few to look at; {_FEWEST} are needed")
-        found += _of_record(record, level)
+        found += _of_record(record, level, degree)
     return tuple(found)
 
 
-def _of_record(record: Recording, level: float) -> Iterator[Finding]:
+def _of_record(record: Recording, level: float, degree: int) -> Iterator[Finding]:
     for row, (name, unit) in enumerate(zip(record.input_names, record.input_units, strict=True)):
         channel = _Channel(record, name, unit, record.inputs[row])
         if np.ptp(channel.values) > 0.0:
             yield from _slow(channel, level)
+        yield from _few_levels(channel, degree)
     moves = _moves(record)
     for row, (name, unit) in enumerate(zip(record.output_names, record.output_units, strict=True)):
         channel = _Channel(record, name, unit, record.outputs[row])
@@ -159,6 +165,17 @@ class _Channel:
     def amount(self, value: float) -> str:
         """Return a value with its unit as people write it."""
         return _with_unit(value, self.unit)
+
+
+def _few_levels(channel: _Channel, degree: int) -> Iterator[Finding]:
+    """An input whose powers repeat each other."""
+    levels = few_levels(channel.values, degree)
+    if levels.size:
+        finding = channel.finding(
+            FindingKind.FEW_LEVELS, np.arange(channel.values.size), float(np.ptp(levels)),
+            said_of_levels(channel.name, levels.size),
+        )  # fmt: skip
+        yield replace(finding, count=levels.size)
 
 
 def _slow(channel: _Channel, level: float) -> Iterator[Finding]:

@@ -12,6 +12,7 @@ import numpy as np
 
 from deatwin.ident.narx.identifier import NarxIdentifier, Progress, silent
 from deatwin.ident.narx.lags import Lags, lags_anywhere
+from deatwin.ident.narx.levels import remarks_on_levels
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.preprocess.datasets import orders_dataset
 from deatwin.ident.narx.preprocess.dead_time import DeadTime, estimate_dead_time, lags_after
@@ -88,11 +89,14 @@ class OrderChoice:
         Unit of the errors.
     dead_times : tuple of DeadTime
         Of each input in the training data.
+    remarks : tuple of str
+        A sentence for each input of too few levels to show the largest degree.
     """
 
     trials: tuple[OrderTrial, ...]
     unit: str = ""
     dead_times: tuple[DeadTime, ...] = ()
+    remarks: tuple[str, ...] = ()
 
     @property
     def done(self) -> tuple[OrderTrial, ...]:
@@ -150,7 +154,7 @@ class OrderChoice:
             mark = "  <- chosen" if self.done and trial is self.chosen else ""
             lags = f"{_short(trial.output_lags):>11}  {_short(trial.input_lags):>10}"
             lines.append(f"{lags}  {trial.degree:>6}  {trial.n_terms:>5}  {error}{mark}")
-        return "\n".join([*lines, *self.warnings])
+        return "\n".join([*lines, *self.warnings, *self.remarks])
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the free-run error over the output lags, a line for each degree, divergence as a cross on top.
@@ -268,7 +272,10 @@ def choose_orders(
     except KeyboardInterrupt:
         if not done:
             raise
-    return OrderChoice(trials=(*done, *grid[len(done) :]), unit=held_out[0].output_units[0], dead_times=dead_times)
+    return OrderChoice(
+        trials=(*done, *grid[len(done) :]), unit=held_out[0].output_units[0], dead_times=dead_times,
+        remarks=remarks_on_levels(train, max(trial.degree for trial in grid)),
+    )  # fmt: skip
 
 
 def _with_dead_times(

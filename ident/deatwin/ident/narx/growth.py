@@ -1,0 +1,201 @@
+"""Growth of a model where the noise is not what least squares takes it for: terms judged by the free run refined.
+
+Least squares of the one-step error, and its F test, are right where that error is white. Where it is not, as with noise
+on the readings of a slow plant, parameters are biased, a term that the free run needs lowers the one-step error by
+nothing, and no single addition need help. So terms are added by the free-run error, with parameters of least free-run
+error, and the number of terms is judged afterwards, over the whole path.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.narx.criteria import CRITERIA
+from deatwin.ident.narx.identifier import Progress
+from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.preprocess.stationarity import correlation_samples
+from deatwin.ident.narx.refine import extend, sensitivities
+from deatwin.ident.narx.regression import Regression
+from deatwin.ident.narx.residual_tests import whiteness_of
+from deatwin.plant.errors import ModelError
+
+__all__ = ["grown", "held_out_errors", "run_errors", "smallest_adequate", "white", "worse"]
+
+Array = NDArray[np.float64]
+Booleans = NDArray[np.bool_]
+
+# Of the portmanteau test for white errors: more lags lose power, for the first ones hold most of what noise on readings
+# or a missing term leaves (Hyndman, Athanasopoulos, "Forecasting", 3rd ed. (2021), section 5.4: ten, or n/5).
+_LAGS = 10
+_LEVEL = 0.01  # of that test, as of the others of `Semp`: true models that are grown for chance are as rare
+_ROUNDING = 1e-12  # of the output: what is left of an exact recording is no noise
+# The held-out errors of a section are not told where so little of a direction of the parameters is left without it.
+_UNDETERMINED = 1e-9
+
+
+def white(model: NarxModel, data: Regression) -> bool:
+    """Whether the one-step errors of a model are white, as its least squares supposes.
+
+    Parameters
+    ----------
+    model : NarxModel
+        Of one output.
+    data : Regression
+        What it was fitted to.
+    """
+    residuals = [model.predict(record).residuals for record in data.recordings]
+    shortest = min(e.shape[1] for e in residuals)
+    lags = min(_LAGS, shortest // 5)
+    largest = max(float(np.abs(e).max()) for e in residuals)
+    if lags < 1 or largest <= _ROUNDING * data.output_scale:
+        return True
+    return whiteness_of(residuals, 0, max_lag=lags).p_value >= _LEVEL
+
+
+def grown(
+    model: NarxModel, data: Regression, sections: Sequence[int], *, max_terms: int, level: float, progress: Progress
+) -> tuple[NarxModel, ...]:
+    """Refine a model and add terms by the free-run error, as far as the free run over held-out sections gains by it.
+
+    Parameters
+    ----------
+    model : NarxModel
+        By least squares, of one output, in physical units.
+    data : Regression
+        On all candidates.
+    sections : sequence of int
+        Number of sections of each recording.
+    max_terms : int
+        Largest number of terms.
+    level : float
+        One-sided level of the test between errors.
+    progress : callable
+        Takes the share that is done and what is being done.
+
+    Returns
+    -------
+    tuple of NarxModel
+        The models after the given one, up to the adequate one; empty if that is the given one, or no better than the
+        best of so many candidates is by chance.
+    """
+    try:
+        path = extend(model, data.recordings, data.table.terms, max_terms=max_terms, progress=progress)
+    except ModelError:  # the free run of the model given diverges: there is nothing to refine
+        return ()
+    given = np.array([float(e @ e) for e in _by_sections(run_errors(model, data), sections)])
+    errors = np.array([given, *(held_out_errors(one, data, sections) for one in path)])
+    found = path[: smallest_adequate(errors, level)]
+    return found if found and _beyond_chance(model, found[-1], data) else ()
+
+
+def _beyond_chance(model: NarxModel, larger: NarxModel, data: Regression) -> bool:
+    """Whether a larger model is better by more than the best of so many candidates is by chance.
+
+    By the extended Bayesian criterion, with as many samples as there would be if the larger model's errors were
+    independent: n over their correlation time.
+    """
+    old, new = run_errors(model, data), run_errors(larger, data)
+    n = max(1, int(sum(e.size / max(correlation_samples(e[None]), 1.0) for e in new)))
+    squares = [float(np.mean(np.concatenate(errors) ** 2)) for errors in (old, new)]
+    values = [
+        CRITERIA["ebic"](square, np.inf, n, len(one.terms), len(data.table.terms))
+        for square, one in zip(squares, (model, larger), strict=True)
+    ]
+    return values[1] < values[0]
+
+
+def smallest_adequate(errors: Array, level: float) -> int:
+    """Return the first model of a path from which on none is significantly worse than the best.
+
+    A first addition that helps by chance only, or not at all, does not end the path if what follows helps.
+
+    Parameters
+    ----------
+    errors : ndarray, shape (n_models, n_sections)
+        Sums of squares along the path.
+    level : float
+        One-sided level of the test between them.
+    """
+    best = int(np.argmin(errors.sum(axis=1)))
+    if not np.isfinite(errors[best].sum()):
+        return 0
+    poor = [k for k in range(best) if not np.isfinite(errors[k].sum()) or worse(errors[k], errors[best], level)]
+    return poor[-1] + 1 if poor else 0
+
+
+def worse(errors: Array, than: Array, level: float) -> Booleans:
+    """Whether errors are larger, by a paired t test over the sections.
+
+    Parameters
+    ----------
+    errors, than : ndarray, shape (..., n_sections)
+        Sums of squares; at least two sections.
+    level : float
+        One-sided, above 0; 0.5 takes every difference as real.
+    """
+    from scipy.special import stdtrit
+
+    difference = errors - than
+    n = difference.shape[-1]
+    spread = difference.std(axis=-1, ddof=1) / np.sqrt(n)
+    larger: Booleans = difference.mean(axis=-1) > -stdtrit(n - 1, level) * spread
+    return larger
+
+
+def held_out_errors(model: NarxModel, data: Regression, sections: Sequence[int]) -> Array:
+    """Return the sums of squared free-run errors over sections, each as if the parameters were refined on the others.
+
+    To first order in the parameters: with the sensitivities S = Q R of all samples, and q of a section, its errors
+    become ``(I - q q')^-1 e``, the leave-one-out errors of a linear regression.
+
+    Parameters
+    ----------
+    model : NarxModel
+        Of one output, refined on all of the recordings.
+    data : Regression
+        The recordings.
+    sections : sequence of int
+        Number of sections of each recording.
+
+    Returns
+    -------
+    ndarray, shape (n_sections,)
+        Infinite where the other sections do not determine the parameters.
+    """
+    later = data.first - model.table.max_lag
+    each = [sensitivities(model, record)[later:] for record in data.recordings]
+    slopes = np.concatenate(each)
+    norms = np.linalg.norm(slopes, axis=0)
+    norms[norms == 0.0] = 1.0
+    inverse = np.linalg.pinv(np.linalg.qr(slopes / norms, mode="r")) / norms[:, None]
+    parts = list(zip(_by_sections(run_errors(model, data), sections), _by_sections(each, sections), strict=True))
+    found = np.full(len(parts), np.inf)
+    for i, (e, part) in enumerate(parts):
+        q = part @ inverse
+        left = np.eye(q.shape[1]) - q.T @ q
+        if np.linalg.eigvalsh(left)[0] > _UNDETERMINED:
+            unseen = e + q @ np.linalg.solve(left, q.T @ e)
+            found[i] = float(unseen @ unseen)
+    return found
+
+
+def run_errors(model: NarxModel, data: Regression) -> list[Array]:
+    """Return the free-run errors of each recording from its first fitted sample on, shape (n - first,) each.
+
+    Parameters
+    ----------
+    model : NarxModel
+        Of one output.
+    data : Regression
+        The recordings.
+    """
+    later = data.first - model.table.max_lag
+    return [model.simulate(record).residuals[0][later:] for record in data.recordings]
+
+
+def _by_sections(values: Sequence[Array], sections: Sequence[int]) -> list[Array]:
+    """Cut what there is of each recording into so many sections along the samples."""
+    return [part for one, count in zip(values, sections, strict=True) for part in np.array_split(one, count)]

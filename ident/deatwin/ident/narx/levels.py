@@ -1,0 +1,119 @@
+"""Inputs of few levels: a power from their number on is a sum of lower ones on every sample, and tells nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.narx.terms import Term, Variable
+from deatwin.plant.recording import Recording
+
+__all__ = ["few_levels", "remarks_on_levels", "said_of_levels", "without_repeated_powers"]
+
+Array = NDArray[np.float64]
+
+_GLANCE = 256  # samples that show at once that a signal has many levels
+_ROUNDING = 1e-12  # of the largest value: what arithmetic and decimal files make of one level
+
+
+def few_levels(values: Array, most: int) -> Array:
+    """Return the levels of a signal, if it has few.
+
+    Parameters
+    ----------
+    values : ndarray
+        The signal.
+    most : int
+        Largest number of levels.
+
+    Returns
+    -------
+    ndarray, shape (n_levels,)
+        Increasing, in the signal's unit; empty if there are more than that. Values are one level if they are equal to
+        rounding.
+    """
+    flat = np.ravel(values)
+    for part in (flat[:_GLANCE], flat):
+        distinct = np.unique(part)
+        apart = np.diff(distinct, prepend=-np.inf) > _ROUNDING * np.abs(distinct).max(initial=0.0)
+        if np.count_nonzero(apart) > most:
+            return np.empty(0)
+    return distinct[apart]
+
+
+def without_repeated_powers(terms: Sequence[Term], recordings: Sequence[Recording]) -> tuple[Term, ...]:
+    """Leave out the candidates that are sums of candidates of lower degree on every sample, as inputs have few levels.
+
+    An input of m levels l obeys ``prod(u - l) = 0``: u^m is a sum of lower powers. Of two levels 0 and 1 the square is
+    the input itself, of -1 and 1 the constant. Of terms that explain equally, those of the lowest degree are left.
+
+    Parameters
+    ----------
+    terms : sequence of Term
+        Candidates.
+    recordings : sequence of Recording
+        All of the training data.
+
+    Returns
+    -------
+    tuple of Term
+        Those that are left, in their order. One of which a lower one is no candidate stays.
+    """
+    degree = max((term.degree for term in terms), default=0)
+    relations: dict[int, Array] = {}
+    for row in range(len(recordings[0].inputs)):
+        levels = few_levels(np.concatenate([record.inputs[row] for record in recordings]), degree)
+        if levels.size > 1:  # a constant input is left to the user
+            relations[row] = np.asarray(np.poly(levels), dtype=np.float64)
+    there = set(terms)
+    return tuple(term for term in terms if not any(_repeats(term, v, p, relations, there) for v, p in term.factors))
+
+
+def said_of_levels(name: str, count: int) -> str:
+    """Return the sentence that says what an input of few levels cannot show.
+
+    Parameters
+    ----------
+    name : str
+        Of the input.
+    count : int
+        Number of its levels.
+    """
+    if count == 1:
+        return f"{name} is constant: the recording does not show what it does"
+    shown = "curvature" if count == 2 else f"power from the {count}th on" if count > 3 else "third power or higher one"
+    return (
+        f"{name} has {count} levels and shows no {shown}: let it take more levels, or keep its powers in the model "
+        f"below {count}"
+    )
+
+
+def remarks_on_levels(recordings: Sequence[Recording], degree: int) -> tuple[str, ...]:
+    """Return what is to be said of the inputs of recordings before models of a degree are fitted to them.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+        All of the training data.
+    degree : int
+        Largest degree of a term.
+    """
+    names = recordings[0].input_names
+    together = np.concatenate([record.inputs for record in recordings], axis=1)
+    counts = [few_levels(values, degree).size for values in together]
+    return tuple(said_of_levels(name, count) for name, count in zip(names, counts, strict=True) if count)
+
+
+def _repeats(term: Term, variable: Variable, power: int, relations: dict[int, Array], there: set[Term]) -> bool:
+    """Whether a term is a sum of others that are there, by the relation of one of its inputs."""
+    relation = relations.get(variable.index) if variable.kind == "u" else None
+    if relation is None or power < relation.size - 1:
+        return False
+    others = list(term.expanded)
+    for _ in range(relation.size - 1):
+        others.remove(variable)
+    # u^m = -(a_1 u^(m-1) + .. + a_m), the first of the coefficients being 1
+    lower = [relation.size - 1 - i for i in range(1, relation.size) if relation[i] != 0.0]
+    return all(Term.product([*others, *[variable] * exponent]) in there for exponent in lower)

@@ -1,0 +1,369 @@
+"""Estimation of process and noise terms together, by the least sum of squared prediction errors."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg.lapack import dtbtrs
+
+from deatwin.ident.narx.estimate import Estimate, least_squares
+from deatwin.ident.narx.regression import Regression
+from deatwin.ident.narx.terms import Term, TermTable, Variable
+from deatwin.plant.errors import ModelError
+
+__all__ = ["NoiseFit", "NoiseStatus", "noise_rows", "prediction_error_fit", "spread"]
+
+Array = NDArray[np.float64]
+
+# Newton's method for errors that enter their own recursion nonlinearly doubles its digits in each round; where a dozen
+# do not suffice, the recursion is about to diverge.
+_ROUNDS = 12
+_ROUNDING = 1e-13  # of the errors, as a share of the output: a few hundred units in the last place
+# A sum of squares is known to so small a share of it; a step that changes it by less is neither better nor worse.
+_SQUARE_ROUNDING = 1e-14
+_MOST_DAMPED = 1e10  # beyond it a step is shorter than rounding
+_HALVINGS = 30
+
+
+class NoiseStatus(Enum):
+    """How the estimation of the noise model ended; the value is the advice."""
+
+    CONVERGED = "converged"
+    NOT_CONVERGED = (
+        "the noise did not settle: take fewer noise terms or lags, or more iterations; the estimates are the best that "
+        "were found"
+    )
+
+    @property
+    def ok(self) -> bool:
+        """Whether the noise settled."""
+        return self is NoiseStatus.CONVERGED
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class NoiseFit:
+    """Estimates of process and noise terms together.
+
+    Parameters
+    ----------
+    estimate : Estimate
+        Of the process terms and, after them, the noise terms; scaled.
+    noise : tuple of ndarray, each of shape (n_outputs, n)
+        e of each recording, scaled; before the first fitted sample its estimated start, for other outputs zero.
+    changes : tuple of float
+        By how much the undamped step of each iteration would change e: root mean square, relative to e.
+    status : NoiseStatus
+        Whether e settled.
+    """
+
+    estimate: Estimate
+    noise: tuple[Array, ...]
+    changes: tuple[float, ...]
+    status: NoiseStatus
+
+
+def prediction_error_fit(
+    process: Regression, noise_terms: Sequence[Term], *, tolerance: float = 1e-6, max_iterations: int = 100
+) -> NoiseFit:
+    """Estimate process and noise terms together, by the least sum of squared prediction errors.
+
+    e(k) is what the terms leave of y(k), with the earlier e in the noise terms. The few e before the first fitted
+    sample of a recording are unknowns too, and their squares count in the sum (unconditional least squares): zeros
+    in their place would stay in all errors that a noise model with little damping makes of them. The slopes of e
+    are the terms, filtered by the noise model: ``s(k) = -de(k)/dtheta = z(k) - sum_l c_l(k) s(k-l)`` with the terms z
+    and the slopes c_l of the noise terms by e(k-l). Steps are those of Gauss and Newton, damped where the sum of
+    squares would rise (Levenberg, Marquardt). The covariance is ``s^2 (SS')^-1``.
+
+    The noise model stays invertible: a step after which e would not forget its start is damped like one that
+    raises the sum of squares.
+
+    Parameters
+    ----------
+    process : Regression
+        On the process terms; its first sample must allow for the lags of the noise.
+    noise_terms : sequence of Term
+        Each with a factor e(k-l); none gives plain least squares.
+    tolerance : float
+        e has settled when an undamped step would change it by less than this share of it, root mean square.
+    max_iterations : int
+        Largest number of steps, accepted or not.
+
+    Returns
+    -------
+    NoiseFit
+
+    Raises
+    ------
+    ModelError
+        If there are too few samples.
+
+    References
+    ----------
+    Ljung, "System Identification: Theory for the User", 2nd ed. (1999), sections 9.3 and 10.2.
+    Box, Jenkins, Reinsel, "Time Series Analysis", 4th ed. (2008), section 7.1.3 (unconditional least squares),
+    doi:10.1002/9781118619193.
+    """
+    rows, target = process.matrix()
+    if target.size <= len(rows) + len(noise_terms):
+        raise ModelError(
+            f"{target.size} samples do not determine {len(rows) + len(noise_terms)} parameters and the noise"
+        )
+    if not noise_terms:
+        plain = least_squares(rows, target)
+        noise = spread(process, target - plain.theta @ rows)
+        return NoiseFit(estimate=plain, noise=noise, changes=(), status=NoiseStatus.CONVERGED)
+    errors = _PredictionErrors.of(process, TermTable(tuple(noise_terms)))
+    ends = [_minimise(errors, start, tolerance, max_iterations) for start in _starts(errors)]
+    point, changes, status = min(ends, key=lambda end: end[0].square)
+    wanted = np.r_[: len(rows), len(errors.rows) : point.theta.size]
+    variance = point.square / (target.size - wanted.size)
+    norms, _, r = _triangle(point.slopes)
+    root = (np.linalg.pinv(r) / norms[:, None])[wanted]
+    return NoiseFit(
+        estimate=Estimate(theta=point.theta[wanted], theta_cov=variance * (root @ root.T), noise_variance=variance),
+        noise=errors.spread(point.errors), changes=tuple(changes), status=status,
+    )  # fmt: skip
+
+
+def noise_rows(data: Regression, table: TermTable, noise: Sequence[Array]) -> Array:
+    """Evaluate noise terms over all fitted samples.
+
+    Parameters
+    ----------
+    data : Regression
+        Of the process.
+    table : TermTable
+        The noise terms.
+    noise : sequence of ndarray, each of shape (n_outputs, n)
+        e of each recording, scaled.
+
+    Returns
+    -------
+    ndarray, shape (n_terms, n_samples)
+    """
+    return np.concatenate(
+        [
+            table.rows(*data.scaled(record), data.first, record.n_samples, e)
+            for record, e in zip(data.recordings, noise, strict=True)
+        ],
+        axis=1,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Point:
+    """Parameters with their prediction errors, shape (n_samples,), and slopes, shape (n_terms, n_samples)."""
+
+    theta: Array
+    errors: Array
+    slopes: Array
+
+    @property
+    def square(self) -> float:
+        return float(self.errors @ self.errors)
+
+
+@dataclass(frozen=True, eq=False)
+class _PredictionErrors:
+    """The prediction errors as a function of the parameters.
+
+    Each recording is led by as many samples as the longest lag of e: their output is zero, and all that they hold is a
+    parameter of their own, so that their errors are the unknown start of e.
+
+    Parameters
+    ----------
+    process : Regression
+        On the process terms.
+    table : TermTable
+        The noise terms.
+    rows : ndarray, shape (n_terms + n_starts, n_samples)
+        Process terms, then the samples of the start, one each.
+    target : ndarray, shape (n_samples,)
+        Output.
+    """
+
+    process: Regression
+    table: TermTable
+    rows: Array
+    target: Array
+
+    @classmethod
+    def of(cls, process: Regression, table: TermTable) -> _PredictionErrors:
+        lead = _longest(table)
+        rows, target = process.matrix()
+        rows, target = _led(process, lead, rows), _led(process, lead, target[None])[0]
+        fitted = _led(process, lead, np.ones((1, process.n_samples)))[0] > 0.0
+        return cls(process, table, np.vstack([rows, np.eye(target.size)[~fitted]]), target)
+
+    def spread(self, errors: Array) -> tuple[Array, ...]:
+        """Return e by recordings, shape (n_outputs, n) each."""
+        return spread(self.process, errors, _longest(self.table))
+
+    def whole(self, errors: Array) -> Array:
+        """Return process and noise terms with given e, shape (n_terms, n_samples)."""
+        noise = noise_rows(self.process, self.table, self.spread(errors))
+        return np.vstack([self.rows, _led(self.process, _longest(self.table), noise)])
+
+    def at(self, theta: Array, near: Array) -> _Point | None:
+        """Solve the recursion of e, from a guess on; None where it diverges or does not forget its start."""
+        errors, limit = near, _ROUNDING * float(np.linalg.norm(self.target))
+        for _ in range(_ROUNDS):
+            with np.errstate(over="ignore", invalid="ignore"):
+                terms = self.whole(errors)
+                missed = self.target - theta @ terms - errors
+                bands = _bands(self.process, self.table, theta[len(self.rows) :], self.spread(errors))
+                if float(np.linalg.norm(missed)) <= limit:
+                    break
+                errors = errors + _filtered(bands, missed[None])[0]
+                if not np.isfinite(errors @ errors):
+                    return None
+        else:
+            return None
+        if not all(map(_forgets, bands)):
+            return None
+        slopes = _filtered(bands, terms)
+        return _Point(theta, errors, slopes) if np.all(np.isfinite(slopes)) else None
+
+
+def _starts(errors: _PredictionErrors) -> list[_Point]:
+    """Return least squares without noise terms, and with the e that this leaves in them."""
+    plain = np.linalg.lstsq(errors.rows.T, errors.target)[0]
+    left = errors.target - plain @ errors.rows
+    theta = np.linalg.lstsq(errors.whole(left).T, errors.target)[0]
+    parts = theta[: len(errors.rows)], theta[len(errors.rows) :]
+    first = errors.at(np.concatenate([plain, np.zeros(len(parts[1]))]), left)
+    smaller = (errors.at(np.concatenate([parts[0], parts[1] / 2**n]), left) for n in range(_HALVINGS))
+    second = next((point for point in smaller if point is not None), None)
+    return [point for point in (first, second) if point is not None]
+
+
+def _minimise(
+    errors: _PredictionErrors, point: _Point, tolerance: float, max_iterations: int
+) -> tuple[_Point, list[float], NoiseStatus]:
+    """Search from a point by damped Gauss-Newton steps."""
+    changes: list[float] = []
+    damping, step = 0.0, None
+    for _ in range(max_iterations + 1):
+        if step is None:
+            norms, q, r = _triangle(point.slopes)
+            along = q.T @ point.errors
+            size = float(np.sqrt(point.square))
+            changes.append(float(np.linalg.norm(along)) / max(size, np.finfo(float).tiny))
+            if changes[-1] <= tolerance or size <= _ROUNDING * float(np.linalg.norm(errors.target)):
+                return point, changes, NoiseStatus.CONVERGED
+        damped = np.vstack([r, np.sqrt(damping) * np.eye(len(r))])
+        step = np.linalg.lstsq(damped, np.concatenate([along, np.zeros(len(r))]))[0] / norms
+        further = errors.at(point.theta + step, point.errors)
+        if further is not None and further.square <= point.square * (1.0 + _SQUARE_ROUNDING):
+            point, step = further, None
+            damping = damping / 10.0 if damping > 1e-6 else 0.0
+        else:
+            damping = max(10.0 * damping, 1e-3)
+            if damping > _MOST_DAMPED:
+                break
+    return point, changes, NoiseStatus.NOT_CONVERGED
+
+
+def _triangle(slopes: Array) -> tuple[Array, Array, Array]:
+    """Return norms of rows, shape (n_terms,), and Q and R of the rows divided by them."""
+    norms = np.linalg.norm(slopes, axis=1)
+    norms[norms == 0.0] = 1.0
+    q, r = np.linalg.qr((slopes / norms[:, None]).T)
+    return norms, q, r
+
+
+def _longest(table: TermTable) -> int:
+    return max(v.lag for v in table.variables if v.kind == "e")
+
+
+def _led(data: Regression, lead: int, rows: Array) -> Array:
+    """Return rows over all fitted samples with some zeros before each recording."""
+    begins = np.cumsum([0, *(record.n_samples - data.first for record in data.recordings)])[:-1]
+    return np.insert(rows, np.repeat(begins, lead), 0.0, axis=1)
+
+
+def spread(data: Regression, errors: Array, lead: int = 0) -> tuple[Array, ...]:
+    """Return e of all fitted samples, and of some that lead them, as one array a recording.
+
+    Parameters
+    ----------
+    data : Regression
+        Of the process.
+    errors : ndarray, shape (n_samples + n_recordings lead,)
+        Recording by recording.
+    lead : int
+        Number of samples before the first fitted one of each recording.
+
+    Returns
+    -------
+    tuple of ndarray, each of shape (n_outputs, n)
+        Zero elsewhere.
+    """
+    noise, begin = [], 0
+    for record in data.recordings:
+        end = begin + record.n_samples - data.first + lead
+        one = np.zeros(record.outputs.shape)
+        one[data.output, data.first - lead :] = errors[begin:end]
+        noise.append(one)
+        begin = end
+    return tuple(noise)
+
+
+def _bands(data: Regression, table: TermTable, theta: Array, noise: Sequence[Array]) -> list[Array]:
+    """Return the slopes of the recursion of e in each recording, c_l(k) at [l, k-l] with the leading samples."""
+    lags = sorted({v for v in table.variables if v.kind == "e"})
+    bands, lead = [], lags[-1].lag
+    for record, e in zip(data.recordings, noise, strict=True):
+        band = np.zeros((lead + 1, record.n_samples - data.first + lead))
+        band[0] = 1.0
+        for variable in lags:
+            weights, parts = _derivative(table, theta, variable)
+            along = weights @ parts.rows(*data.scaled(record), data.first, record.n_samples, e)
+            band[variable.lag, lead - variable.lag : band.shape[1] - variable.lag] = along
+        bands.append(band)
+    return bands
+
+
+def _filtered(bands: Sequence[Array], rows: Array) -> Array:
+    """Return f(k) = r(k) - sum_l c_l(k) f(k-l) of rows, recording by recording, shape as that of the rows."""
+    found, begin = np.empty_like(rows), 0
+    for band in bands:
+        end = begin + band.shape[1]
+        solved, _ = dtbtrs(band, rows[:, begin:end].T, uplo="L", diag="U")
+        found[:, begin:end] = solved.T
+        begin = end
+    return found
+
+
+def _forgets(band: Array) -> bool:
+    """Whether e forgets its start: repeated for ever, the recording would let a disturbance of e die out.
+
+    With constant coefficients this says that all roots of the noise polynomial lie inside of the unit circle.
+    """
+    lag, n = band.shape[0] - 1, band.shape[1]
+    if n <= 2 * lag:
+        return True
+    passed_on = np.zeros((lag, n - lag))  # of unit disturbances in the leading samples
+    for start in range(lag):
+        for k in range(lag, lag + start + 1):
+            passed_on[start, k - lag] = -band[k - start, start]
+    with np.errstate(over="ignore", invalid="ignore"):
+        end = _filtered([np.ascontiguousarray(band[:, lag:])], passed_on)[:, -lag:]
+    return bool(np.all(np.isfinite(end)) and np.abs(np.linalg.eigvals(end)).max() < 1.0)
+
+
+def _derivative(table: TermTable, theta: Array, variable: Variable) -> tuple[Array, TermTable]:
+    """Return coefficients and terms of the derivative of a sum of terms by one lagged signal."""
+    weights, terms = [], []
+    for term, value in zip(table.terms, theta, strict=True):
+        power = dict(term.factors).get(variable, 0)
+        if power:
+            factors = list(term.expanded)
+            factors.remove(variable)
+            weights.append(value * power)
+            terms.append(Term.product(factors))
+    return np.array(weights), TermTable(tuple(terms))

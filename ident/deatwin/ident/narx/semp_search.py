@@ -1,0 +1,233 @@
+"""The search of `Semp`: terms added, exchanged and pruned by the free run of the model they make."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.narx.forward import forward_selection
+from deatwin.ident.narx.free_run import March
+from deatwin.ident.narx.growth import worse
+from deatwin.ident.narx.neighbours import CompressedRegression, Neighbours
+from deatwin.ident.narx.regression import Regression
+from deatwin.ident.narx.response import DIVERGED
+from deatwin.ident.narx.terms import Term
+
+if TYPE_CHECKING:
+    from deatwin.ident.narx.semp import Semp
+
+__all__ = ["SempSearch", "SempStep"]
+
+Array = NDArray[np.float64]
+Booleans = NDArray[np.bool_]
+
+# Ten to thirty sections are enough to know the variance of a mean, and long enough to be independent of each other
+# (Schmeiser, Oper. Res. 30 (1982) 556-568, doi:10.1287/opre.30.3.556).
+_SECTIONS = 20
+_STEPS = 4  # times max_terms: a search that still turns terms over then goes nowhere
+
+
+@dataclass(frozen=True, kw_only=True)
+class SempStep:
+    """One step of the search: a term added or exchanged, and those pruned thereupon.
+
+    Parameters
+    ----------
+    added : tuple of Term
+        What was added: one term; all new ones where the search went on from the model of forward regression; none where
+        the parameters were refined.
+    pruned : tuple of Term
+        The terms that were taken out, by the exchange and by pruning.
+    terms : tuple of Term
+        The terms after the step.
+    srr : float
+        Simulation error reduction ratio of the addition: by what share of the mean square of the output the mean
+        squared simulation error fell.
+    msse : float
+        Mean squared simulation error after the step, square of the output's unit.
+    """
+
+    added: tuple[Term, ...]
+    pruned: tuple[Term, ...]
+    terms: tuple[Term, ...]
+    srr: float
+    msse: float
+
+
+class SempSearch:
+    """The search of `Semp`, step by step.
+
+    Simulation errors are sums of squares over each section of the records, in squares of the scaled output.
+
+    Parameters
+    ----------
+    settings : Semp
+        Its arguments.
+    data : Regression
+        On all candidates.
+    """
+
+    def __init__(self, settings: Semp, data: Regression) -> None:
+        self.settings = settings
+        self.data = data
+        self.regression = CompressedRegression.of(data)
+        self.power = float(self.regression.target @ self.regression.target)
+        signals = [data.scaled(record) for record in data.recordings]
+        self.marches = [
+            March.of(
+                data.table.terms, {"u": inputs, "y": outputs}, "y", outputs[[data.output]],
+                first=data.first, alone=data.output,
+            )
+            for inputs, outputs in signals
+        ]  # fmt: skip
+        wanted = min(_SECTIONS, max(2, data.n_samples // 10))
+        lengths = np.array([outputs.shape[1] - data.first for _, outputs in signals])
+        self.sections = np.maximum(1, np.rint(wanted * lengths / lengths.sum())).astype(int)
+        self.path: list[SempStep] = []
+        self.chosen: list[int] = []
+        self.squares = self.power  # of the one-step errors
+        self.errors = np.array([self.power])
+        self.exchanges = 0
+        self.restarted = False
+        self.seen = {frozenset[int]()}
+
+    def advance(self) -> bool:
+        """Change the model and prune it; tell whether that was possible."""
+        if len(self.path) >= _STEPS * self.settings.max_terms:
+            return False
+        before, old = self.errors, self.chosen
+        if self._add() or self._exchange():
+            rival = before
+        elif self._restart():
+            rival = self.errors
+        else:
+            return False
+        srr, added = float(before.sum() - self.errors.sum()) / self.power, self.chosen
+        self._prune(rival)
+        self.seen.add(frozenset(self.chosen))
+        terms = self.data.table.terms
+        self.path.append(
+            SempStep(
+                added=tuple(terms[i] for i in added if i not in old),
+                pruned=tuple(terms[i] for i in dict.fromkeys([*old, *added]) if i not in self.chosen),
+                terms=tuple(terms[i] for i in self.chosen),
+                srr=srr,
+                msse=float(self.errors.sum()) / self.data.n_samples * self.data.output_scale**2,
+            )
+        )
+        return True
+
+    def _add(self) -> bool:
+        """Add the candidate whose model simulates best."""
+        if len(self.chosen) >= self.settings.max_terms:
+            return False
+        models = self.regression.larger(self.chosen)
+        if not self.chosen:
+            models, errors = self._simulated(models)
+            sound = errors.sum(axis=1) < self.power
+            return self._take_best(models, errors, sound if sound.any() else ~sound)
+        models, errors = self._simulated(models.only(models.f_ratio >= self._critical(models.freedom)))
+        enough = self._as_good(errors)
+        if self.settings.threshold is not None:
+            enough &= self.errors.sum() - errors.sum(axis=1) >= self.settings.threshold * self.power
+        return self._take_best(models, errors, enough)
+
+    def _exchange(self) -> bool:
+        """Exchange a term for a candidate, to simulate better, or as well with a smaller one-step error."""
+        if not self.chosen or self.exchanges >= self.settings.max_exchanges:
+            return False
+        self.exchanges += 1
+        models = self.regression.exchanged(self.chosen)
+        models, errors = self._simulated(models.only(models.f_ratio >= self._critical(models.freedom)))
+        closer = self._as_good(errors) & (models.squares < self.squares)
+        return self._take_best(models, errors, closer | self._worse(self.errors, errors))
+
+    def _restart(self) -> bool:
+        """Go on from the model of forward regression that simulates best, if it does so better than the present one."""
+        if not self.settings.max_exchanges or self.restarted:
+            return False
+        self.restarted = True
+        steps = forward_selection(self.regression.rows.copy(), self.regression.target, self.settings.max_terms)
+        order: list[int] = []
+        best, best_errors, left = order, np.array([np.inf]), self.power
+        for step in steps:
+            freedom = self.data.n_samples - len(order) - 1
+            if (left - step.residual) * freedom < self._critical(freedom) * step.residual:
+                break
+            order, left = [*order, step.candidate], step.residual
+            theta, _ = self.regression.fit(order)
+            (errors,) = self._errors(np.array([order]), theta[None])
+            if errors.sum() < best_errors.sum():
+                best, best_errors = order, errors
+        if not best or frozenset(best) in self.seen or not self._worse(self.errors, best_errors):
+            return False
+        self.chosen, self.errors, self.squares = best, best_errors, self.regression.fit(best)[1]
+        return True
+
+    def _prune(self, rival: Array) -> None:
+        """Take out terms that are idle, or without which the model simulates better than a rival, that before."""
+        while len(self.chosen) > 1:
+            models, errors = self._simulated(self.regression.smaller(self.chosen))
+            idle = (models.f_ratio < self._critical(models.freedom)) & self._as_good(errors)
+            better = self._worse(rival, errors)
+            if idle.any():
+                self._take(models, errors, int(np.argmin(np.where(idle, models.f_ratio, np.inf))))
+            elif better.any():
+                self._take(models, errors, int(np.argmin(np.where(better, errors.sum(axis=1), np.inf))))
+            else:
+                return
+
+    def _take_best(self, models: Neighbours, errors: Array, allowed: Booleans) -> bool:
+        """Go on to the model that simulates best, of equally good ones to that with the least one-step error."""
+        if not allowed.any():
+            return False
+        totals = np.where(allowed, errors.sum(axis=1), np.inf)
+        equal = allowed & ~self._worse(errors, errors[np.argmin(totals)])
+        self._take(models, errors, int(np.argmin(np.where(equal, models.squares, np.inf))))
+        return True
+
+    def _take(self, models: Neighbours, errors: Array, choice: int) -> None:
+        """Go on to one of the models."""
+        self.chosen = models.chosen[choice].tolist()
+        self.errors = errors[choice]
+        self.squares = float(models.squares[choice])
+
+    def _simulated(self, models: Neighbours) -> tuple[Neighbours, Array]:
+        """Run new models free; return those that do not diverge, and their errors, shape (n_models, n_sections)."""
+        if models.chosen.shape[1] in map(len, self.seen):
+            new = [frozenset(chosen) not in self.seen for chosen in models.chosen.tolist()]
+            models = models.only(np.array(new, dtype=bool))
+        errors = self._errors(models.chosen, models.theta)
+        finite: Booleans = np.isfinite(errors.sum(axis=1))
+        return models.only(finite), errors[finite]
+
+    def _errors(self, chosen: NDArray[np.int64], theta: Array) -> Array:
+        """Run models free; return their errors, shape (n_models, n_sections)."""
+        runs = zip(self.marches, self.sections.tolist(), strict=True)
+        return np.concatenate(
+            [march.squared_errors(chosen, theta, limit=DIVERGED, sections=sections) for march, sections in runs],
+            axis=1,
+        )
+
+    def _as_good(self, errors: Array) -> Booleans:
+        """Whether errors are not larger than those of the present model, nor than those of no model.
+
+        The test finds nothing in a run that goes wild in one section alone; such a run is worse than none.
+        """
+        return ~self._worse(errors, self.errors) & (errors.sum(axis=1) < self.power)
+
+    def _worse(self, errors: Array, than: Array) -> Booleans:
+        return worse(errors, than, self.settings.level)
+
+    def _critical(self, freedom: int) -> float:
+        """Return the F ratio that the best of the false candidates exceeds with the given probability."""
+        from scipy.special import stdtrit
+
+        if self.settings.significance is None:
+            return 0.0
+        chosen = self.data.n_samples - freedom - 1
+        competing = max(len(self.regression.rows) - chosen, 1)
+        return float(stdtrit(freedom, self.settings.significance / competing / 2)) ** 2  # F of 1 and n is t^2 of n
