@@ -14,8 +14,7 @@ from deatwin.plant.datasets import dataset
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.equations import Equations
 from deatwin.plant.errors import DataError, SimulationError
-from deatwin.plant.rest import RestState, rest_state
-from deatwin.plant.simulate import RunStatus
+from deatwin.plant.rest import RestState, rest_state, resting
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -162,7 +161,7 @@ def actuation_curve(plant: Plant, commands: np.ndarray) -> ActuationCurve:
         raise DataError(f"an actuation curve needs commands that rise from {start:g}, the one at rest")
     rest = rest_state(equations, start, values)
     if not rest.found:
-        raise SimulationError(RunStatus.NO_REST.value)
+        raise SimulationError(rest.fault)
     step = _step(equations, rest, start, values)
     here, at, end = np.concatenate([rest.x, rest.z]), start, CurveEnd.COMMAND
     points: list[tuple[float, np.ndarray]] = []
@@ -197,7 +196,8 @@ def _step(equations: Equations, rest: RestState, start: float, values: np.ndarra
     n_x = len(equations.states)
     w, u = ca.SX.sym("w", equations.scale.size), ca.SX.sym("u", equations.held_inputs(start).size)
     residual = equations.rest(w[:n_x, :], w[n_x:, :], u, values, equations.constants)
-    slope = ca.Function("slope", [w, u], [ca.densify(ca.jacobian(residual, w))])
+    kept = resting(equations).tolist()
+    slope = ca.Function("slope", [w, u], [ca.densify(ca.jacobian(residual, w)[kept, kept])])
 
     def sign(command: float, unknowns: np.ndarray) -> float:
         return float(np.linalg.slogdet(np.asarray(slope(unknowns, equations.held_inputs(command)))).sign)

@@ -17,7 +17,7 @@ from deatwin.plant.integrator.collocation import StepFunctions, step_functions
 from deatwin.plant.integrator.compiled import compile_functions, key_of, recalled
 from deatwin.plant.integrator.march import March
 from deatwin.plant.marching import CHUNK, marched, repeated
-from deatwin.plant.rest import RestState, has_equilibrium, rest_state
+from deatwin.plant.rest import NO_REST, RestState, has_equilibrium, rest_state
 from deatwin.plant.sample import Sample
 
 __all__ = ["Run", "RunStatus", "Simulator", "Stepper"]
@@ -32,7 +32,7 @@ class RunStatus(Enum):
     DONE = "the simulation reached its end"
     TENSION_LOST = "the film lost tension and would wrinkle, what follows is not sound: lower the voltage, stretch more"
     BREAKDOWN = "the field went beyond what the film bears, what follows is not sound: lower the voltage"
-    NO_REST = "no state of rest was found: the film is too soft for its load, or a parameter is far off"
+    NO_REST = NO_REST
     PULL_IN = "no equilibrium is in reach (pull-in or loss of tension): lower the voltage or stiffen the film"
     NOT_SOLVED = "the equations of a sample could not be solved: a parameter may be far off, or sample faster"
 
