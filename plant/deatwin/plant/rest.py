@@ -140,8 +140,8 @@ def _undefined(
         return f"{equations.names_of_rest[row]} has no finite {what}: parameter {', '.join(wrong)}"
     at = ", ".join(f"{name} = {value:.4g}" for name, value in zip(unknowns, w, strict=True))
     return (
-        f"{equations.names_of_rest[row]} has no finite {what} at the initial guess ({at}), as a quotient by zero or "
-        "the root or logarithm of a negative number: give another guess with build.guess, or check the parameters"
+        f"{equations.names_of_rest[row]} has no finite {what} at the initial guess ({at}), as a quotient by zero, "
+        "a logarithm or a root there: give another guess with build.guess, or check the parameters"
     )
 
 

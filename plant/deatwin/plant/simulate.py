@@ -23,6 +23,7 @@ from deatwin.plant.sample import Sample
 __all__ = ["Run", "RunStatus", "Simulator", "Stepper"]
 
 Progress = Callable[[float], None]
+NO_READING = "the reading has no finite value at rest: a quotient by zero, or a logarithm or a root there"
 MARCHES = ("plain_march", "sensitive_march")
 
 
@@ -58,6 +59,8 @@ class Run:
         The plant's named signals at the end of each sample (plain runs).
     failed_at : int or None
         Sample in which the simulation failed.
+    advice : str
+        What the status says; of a plant without a state of rest, which equation is at fault.
     """
 
     status: RunStatus
@@ -65,6 +68,7 @@ class Run:
     sensitivities: np.ndarray | None
     watched: np.ndarray | None
     failed_at: int | None
+    advice: str
 
 
 class Simulator:
@@ -129,9 +133,11 @@ class Simulator:
         """
         rest = rest_state(self.equations, rest_command, values)
         if not rest.found:
-            return _run(RunStatus.NO_REST, [np.empty(0)], None, None)
+            return _run(RunStatus.NO_REST, [np.empty(0)], None, None, rest.fault)
         status = RunStatus.DONE
         first = float(self._reading(rest, rest_command, start, values))
+        if not np.isfinite(first):
+            return _run(RunStatus.NO_REST, [np.empty(0)], None, None, NO_READING)
         times = start + sample_time * np.arange(commands.size)
         inputs = self.equations.inputs(commands, rest_command, times, channels)
         outputs, watched = [np.array([first])], []
@@ -174,7 +180,7 @@ class Simulator:
         """
         rest = rest_state(self.equations, rest_command, values)
         if not rest.found:
-            return _run(RunStatus.NO_REST, [np.empty(0)], None, None)
+            return _run(RunStatus.NO_REST, [np.empty(0)], None, None, rest.fault)
         status = RunStatus.DONE
         n_p = values.size
         at_rest = self.equations.held_inputs(rest_command)
@@ -182,6 +188,8 @@ class Simulator:
         times = start + sample_time * np.arange(commands.size)
         inputs = self.equations.inputs(commands, rest_command, times, channels)
         first = float(self.equations.output(*point))
+        if not np.isfinite(first):
+            return _run(RunStatus.NO_REST, [np.empty(0)], None, None, NO_READING)
         outputs, slopes = [np.array([first])], [self._rest_slope(point, rest.x_p, rest.z_p, rest.d_p)]
         march = March(self._march["sensitive_march"])
         x, z, dx, dd, d, *_, p, c = march.arguments
@@ -267,12 +275,13 @@ class Simulator:
 
 
 def _run(
-    status: RunStatus, outputs: list[np.ndarray], sensitivities: np.ndarray | None, watched: np.ndarray | None
+    status: RunStatus, outputs: list[np.ndarray], sensitivities: np.ndarray | None, watched: np.ndarray | None,
+    fault: str = "",
 ) -> Run:
     readings = np.concatenate(outputs)
     return Run(
         status=status, outputs=readings, sensitivities=sensitivities, watched=watched,
-        failed_at=None if status.ok else max(readings.size - 1, 0),
+        failed_at=None if status.ok else max(readings.size - 1, 0), advice=fault or status.value,
     )  # fmt: skip
 
 

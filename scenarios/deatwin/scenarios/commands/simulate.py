@@ -120,12 +120,12 @@ def _finished(prediction: Prediction, model: CalibratedPlant) -> Prediction:
         return prediction
     rig = model.plant.rig
     if prediction.failed_at is None or prediction.failed_command is None:
-        raise SimulationError(f"the simulation stopped: {prediction.status.value}")
+        raise SimulationError(f"the simulation stopped: {prediction.advice}")
     parameters = model.plant.parameters
     film = (
         f" ({prediction.failed_command * parameters['gain'].value:.0f} V on the film)" if "gain" in parameters else ""
     )
     raise SimulationError(
         f"the simulation stopped at {prediction.failed_at:.2f} s and a {rig.input_name} of "
-        f"{prediction.failed_command:.3f} {rig.input_unit}{film}: {prediction.status.value}"
+        f"{prediction.failed_command:.3f} {rig.input_unit}{film}: {prediction.advice}"
     )
