@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
+from threading import RLock
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Self
 
@@ -178,7 +179,8 @@ class Plant:
     @property
     def simulator(self) -> Simulator:
         """The compiled equations, shared by all plants of the same structure in this process."""
-        return _simulator(_Structure(self), compiler())
+        with SIMULATOR_LOCK:  # threads that start together would each write and compile the same equations
+            return _simulator(_Structure(self), compiler())
 
     @property
     def free_values(self) -> np.ndarray:
@@ -319,6 +321,7 @@ class Plant:
         return cls(rig=rig, effects=effects, values=values)
 
 
+SIMULATOR_LOCK = RLock()
 NOT_IN_EQUATIONS = frozenset(
     {"reading", "noise", "model_error", "command_range", "ball_is_known", "prestretch_is_known", "chain"}
 )
