@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cached_property
 from typing import Any
@@ -11,6 +11,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from deatwin.plant.branch import snap_throughs
 from deatwin.plant.equations import Equations
 from deatwin.plant.errors import SimulationError
 from deatwin.plant.integrator.collocation import StepFunctions, step_functions
@@ -33,6 +34,7 @@ class RunStatus(Enum):
     DONE = "the simulation reached its end"
     TENSION_LOST = "the film lost tension and would wrinkle, what follows is not sound: lower the voltage, stretch more"
     BREAKDOWN = "the field went beyond what the film bears, what follows is not sound: lower the voltage"
+    SNAP_THROUGH = "the film snapped to another equilibrium: a lower voltage, or a stiffer film, keeps it on the first"
     NO_REST = NO_REST
     PULL_IN = "no equilibrium is in reach (pull-in or loss of tension): lower the voltage or stiffen the film"
     NOT_SOLVED = "the equations of a sample could not be solved: a parameter may be far off, or sample faster"
@@ -40,7 +42,7 @@ class RunStatus(Enum):
     @property
     def ok(self) -> bool:
         """Whether the simulation reached its end; where the film lost tension or broke down it did, unsoundly."""
-        return self in (RunStatus.DONE, RunStatus.TENSION_LOST, RunStatus.BREAKDOWN)
+        return self in (RunStatus.DONE, RunStatus.SNAP_THROUGH, RunStatus.TENSION_LOST, RunStatus.BREAKDOWN)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -61,6 +63,8 @@ class Run:
         Sample in which the simulation failed.
     advice : str
         What the status says; of a plant without a state of rest, which equation is at fault.
+    snaps : tuple of int
+        Samples in which the film snaps to another equilibrium (plain runs).
     """
 
     status: RunStatus
@@ -69,6 +73,7 @@ class Run:
     watched: np.ndarray | None
     failed_at: int | None
     advice: str
+    snaps: tuple[int, ...] = ()
 
 
 class Simulator:
@@ -140,13 +145,14 @@ class Simulator:
             return _run(RunStatus.NO_REST, [np.empty(0)], None, None, NO_READING)
         times = start + sample_time * np.arange(commands.size)
         inputs = self.equations.inputs(commands, rest_command, times, channels)
-        outputs, watched = [np.array([first])], []
+        outputs, watched, unknowns = [np.array([first])], [], [np.empty((len(self.equations.scale), 0))]
         march = March(self._march["plain_march"])
         x, z, d, *_, p, c = march.arguments
         x[:], z[:], d[:], p[:], c[:] = rest.x, rest.z, rest.d, values, self.equations.constants
         done = 0
-        for y, w in marched(march, 2, inputs, start, sample_time):
+        for after_x, after_z, y, w in marched(march, 2, inputs, start, sample_time):
             outputs.append(y[:, 0])
+            unknowns.append(np.vstack([after_x.T, after_z.T]))
             watched.append(w.T)
             done += len(y)
             if progress is not None:
@@ -154,7 +160,8 @@ class Simulator:
         if done < commands.size:
             status = self._why(rest, rest_command, commands[done], values)
         signals = np.hstack(watched) if watched else np.empty((len(self.equations.signals), 0))
-        return _run(status, outputs, None, signals)
+        snaps = snap_throughs(self.equations, rest, np.hstack(unknowns), inputs[:, :done], rest_command, values)
+        return replace(_run(status, outputs, None, signals), snaps=snaps)
 
     def run_with_sensitivities(
         self,
@@ -196,7 +203,7 @@ class Simulator:
         x[:], z[:], dx[:], d[:], p[:], c[:] = rest.x, rest.z, rest.x_p.T, rest.d, values, self.equations.constants
         dd[:] = np.tile(rest.d_p.T, (CHUNK, 1))
         done = 0
-        for y, dy in marched(march, 3, inputs, start, sample_time):
+        for *_, y, dy in marched(march, 3, inputs, start, sample_time):
             outputs.append(y[:, 0])
             slopes.append(dy.reshape(len(y), n_p))
             done += len(y)

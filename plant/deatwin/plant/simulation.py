@@ -40,7 +40,7 @@ class Simulation:
         That unit.
     events : tuple of Event
         What happened to the film, in the order of time, from the start procedure on: where it lost tension, broke
-        down or pulled in.
+        down, snapped to another equilibrium or pulled in.
     advice : str
         What the status says; of a plant without a state of rest, which equation is at fault.
     """
@@ -79,7 +79,7 @@ class Simulation:
         seen = np.empty((len(names), 0)) if run.watched is None else run.watched
         signals[:, 1 : 1 + seen.shape[1]] = seen
         signals[:, 0] = signals[:, 1]
-        events = film_events(dict(zip(names, seen, strict=True)), run.status, timeline)
+        events = film_events(dict(zip(names, seen, strict=True)), run.status, timeline, run.snaps)
         failed = run.failed_at
         status = events[0].status if run.status.ok and events else run.status
         return cls(
@@ -95,8 +95,12 @@ class Simulation:
 
     @property
     def sound_until(self) -> float:
-        """Clock time from which on readings are not to be believed, s; infinite where all are sound."""
-        return min((event.time for event in self.events), default=np.inf)
+        """Clock time from which on readings are not to be believed, s; infinite where all are sound.
+
+        A film that snaps moves as it should, to another equilibrium.
+        """
+        unsound = (event.time for event in self.events if event.status is not RunStatus.SNAP_THROUGH)
+        return min(unsound, default=np.inf)
 
     def to_xarray(self, experiment: Experiment) -> Any:
         """Return commands, readings and watched signals as an `xarray.Dataset` over all samples.

@@ -74,12 +74,13 @@ def simulate(
         },
     )
     voice.say(f"{out}: {wanted.n_samples} samples of {name} with a 95 % predictive band")
-    events = [str(event) for event in model.plant.simulate(experiment).events]
-    for event in events:
-        voice.say(f"not to be believed from here on: {event}")
-    voice.result(
-        {"out": str(out), "samples": wanted.n_samples, "effects": list(model.plant.effect_names), "events": events}
-    )
+    simulation = model.plant.simulate(experiment)
+    for event in simulation.events:
+        voice.say(f"{'' if event.time < simulation.sound_until else 'not to be believed from here on: '}{event}")
+    voice.result({
+        "out": str(out), "samples": wanted.n_samples, "effects": list(model.plant.effect_names),
+        "events": [str(event) for event in simulation.events],
+    })  # fmt: skip
 
 
 def _with_effects(model: CalibratedPlant, names: list[str]) -> CalibratedPlant:
