@@ -24,6 +24,9 @@ RUNAWAY = 20.0
 HALVINGS = 12
 """How finely the range of commands of a simulation is divided before the equilibrium counts as ended: to a part in
 4000, finer than any amplifier."""
+STRIDES = np.sqrt(np.linspace(0.0, 1.0, 9))[1:]
+"""Of the way to the furthest command, for a start: the stress of a voltage grows with its square. Too long a stride
+costs a search that fails."""
 BETWEEN = np.linspace(0.0, 1.0, 17)[1:-1]
 """Where on the way between two states a negative tangent is looked for: a snap passes an unstable equilibrium, which
 lies well between the two stable ones."""
@@ -205,9 +208,14 @@ def _ends(
     equations: Equations, rest: RestState, command: float, limits: tuple[float, float], values: np.ndarray
 ) -> tuple[float, float]:
     """Least and largest command to which an equilibrium can be followed within limits."""
-    step, here = branch_step(equations, rest, command, values), np.concatenate([rest.x, rest.z])
-    low, high = (end if end == command else followed(step, command, here, end, HALVINGS)[0] for end in limits)
-    return low, high
+    step, first = branch_step(equations, rest, command, values), np.concatenate([rest.x, rest.z])
+    reached = []
+    for limit in limits:
+        at, here, lives = command, first, True
+        for target in command + (limit - command) * STRIDES if limit != command else ():
+            at, here, lives = followed(step, at, here, float(target), HALVINGS) if lives else (at, here, False)
+        reached.append(limit if lives else at)
+    return reached[0], reached[1]
 
 
 def _signs(equations: Equations, unknowns: np.ndarray, inputs: np.ndarray, values: np.ndarray) -> np.ndarray:
