@@ -28,7 +28,7 @@ SHEET = Plant(rig=Planar(sample_time=0.02))
 
 
 def fmpy() -> Any:
-    return pytest.importorskip("fmpy", reason='FMUs are run by fmpy: pip install "deatwin[fmu]"')
+    return pytest.importorskip("fmpy", reason='FMUs are run by fmpy: pip install fmpy')
 
 
 def commands(count: int, low: float, high: float) -> NDArray[np.float64]:
