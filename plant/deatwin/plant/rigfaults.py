@@ -17,7 +17,7 @@ from deatwin.plant.intake import clipped
 __all__ = ["in_users_code", "number", "size", "unknown_symbols"]
 
 Symbol = Any  # casadi.SX
-NUMBERS = (int, float, np.number, np.ndarray, ca.DM, ca.SX)
+NUMBERS: tuple[Any, ...] = (int, float, np.number, np.ndarray, ca.DM, ca.SX)
 WHERE_IN_CASADI = re.compile(r"^\S*\.(?:cpp|hpp|i):\d+:\s*")
 
 
