@@ -88,7 +88,7 @@ def rest_state(
     for number in range(UPDATES):
         residual, jacobian = (np.asarray(v) for v in functions.residual(w, inputs, values, constants))
         if not (np.isfinite(residual).all() and np.isfinite(jacobian).all()):
-            fault = fault if number else _undefined(equations, residual.ravel(), jacobian, w, values)
+            fault = fault if number else _undefined(equations, residual.ravel(), jacobian, w)
             break
         matrix, rows = _scaled(equations, jacobian, kept)
         step = np.zeros(w.size)
@@ -128,20 +128,16 @@ def _slope(equations: Equations, w: np.ndarray, inputs: np.ndarray, values: np.n
     return w_p
 
 
-def _undefined(
-    equations: Equations, residual: np.ndarray, jacobian: np.ndarray, w: np.ndarray, values: np.ndarray
-) -> str:
+def _undefined(equations: Equations, residual: np.ndarray, jacobian: np.ndarray, w: np.ndarray) -> str:
     """Which equation has no value, or no slope, at the guess, and what was put into it."""
     unknowns = equations.states + equations.coordinates
     missing = ~np.isfinite(residual)
     what = "value" if missing.any() else "slope"
     row = int(np.argmax(missing if missing.any() else ~np.isfinite(jacobian).all(axis=1)))
-    if wrong := [f"{n} = {v:g}" for n, v in zip(equations.parameters.free, values, strict=True) if not np.isfinite(v)]:
-        return f"{equations.names_of_rest[row]} has no finite {what}: parameter {', '.join(wrong)}"
     at = ", ".join(f"{name} = {value:.4g}" for name, value in zip(unknowns, w, strict=True))
     return (
-        f"{equations.names_of_rest[row]} has no finite {what} at the initial guess ({at}), as a quotient by zero, "
-        "a logarithm or a root there: give another guess with build.guess, or check the parameters"
+        f"no state of rest was found: {equations.names_of_rest[row]} has no finite {what} at the initial guess ({at}), as "
+        "a quotient by zero, a logarithm or a root there: give another guess with build.guess, or check the parameters"
     )
 
 
