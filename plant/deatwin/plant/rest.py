@@ -137,7 +137,7 @@ def _undefined(equations: Equations, residual: np.ndarray, jacobian: np.ndarray,
     at = ", ".join(f"{name} = {value:.4g}" for name, value in zip(unknowns, w, strict=True))
     return (
         f"no state of rest was found: {equations.names_of_rest[row]} has no finite {what} at the initial guess ({at}), "
-        "as a quotient by zero, a logarithm or a root there: give another guess with build.guess, or check the parameters"
+        "as a quotient by zero, a logarithm or a root there: give another guess (build.guess), or check the parameters"
     )
 
 

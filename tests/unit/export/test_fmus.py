@@ -217,7 +217,7 @@ def test_what_an_fmu_needs_is_asked_for(tmp_path: Path, monkeypatch: pytest.Monk
     target = tmp_path / "narx.fmu"
     with monkeypatch.context() as patched:
         patched.setattr("deatwin.plant.export.archive.find_spec", lambda name: None)
-        with pytest.raises(ModelError, match=r'install them with pip install "fmpy"'):
+        with pytest.raises(ModelError, match=r'install them with pip install "fmpy'):
             export_cosimulation(_model(), target)
     fmpy()
     with pytest.raises(DataError, match="cannot be written: No such file or directory"):
