@@ -96,7 +96,7 @@ def rest_state(
         size = np.max(np.abs(step) / equations.scale, initial=0.0)
         # While what is left to go shrinks, the way is straight, and a far unknown may be reached in longer steps.
         reach, last = (GROWTH * reach if size < last else REACH), size
-        w = w - step * min(1.0, reach / size if size > 0 else 1.0)
+        w = w - step * (1.0 if size <= reach else reach / size)
         if size < SETTLED:
             fault = _unbalanced(equations, residual.ravel()[kept] / rows, matrix, kept)
             break

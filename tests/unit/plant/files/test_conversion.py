@@ -61,7 +61,7 @@ def test_missing_package_is_named(
         write_recording(path, RECORDING)
     assert not list(tmp_path.iterdir())
     path.write_bytes(b"\x89HDF")
-    with pytest.raises(DataError, match=rf'rec{ending}: .* needs the package {package}; pip install "deatwin'):
+    with pytest.raises(DataError, match=rf'rec{ending}: .* needs the package {package}: pip install {package}$'):
         read_recording(path)
 
 
