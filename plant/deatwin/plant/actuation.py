@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 from typing import TYPE_CHECKING, Any
 
-import casadi as ca
 import numpy as np
 
+from deatwin.plant.branch import branch_step, followed
 from deatwin.plant.datasets import dataset
 from deatwin.plant.drawing import axes_or_new
-from deatwin.plant.equations import Equations
 from deatwin.plant.errors import DataError, SimulationError
 from deatwin.plant.rest import RestState, rest_state
-from deatwin.plant.simulate import RunStatus
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,10 +22,6 @@ if TYPE_CHECKING:
 
 __all__ = ["ActuationCurve", "CurveEnd", "actuation_curve"]
 
-FURTHEST = 0.25
-"""From one point of a curve to the next no unknown moves further, in units of its scale: a film that snaps does."""
-RUNAWAY = 20.0
-"""Nor does any come further from rest: beyond all films, where a model without a limit of stretch would go on."""
 HALVINGS = 40
 SHOWN = {"m": (1e3, "mm"), "N": (1e3, "mN")}
 
@@ -162,62 +156,17 @@ def actuation_curve(plant: Plant, commands: np.ndarray) -> ActuationCurve:
         raise DataError(f"an actuation curve needs commands that rise from {start:g}, the one at rest")
     rest = rest_state(equations, start, values)
     if not rest.found:
-        raise SimulationError(RunStatus.NO_REST.value)
-    step = _step(equations, rest, start, values)
+        raise SimulationError(rest.fault)
+    step = branch_step(equations, rest, start, values)
     here, at, end = np.concatenate([rest.x, rest.z]), start, CurveEnd.COMMAND
     points: list[tuple[float, np.ndarray]] = []
     for command in wanted:
-        at, here, reached = _follow(step, at, here, command, HALVINGS)
+        at, here, reached = followed(step, at, here, command, HALVINGS)
         points.append((at, here))
         if not reached:
             end = CurveEnd.PULL_IN
             break
     return _curve(plant, rest, points, end)
-
-
-Step = Callable[[float, np.ndarray], np.ndarray | None]
-
-
-def _follow(
-    step: Step, at: float, here: np.ndarray, target: float, halvings: int
-) -> tuple[float, np.ndarray, bool]:
-    """As near to the target command as the equilibrium can be followed: command, unknowns, whether it was reached."""
-    there = step(target, here)
-    if there is not None:
-        return target, there, True
-    if halvings == 0:
-        return at, here, False
-    middle = (at + target) / 2
-    at, here, reached = _follow(step, at, here, middle, halvings - 1)
-    return _follow(step, at, here, target, halvings - 1) if reached else (at, here, False)
-
-
-def _step(equations: Equations, rest: RestState, start: float, values: np.ndarray) -> Step:
-    """From an equilibrium to one nearby under another command, None where there is none that is as stable."""
-    n_x = len(equations.states)
-    w, u = ca.SX.sym("w", equations.scale.size), ca.SX.sym("u", equations.held_inputs(start).size)
-    residual = equations.rest(w[:n_x, :], w[n_x:, :], u, values, equations.constants)
-    slope = ca.Function("slope", [w, u], [ca.densify(ca.jacobian(residual, w))])
-
-    def sign(command: float, unknowns: np.ndarray) -> float:
-        return float(np.linalg.slogdet(np.asarray(slope(unknowns, equations.held_inputs(command)))).sign)
-
-    def distance(first: np.ndarray, second: np.ndarray) -> float:
-        return float(np.max(np.abs(first - second) / equations.scale, initial=0.0))
-
-    first = np.concatenate([rest.x, rest.z])
-    at_rest = sign(start, first)
-
-    def step(command: float, here: np.ndarray) -> np.ndarray | None:
-        try:
-            tried = rest_state(equations, command, values, guess=here)
-        except RuntimeError:  # CasADi's: where Newton left the film's range of stretches, the slope has no value
-            return None
-        there = np.concatenate([tried.x, tried.z])
-        near = tried.found and distance(there, here) < FURTHEST and distance(there, first) < RUNAWAY
-        return there if near and sign(command, there) == at_rest else None
-
-    return step
 
 
 def _curve(

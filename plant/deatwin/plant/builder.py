@@ -13,8 +13,10 @@ import numpy as np
 from deatwin.plant.effects.base import Effect, Place
 from deatwin.plant.equations import SAMPLE_START, STEP_MIDDLE, Equations
 from deatwin.plant.errors import RigError, nearest
+from deatwin.plant.intake import clipped
 from deatwin.plant.integrator.parts import Parts
 from deatwin.plant.parameters import ParameterSet
+from deatwin.plant.rigfaults import number, size, unknown_symbols
 
 if TYPE_CHECKING:
     from deatwin.plant.rigs.base import Rig
@@ -99,6 +101,8 @@ class Builder:
         casadi.SX, shape (n, 1)
         """
         numbers = np.atleast_1d(np.asarray(value, dtype=float))
+        if np.isnan(numbers).any():
+            raise RigError(f"the constant {name} is not a number (NaN)")
         symbol = ca.SX.sym(name, numbers.size)
         self._constants.append((symbol, numbers))
         return symbol
@@ -190,9 +194,15 @@ class Builder:
         -------
         casadi.SX
         """
-        symbol = ca.SX.sym(name)
-        self._states[name] = (symbol, scale, start)
+        symbol = self._unknown(name)
+        first = None if start is None else number(start, f"the start of state {name}")
+        self._states[name] = (symbol, size(scale, f"the scale of state {name}"), first)
         return symbol
+
+    def _unknown(self, name: str) -> Symbol:
+        if name in self._states or name in self._coordinates:
+            raise RigError(f"two unknowns are called {name}: give each state and coordinate a name of its own")
+        return ca.SX.sym(name)
 
     def rate(self, state: Symbol, value: Symbol, *, mass: Symbol = 1.0) -> None:
         """Set ``mass * d(state)/dt = value``.
@@ -204,7 +214,10 @@ class Builder:
         value, mass : symbol or float
             Both sides; `mass` depends on parameters only.
         """
-        self._rates[state.name()] = (value, mass)
+        name = next((n for n, (symbol, _, _) in self._states.items() if _same(symbol, state)), None)
+        if name is None:
+            raise RigError(f"a rate is given for {clipped(state)}, which build.state did not return")
+        self._rates[name] = (number(value, f"the rate of state {name}"), number(mass, f"the mass of state {name}"))
 
     def coordinate(self, name: str, *, scale: float) -> Symbol:
         """An algebraic coordinate; give one `balance` for each.
@@ -220,8 +233,8 @@ class Builder:
         -------
         casadi.SX
         """
-        symbol = ca.SX.sym(name)
-        self._coordinates[name] = (symbol, scale)
+        symbol = self._unknown(name)
+        self._coordinates[name] = (symbol, size(scale, f"the scale of coordinate {name}"))
         return symbol
 
     def balance(self, value: Symbol) -> None:
@@ -232,7 +245,7 @@ class Builder:
         value : symbol
             Left side of an algebraic equation.
         """
-        self._balances.append(value)
+        self._balances.append(number(value, f"balance {1 + len(self._balances)}"))
 
     def guess(self, unknown: Symbol, value: Symbol) -> None:
         """Where to look for the rest state.
@@ -244,7 +257,11 @@ class Builder:
         value : symbol or float
             In terms of parameters and constants.
         """
-        self._guesses[unknown.name()] = value
+        known = {n: s for n, (s, *_) in (*self._states.items(), *self._coordinates.items())}
+        name = next((n for n, symbol in known.items() if _same(symbol, unknown)), None)
+        if name is None:
+            raise RigError(f"a guess is given for {clipped(unknown)}, which is neither a state nor a coordinate")
+        self._guesses[name] = number(value, f"the guess of {name}")
 
     def at_rest(self, name: str, value: Symbol) -> Symbol:
         """The value that an expression has at rest, held for the whole experiment.
@@ -302,6 +319,7 @@ class Builder:
         symbol
             `value`.
         """
+        number(value, f"the watched signal {name}")
         self._watched[name] = value
         return value
 
@@ -379,6 +397,7 @@ class Builder:
             If an effect acts on a signal that the rig does not have, or equations are missing.
         """
         self._check()
+        output = number(output, "what write returns, the reading,")
         x = _column(*(s for s, _, _ in self._states.values()))
         z = _column(*(s for s, _ in self._coordinates.values()))
         d = _column(*(s for s, _ in self._held.values()))
@@ -390,6 +409,7 @@ class Builder:
         mass = _column(*(self._rates[n][1] for n in self._states))
         u = _column(self.command, *self._past, *(s for s, _ in self._channels.values()))
         arguments = [x, z, d, u, self.time, p, c]
+        self._check_symbols(arguments, output)
         moving = f if self._parts is None else self._parts.speed * f
         unknowns = {**{n: s[0] for n, s in self._states.items()},
                     **{n: s[0] for n, s in self._coordinates.items()}}  # fmt: skip
@@ -412,6 +432,24 @@ class Builder:
             history=len(self._past),
             channels={name: default for name, (_, default) in self._channels.items()},
         )
+
+    def _check_symbols(self, arguments: list[Symbol], output: Symbol) -> None:
+        """Each equation depends on what it may, and on symbols of this builder only."""
+        *_, p, c = arguments
+        rates = {f"the rate of state {n}": rate for n, (rate, _) in self._rates.items()}
+        balances = {f"balance {k}": value for k, value in enumerate(self._balances, start=1)}
+        watched = {f"the watched signal {n}": value for n, value in self._watched.items()}
+        fixed = {**{f"the mass of state {n}": mass for n, (_, mass) in self._rates.items()},
+                 **{f"the guess of {n}": value for n, value in self._guesses.items()}}  # fmt: skip
+        moving = {**rates, **balances, **watched, "the reading": output}
+        if fault := unknown_symbols(arguments, moving):
+            raise RigError(f"{fault}take states, coordinates, parameters and constants from the builder")
+        if fault := unknown_symbols([p, c], fixed):
+            raise RigError(f"{fault}parameters and constants are all it may depend on")
+        coordinates = _column(*(symbol for symbol, _ in self._coordinates.values()))
+        balanced = ca.which_depends(_column(*self._balances), coordinates, 1, False)
+        if missing := [n for n, found in zip(self._coordinates, balanced, strict=True) if not found]:
+            raise RigError(f"no balance depends on coordinate {', '.join(missing)}: nothing decides its value")
 
     def _on_the_clock(self, value: Symbol) -> Symbol:
         """The same where the clock does not run as a step is taken."""
@@ -443,6 +481,10 @@ class Builder:
                 f"{len(self._coordinates)} algebraic coordinates need as many balances, "
                 f"{len(self._balances)} are given"
             )
+
+
+def _same(symbol: Symbol, other: Any) -> bool:
+    return isinstance(other, ca.SX) and other.shape == (1, 1) and bool(ca.is_equal(symbol, other))
 
 
 def _column(*parts: Symbol) -> Symbol:

@@ -41,6 +41,8 @@ class Prediction:
         Clock time of a failure, s.
     failed_command : float or None
         Command at that time, in its unit.
+    advice : str
+        What the status says; of a plant without a state of rest, which equation is at fault.
     """
 
     mean: tuple[np.ndarray, ...]
@@ -48,6 +50,7 @@ class Prediction:
     status: RunStatus
     failed_at: float | None
     failed_command: float | None
+    advice: str
 
     def to_xarray(self, experiment: Experiment) -> Any:
         """Return the readings and their standard deviation as an `xarray.Dataset` over all samples.
@@ -67,7 +70,7 @@ class Prediction:
             {"mean": ("sample", np.concatenate(self.mean), unit),
              "deviation": ("sample", np.concatenate(self.deviation), unit)},
             clock(experiment.recordings),
-            {"status": self.status.name, "advice": self.status.value, "failed_at_s": self.failed_at,
+            {"status": self.status.name, "advice": self.advice, "failed_at_s": self.failed_at,
              "failed_command": self.failed_command, "reading_name": experiment.recordings[0].output_names[0]},
         )  # fmt: skip
 
@@ -143,6 +146,7 @@ class CalibratedPlant:
             mean=tuple(mean[r + 1] for r in timeline.readings),
             deviation=tuple(np.sqrt(variance[r + 1]) for r in timeline.readings),
             status=run.status,
+            advice=run.advice,
             failed_at=None if failed is None else timeline.start + failed * timeline.sample_time,
             failed_command=None if failed is None else float(timeline.commands[failed]),
         )

@@ -98,6 +98,12 @@ class Equations:
         return np.array([command] * (1 + self.history) + list(self.channels.values()))
 
     @property
+    def names_of_rest(self) -> tuple[str, ...]:
+        """What an error text calls the equations of rest, in the order of the unknowns."""
+        rates = (f"the rate of state {name}" for name in self.states)
+        return (*rates, *(f"the balance for coordinate {name}" for name in self.coordinates))
+
+    @property
     def sample_start(self) -> int | None:
         """Where in *u* the clock time at which a sample begins is; None where no effect asks for it."""
         return self._place_of(SAMPLE_START)

@@ -126,7 +126,9 @@ def _watch_least(name: str, values: Sequence[Symbol], points: Sequence[FilmPoint
     build.watch(f"{name}_active", active)
 
 
-def film_events(signals: Mapping[str, np.ndarray], status: RunStatus, timeline: Timeline) -> tuple[Event, ...]:
+def film_events(
+    signals: Mapping[str, np.ndarray], status: RunStatus, timeline: Timeline, snaps: Sequence[int] = ()
+) -> tuple[Event, ...]:
     """What happened to the film along a simulation.
 
     Parameters
@@ -137,6 +139,8 @@ def film_events(signals: Mapping[str, np.ndarray], status: RunStatus, timeline: 
         How the simulation ended.
     timeline : Timeline
         Its commands.
+    snaps : sequence of int
+        Samples in which the film snaps to another equilibrium.
 
     Returns
     -------
@@ -149,6 +153,7 @@ def film_events(signals: Mapping[str, np.ndarray], status: RunStatus, timeline: 
         beyond = np.flatnonzero(sign * (signals.get(name, np.empty(0)) - limit) > 0)
         if beyond.size:
             found.append(_event(what, signals, int(beyond[0]), int(beyond[0]), name, timeline))
+    found += [_event(RunStatus.SNAP_THROUGH, signals, sample, sample, BREAKDOWN, timeline) for sample in snaps]
     if not status.ok:
         # The film gives way where it is thinnest; the last sample that was solved tells.
         found.append(_event(status, signals, min(count, timeline.commands.size - 1), count - 1, BREAKDOWN, timeline))

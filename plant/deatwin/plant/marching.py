@@ -39,7 +39,7 @@ def repeated(step: ca.Function, name: str, n_states: int) -> ca.Function:
 def marched(
     march: March, n_states: int, inputs: np.ndarray, start: float, sample_time: float
 ) -> Iterator[list[np.ndarray]]:
-    """Results of a march besides its states, for some samples at a time; ends early where one is not solved.
+    """Results of a march, for some samples at a time; ends early where one is not solved.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def marched(
     Yields
     ------
     list of ndarray
-        Results without states and error.
+        Results without the error: the states at the end of each sample, then all else.
     """
     u, t, h = march.arguments[-5:-2]
     begin, n = 0, inputs.shape[1]
@@ -86,9 +86,9 @@ def marched(
 
 
 def _kept(march: March, results: list[np.ndarray], n_states: int, first: int, last: int) -> list[np.ndarray]:
-    """Results of some samples, without states and error; the states after the last of them are the march's next."""
+    """Results of some samples, without the error; the states after the last of them are the march's next."""
     for argument, result in zip(march.arguments[:n_states], results[:n_states], strict=True):
         width = argument.shape[0]
         argument[:] = result[(last - 1) * width : last * width]
-    widths = [result.shape[0] // CHUNK for result in results[n_states:-1]]
-    return [r[first * k : last * k].copy() for r, k in zip(results[n_states:-1], widths, strict=True)]
+    widths = [result.shape[0] // CHUNK for result in results[:-1]]
+    return [r[first * k : last * k].copy() for r, k in zip(results[:-1], widths, strict=True)]

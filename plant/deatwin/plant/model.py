@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
+from threading import RLock
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Self
 
@@ -14,10 +15,11 @@ from deatwin.plant.builder import Builder
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.effects.catalogue import effect_from
 from deatwin.plant.equations import Equations
-from deatwin.plant.errors import RigError
+from deatwin.plant.errors import DeatwinError, RigError
 from deatwin.plant.integrator.compiled import compiler
 from deatwin.plant.parameters import ParameterSet
 from deatwin.plant.recording import Experiment, Recording
+from deatwin.plant.rigfaults import in_users_code
 from deatwin.plant.rigs.base import Rig
 from deatwin.plant.rigs.catalogue import rig_kind
 from deatwin.plant.simulate import Progress, Simulator
@@ -168,14 +170,17 @@ class Plant:
             return False
         try:
             self.with_effects(effect).equations  # noqa: B018
-        except RigError:
+        except RigError as error:
+            if error.__cause__ is not None:  # the effect's own code raised something: no refusal
+                raise
             return False
         return True
 
     @property
     def simulator(self) -> Simulator:
         """The compiled equations, shared by all plants of the same structure in this process."""
-        return _simulator(_Structure(self), compiler())
+        with SIMULATOR_LOCK:  # threads that start together would each write and compile the same equations
+            return _simulator(_Structure(self), compiler())
 
     @property
     def free_values(self) -> np.ndarray:
@@ -316,6 +321,7 @@ class Plant:
         return cls(rig=rig, effects=effects, values=values)
 
 
+SIMULATOR_LOCK = RLock()
 NOT_IN_EQUATIONS = frozenset(
     {"reading", "noise", "model_error", "command_range", "ball_is_known", "prestretch_is_known", "chain"}
 )
@@ -345,7 +351,13 @@ def _equations(structure: _Structure) -> Equations:
     plant = structure.plant
     build = Builder(plant.parameters, plant.effects)
     build.share_sampling(plant.rig)
-    return build.finish(plant.rig.write(build))
+    try:
+        output = plant.rig.write(build)
+    except DeatwinError:
+        raise
+    except Exception as error:  # whatever the code of a rig or an effect, or CasADi called by it, may raise
+        raise in_users_code(error, f"the rig {plant.rig.kind}") from error
+    return build.finish(output)
 
 
 @lru_cache(maxsize=64)

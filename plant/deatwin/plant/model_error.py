@@ -253,7 +253,7 @@ class _Refit:
         )  # fmt: skip
         if not run.status.ok or run.sensitivities is None:
             if self._last is None:
-                raise SimulationError(f"the plant itself cannot follow these commands: {run.status.value}")
+                raise SimulationError(f"the plant itself cannot follow these commands: {run.advice}")
             return np.full_like(self._target, 1e3 * np.ptp(self._target)), self._last[2]
         slopes = np.array([p.scale.slope(v) for p, v in zip(self._free, values, strict=True)])
         return self._target - run.outputs[self._rows], -run.sensitivities[self._rows] * slopes

@@ -1,4 +1,9 @@
-"""The state of rest of a plant, and how it moves with the parameters."""
+"""The state of rest of a plant, and how it moves with the parameters.
+
+A state that no equation of rest depends on, such as an angle that nothing turns back, a level without an outlet or a
+charge without a leak, is a *free integrator*. It rests nowhere: an experiment starts at the rig's guess of it, and all
+else is at rest.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +15,9 @@ import numpy as np
 
 from deatwin.plant.equations import Equations
 
-__all__ = ["TENSION", "RestState", "has_equilibrium", "rest_state"]
+__all__ = ["NO_REST", "TENSION", "RestState", "has_equilibrium", "rest_state", "resting"]
+
+NO_REST = "no state of rest was found: the film is too soft for its load, or a parameter is far off"
 
 UPDATES = 60
 TENSION = "tension"
@@ -22,6 +29,9 @@ REACH, GROWTH = 0.1, 1.3
 """Longest first step of Newton's method against the unknowns' scale, which keeps it inside the material's range of
 stretches, and how it grows."""
 SETTLED = 1e-11
+UNBALANCED = 1e-6
+"""What an equation of rest may be short of zero, against what an unknown that moves by its scale changes in it. An
+equilibrium that was found leaves about `SETTLED`, one that does not exist leaves a whole load."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -36,6 +46,8 @@ class RestState:
         States, coordinates and held quantities, SI.
     x_p, z_p, d_p : ndarray, shape (n, n_p)
         Their derivatives by the free parameters.
+    fault : str
+        One line that says why no equilibrium was found; empty where one was.
     """
 
     found: bool
@@ -45,6 +57,7 @@ class RestState:
     x_p: np.ndarray
     z_p: np.ndarray
     d_p: np.ndarray
+    fault: str = ""
 
 
 def rest_state(
@@ -68,32 +81,78 @@ def rest_state(
     RestState
         With `found` false, and the last iterate, where there is no equilibrium in reach.
     """
-    functions = _functions(equations)
+    functions, kept = _functions(equations), resting(equations)
     constants, inputs = equations.constants, equations.held_inputs(command)
     w = np.asarray(equations.guess(values, constants)).ravel() if guess is None else guess
-    found, reach, last = False, REACH, np.inf
-    for _ in range(UPDATES):
-        residual, jacobian = (np.asarray(v) for v in functions[0](w, inputs, values, constants))
+    fault, reach, last = NO_REST, REACH, np.inf
+    for number in range(UPDATES):
+        residual, jacobian = (np.asarray(v) for v in functions.residual(w, inputs, values, constants))
         if not (np.isfinite(residual).all() and np.isfinite(jacobian).all()):
+            fault = fault if number else _undefined(equations, residual.ravel(), jacobian, w)
             break
-        # In scaled unknowns and rows: equations of unlike units must not decide about the rank.
-        scaled = jacobian * equations.scale
-        rows = np.abs(scaled).max(axis=1, initial=0.0)
-        rows[rows == 0.0] = 1.0
-        step = equations.scale * np.linalg.lstsq(scaled / rows[:, None], residual.ravel() / rows, rcond=None)[0]
+        matrix, rows = _scaled(equations, jacobian, kept)
+        step = np.zeros(w.size)
+        step[kept] = equations.scale[kept] * np.linalg.lstsq(matrix, residual.ravel()[kept] / rows, rcond=None)[0]
         size = np.max(np.abs(step) / equations.scale, initial=0.0)
         # While what is left to go shrinks, the way is straight, and a far unknown may be reached in longer steps.
         reach, last = (GROWTH * reach if size < last else REACH), size
-        w = w - step * min(1.0, reach / size if size > 0 else 1.0)
+        w = w - step * (1.0 if size <= reach else reach / size)
         if size < SETTLED:
-            found = True
+            fault = _unbalanced(equations, residual.ravel()[kept] / rows, matrix, kept)
             break
-    n_x = len(equations.states)
-    # Where no equilibrium was found the Jacobian may be singular, and there is nothing to differentiate.
-    w_p = np.asarray(functions[1](w, inputs, values, constants)) if found else np.zeros((w.size, values.size))
-    d, d_w, d_p = (np.asarray(v) for v in functions[2](w, values, constants))
+    n_x, found = len(equations.states), not fault
+    # Where no equilibrium was found there is nothing to differentiate.
+    w_p = _slope(equations, w, inputs, values) if found else np.zeros((w.size, values.size))
+    d, d_w, d_p = (np.asarray(v) for v in functions.held(w, values, constants))
     return RestState(
-        found=found, x=w[:n_x], z=w[n_x:], d=d.ravel(), x_p=w_p[:n_x], z_p=w_p[n_x:], d_p=d_w @ w_p + d_p
+        found=found, x=w[:n_x], z=w[n_x:], d=d.ravel(), x_p=w_p[:n_x], z_p=w_p[n_x:], d_p=d_w @ w_p + d_p, fault=fault
+    )
+
+
+def _scaled(equations: Equations, jacobian: np.ndarray, kept: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Jacobian in scaled unknowns and rows, and the rows' sizes: equations of unlike units must not decide the rank."""
+    matrix = (jacobian * equations.scale)[np.ix_(kept, kept)]
+    rows = np.abs(matrix).max(axis=1, initial=0.0)
+    rows[rows == 0.0] = 1.0
+    return matrix / rows[:, None], rows
+
+
+def _slope(equations: Equations, w: np.ndarray, inputs: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """How the state of rest moves with the parameters; what may stay anywhere moves with its guess."""
+    functions, kept = _functions(equations), resting(equations)
+    jacobian, by_parameters = (np.asarray(v) for v in functions.slopes(w, inputs, values, equations.constants))
+    w_p = np.asarray(functions.guess_slope(values, equations.constants))
+    matrix, rows = _scaled(equations, jacobian, kept)
+    left = (by_parameters + jacobian @ w_p)[kept] / rows[:, None]
+    w_p[kept] -= equations.scale[kept, None] * np.linalg.lstsq(matrix, left, rcond=None)[0]
+    return w_p
+
+
+def _undefined(equations: Equations, residual: np.ndarray, jacobian: np.ndarray, w: np.ndarray) -> str:
+    """Which equation has no value, or no slope, at the guess, and what was put into it."""
+    unknowns = equations.states + equations.coordinates
+    missing = ~np.isfinite(residual)
+    what = "value" if missing.any() else "slope"
+    row = int(np.argmax(missing if missing.any() else ~np.isfinite(jacobian).all(axis=1)))
+    at = ", ".join(f"{name} = {value:.4g}" for name, value in zip(unknowns, w, strict=True))
+    return (
+        f"no state of rest was found: {equations.names_of_rest[row]} has no finite {what} at the initial guess ({at}), "
+        "as a quotient by zero, a logarithm or a root there: give another guess (build.guess), or check the parameters"
+    )
+
+
+def _unbalanced(equations: Equations, left: np.ndarray, matrix: np.ndarray, kept: np.ndarray) -> str:
+    """Which states have no equilibrium where Newton's method stands still; empty where the equations hold."""
+    if np.max(np.abs(left), initial=0.0) < UNBALANCED:
+        return ""
+    free = np.abs(np.linalg.svd(matrix)[2][-1])  # the direction in which nothing draws the unknowns back
+    unknowns = np.array(equations.states + equations.coordinates)[kept]
+    names = unknowns[free > 1e-3 * free.max()]  # others move along by rounding only
+    one = next((name for name in names if name in equations.states), names[0])
+    return (
+        f"{'state' if len(names) == 1 else 'states'} {', '.join(names)} {'has' if len(names) == 1 else 'have'} no "
+        f"equilibrium at the start: let {'it' if len(names) == 1 else 'one'} start from a parameter, as in "
+        f'build.state("{one}", scale=..., start=build.parameter("{one}_at_start"))'
     )
 
 
@@ -142,22 +201,54 @@ def _in_tension(equations: Equations, state: RestState, command: float, values: 
 
 
 @lru_cache(maxsize=64)
-def _functions(equations: Equations) -> tuple[ca.Function, ca.Function, ca.Function]:
-    """Residual with its Jacobian, slope of the solution, and held quantities with their derivatives."""
+def resting(equations: Equations) -> np.ndarray:
+    """Which unknowns have a place to rest.
+
+    Parameters
+    ----------
+    equations : Equations
+        The plant's DAE.
+
+    Returns
+    -------
+    ndarray of int
+        Of the unknowns (states, then coordinates), and of the equations of rest alike: all but the free integrators
+        and their rates. What only a free integrator depended on is one as well: a mass with neither spring nor damper
+        has no speed of rest either.
+    """
+    entries, n_x = _functions(equations).pattern, len(equations.states)
+    kept = np.arange(equations.scale.size)
+    while free := [k for k in kept if k < n_x and not entries[kept, k].any()]:
+        kept = np.setdiff1d(kept, free)
+    return kept
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Functions:
+    """`residual`: ``(w, u, p, c) -> (r, by w)``; `slopes`: likewise by w and by p; `guess_slope`: ``(p, c) ->`` slope
+    of the guess; `held`: ``(w, p, c) -> (d, by w, by p)``; `pattern`: where the derivative of r by w has entries."""
+
+    residual: ca.Function
+    slopes: ca.Function
+    guess_slope: ca.Function
+    held: ca.Function
+    pattern: np.ndarray
+
+
+@lru_cache(maxsize=64)
+def _functions(equations: Equations) -> _Functions:
     n_x = len(equations.states)
     w = ca.SX.sym("w", equations.scale.size)
     u = ca.SX.sym("u", equations.held_inputs(0.0).size)
     p = ca.SX.sym("p", len(equations.parameters.free))
     c = ca.SX.sym("c", equations.constants.size)
-    r = equations.rest(w[:n_x, :], w[n_x:, :], u, p, c)
-    r_w, r_p = ca.jacobian(r, w), ca.jacobian(r, p)
+    r, guess = equations.rest(w[:n_x, :], w[n_x:, :], u, p, c), equations.guess(p, c)
+    r_w, r_p = ca.jacobian(r, w), ca.densify(ca.jacobian(r, p))
     d = equations.hold(w[:n_x, :], w[n_x:, :], p, c)
-    slope_w, slope_p = ca.MX.sym("w", w.numel()), ca.MX.sym("p", p.numel())
-    slope_u, slope_c = ca.MX.sym("u", u.numel()), ca.MX.sym("c", c.numel())
-    arguments = [slope_w, slope_u, slope_p, slope_c]
-    parts = ca.Function("parts", [w, u, p, c], [ca.densify(r_w), r_p])(*arguments)
-    return (
-        ca.Function("rest_residual", [w, u, p, c], [r, ca.densify(r_w)]),
-        ca.Function("rest_slope", arguments, [-ca.solve(parts[0], parts[1], "qr")]),
-        ca.Function("held", [w, p, c], [d, ca.densify(ca.jacobian(d, w)), ca.densify(ca.jacobian(d, p))]),
+    return _Functions(
+        residual=ca.Function("rest_residual", [w, u, p, c], [ca.densify(r), ca.densify(r_w)]),
+        slopes=ca.Function("rest_slopes", [w, u, p, c], [ca.densify(r_w), r_p]),
+        guess_slope=ca.Function("guess_slope", [p, c], [ca.densify(ca.jacobian(guess, p))]),
+        held=ca.Function("held", [w, p, c], [d, ca.densify(ca.jacobian(d, w)), ca.densify(ca.jacobian(d, p))]),
+        pattern=np.asarray(ca.DM(r_w.sparsity(), 1).full()) != 0.0,
     )

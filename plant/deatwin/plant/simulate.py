@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cached_property
 from typing import Any
@@ -11,18 +11,20 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from deatwin.plant.branch import snap_throughs
 from deatwin.plant.equations import Equations
 from deatwin.plant.errors import SimulationError
 from deatwin.plant.integrator.collocation import StepFunctions, step_functions
 from deatwin.plant.integrator.compiled import compile_functions, key_of, recalled
 from deatwin.plant.integrator.march import March
 from deatwin.plant.marching import CHUNK, marched, repeated
-from deatwin.plant.rest import RestState, has_equilibrium, rest_state
+from deatwin.plant.rest import NO_REST, RestState, has_equilibrium, rest_state
 from deatwin.plant.sample import Sample
 
 __all__ = ["Run", "RunStatus", "Simulator", "Stepper"]
 
 Progress = Callable[[float], None]
+NO_READING = "the reading has no finite value at rest: a quotient by zero, or a logarithm or a root there"
 MARCHES = ("plain_march", "sensitive_march")
 
 
@@ -32,14 +34,15 @@ class RunStatus(Enum):
     DONE = "the simulation reached its end"
     TENSION_LOST = "the film lost tension and would wrinkle, what follows is not sound: lower the voltage, stretch more"
     BREAKDOWN = "the field went beyond what the film bears, what follows is not sound: lower the voltage"
-    NO_REST = "no state of rest was found: the film is too soft for its load, or a parameter is far off"
+    SNAP_THROUGH = "the film snapped to another equilibrium: a lower voltage, or a stiffer film, keeps it on the first"
+    NO_REST = NO_REST
     PULL_IN = "no equilibrium is in reach (pull-in or loss of tension): lower the voltage or stiffen the film"
     NOT_SOLVED = "the equations of a sample could not be solved: a parameter may be far off, or sample faster"
 
     @property
     def ok(self) -> bool:
         """Whether the simulation reached its end; where the film lost tension or broke down it did, unsoundly."""
-        return self in (RunStatus.DONE, RunStatus.TENSION_LOST, RunStatus.BREAKDOWN)
+        return self in (RunStatus.DONE, RunStatus.SNAP_THROUGH, RunStatus.TENSION_LOST, RunStatus.BREAKDOWN)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -58,6 +61,10 @@ class Run:
         The plant's named signals at the end of each sample (plain runs).
     failed_at : int or None
         Sample in which the simulation failed.
+    advice : str
+        What the status says; of a plant without a state of rest, which equation is at fault.
+    snaps : tuple of int
+        Samples in which the film snaps to another equilibrium (plain runs).
     """
 
     status: RunStatus
@@ -65,6 +72,8 @@ class Run:
     sensitivities: np.ndarray | None
     watched: np.ndarray | None
     failed_at: int | None
+    advice: str
+    snaps: tuple[int, ...] = ()
 
 
 class Simulator:
@@ -129,18 +138,21 @@ class Simulator:
         """
         rest = rest_state(self.equations, rest_command, values)
         if not rest.found:
-            return _run(RunStatus.NO_REST, [np.empty(0)], None, None)
+            return _run(RunStatus.NO_REST, [np.empty(0)], None, None, rest.fault)
         status = RunStatus.DONE
         first = float(self._reading(rest, rest_command, start, values))
+        if not np.isfinite(first):
+            return _run(RunStatus.NO_REST, [np.empty(0)], None, None, NO_READING)
         times = start + sample_time * np.arange(commands.size)
         inputs = self.equations.inputs(commands, rest_command, times, channels)
-        outputs, watched = [np.array([first])], []
+        outputs, watched, unknowns = [np.array([first])], [], [np.empty((len(self.equations.scale), 0))]
         march = March(self._march["plain_march"])
         x, z, d, *_, p, c = march.arguments
         x[:], z[:], d[:], p[:], c[:] = rest.x, rest.z, rest.d, values, self.equations.constants
         done = 0
-        for y, w in marched(march, 2, inputs, start, sample_time):
+        for after_x, after_z, y, w in marched(march, 2, inputs, start, sample_time):
             outputs.append(y[:, 0])
+            unknowns.append(np.vstack([after_x.T, after_z.T]))
             watched.append(w.T)
             done += len(y)
             if progress is not None:
@@ -148,7 +160,8 @@ class Simulator:
         if done < commands.size:
             status = self._why(rest, rest_command, commands[done], values)
         signals = np.hstack(watched) if watched else np.empty((len(self.equations.signals), 0))
-        return _run(status, outputs, None, signals)
+        snaps = snap_throughs(self.equations, rest, np.hstack(unknowns), inputs[:, :done], rest_command, values)
+        return replace(_run(status, outputs, None, signals), snaps=snaps)
 
     def run_with_sensitivities(
         self,
@@ -174,7 +187,7 @@ class Simulator:
         """
         rest = rest_state(self.equations, rest_command, values)
         if not rest.found:
-            return _run(RunStatus.NO_REST, [np.empty(0)], None, None)
+            return _run(RunStatus.NO_REST, [np.empty(0)], None, None, rest.fault)
         status = RunStatus.DONE
         n_p = values.size
         at_rest = self.equations.held_inputs(rest_command)
@@ -182,13 +195,15 @@ class Simulator:
         times = start + sample_time * np.arange(commands.size)
         inputs = self.equations.inputs(commands, rest_command, times, channels)
         first = float(self.equations.output(*point))
+        if not np.isfinite(first):
+            return _run(RunStatus.NO_REST, [np.empty(0)], None, None, NO_READING)
         outputs, slopes = [np.array([first])], [self._rest_slope(point, rest.x_p, rest.z_p, rest.d_p)]
         march = March(self._march["sensitive_march"])
         x, z, dx, dd, d, *_, p, c = march.arguments
         x[:], z[:], dx[:], d[:], p[:], c[:] = rest.x, rest.z, rest.x_p.T, rest.d, values, self.equations.constants
         dd[:] = np.tile(rest.d_p.T, (CHUNK, 1))
         done = 0
-        for y, dy in marched(march, 3, inputs, start, sample_time):
+        for *_, y, dy in marched(march, 3, inputs, start, sample_time):
             outputs.append(y[:, 0])
             slopes.append(dy.reshape(len(y), n_p))
             done += len(y)
@@ -267,12 +282,13 @@ class Simulator:
 
 
 def _run(
-    status: RunStatus, outputs: list[np.ndarray], sensitivities: np.ndarray | None, watched: np.ndarray | None
+    status: RunStatus, outputs: list[np.ndarray], sensitivities: np.ndarray | None, watched: np.ndarray | None,
+    fault: str = "",
 ) -> Run:
     readings = np.concatenate(outputs)
     return Run(
         status=status, outputs=readings, sensitivities=sensitivities, watched=watched,
-        failed_at=None if status.ok else max(readings.size - 1, 0),
+        failed_at=None if status.ok else max(readings.size - 1, 0), advice=fault or status.value,
     )  # fmt: skip
 
 

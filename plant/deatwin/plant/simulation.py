@@ -40,7 +40,9 @@ class Simulation:
         That unit.
     events : tuple of Event
         What happened to the film, in the order of time, from the start procedure on: where it lost tension, broke
-        down or pulled in.
+        down, snapped to another equilibrium or pulled in.
+    advice : str
+        What the status says; of a plant without a state of rest, which equation is at fault.
     """
 
     status: RunStatus
@@ -50,6 +52,7 @@ class Simulation:
     failed_command: float | None = None
     command_unit: str = "V"
     events: tuple[Event, ...] = ()
+    advice: str = ""
 
     @classmethod
     def of(cls, run: Run, timeline: Timeline, names: Sequence[str], unit: str) -> Self:
@@ -76,10 +79,12 @@ class Simulation:
         seen = np.empty((len(names), 0)) if run.watched is None else run.watched
         signals[:, 1 : 1 + seen.shape[1]] = seen
         signals[:, 0] = signals[:, 1]
-        events = film_events(dict(zip(names, seen, strict=True)), run.status, timeline)
+        events = film_events(dict(zip(names, seen, strict=True)), run.status, timeline, run.snaps)
         failed = run.failed_at
+        status = events[0].status if run.status.ok and events else run.status
         return cls(
-            status=events[0].status if run.status.ok and events else run.status,
+            status=status,
+            advice=run.advice if status is run.status else status.value,
             outputs=tuple(full[None, r + 1] for r in timeline.readings),
             watched=tuple({n: signals[k, r + 1] for k, n in enumerate(names)} for r in timeline.readings),
             failed_at=None if failed is None else timeline.start + failed * timeline.sample_time,
@@ -90,8 +95,12 @@ class Simulation:
 
     @property
     def sound_until(self) -> float:
-        """Clock time from which on readings are not to be believed, s; infinite where all are sound."""
-        return min((event.time for event in self.events), default=np.inf)
+        """Clock time from which on readings are not to be believed, s; infinite where all are sound.
+
+        A film that snaps moves as it should, to another equilibrium.
+        """
+        unsound = (event.time for event in self.events if event.status is not RunStatus.SNAP_THROUGH)
+        return min(unsound, default=np.inf)
 
     def to_xarray(self, experiment: Experiment) -> Any:
         """Return commands, readings and watched signals as an `xarray.Dataset` over all samples.
@@ -116,7 +125,7 @@ class Simulation:
                 "reading": ("sample", _joined([y[0] for y in self.outputs]), first.output_units[0]),
             },
             clock(records),
-            {"status": self.status.name, "advice": self.status.value, "failed_at_s": self.failed_at,
+            {"status": self.status.name, "advice": self.advice, "failed_at_s": self.failed_at,
              "failed_command": self.failed_command, "reading_name": first.output_names[0],
              "events": [f"{event.status.name} at {event.time:g} s" for event in self.events]},
         )  # fmt: skip
@@ -141,7 +150,7 @@ class Simulation:
             where = f" at {self.failed_at:.2f} s and a command of {self.failed_command:.3f} {self.command_unit}"
         places = [event.place for event in self.events if event.status is self.status and event.place]
         where += "".join(f", {place}" for place in places)
-        raise SimulationError(f"the simulation stopped{where}: {self.status.value}")
+        raise SimulationError(f"the simulation stopped{where}: {self.advice}")
 
 
 def _joined(rows: Sequence[np.ndarray]) -> np.ndarray:

@@ -27,7 +27,7 @@ from deatwin.plant.errors import DataError
 from deatwin.plant.integrator.collocation import STAGES, radau
 from deatwin.plant.integrator.parts import Step
 from deatwin.plant.integrator.stages import REVERSE
-from deatwin.plant.rest import TENSION, rest_state
+from deatwin.plant.rest import TENSION, rest_state, resting
 
 if TYPE_CHECKING:
     from deatwin.plant.model import Plant
@@ -211,7 +211,8 @@ def _solved(equations: Equations, point: Point, time: float) -> np.ndarray | Non
         value, slope, _ = (np.asarray(v) for v in evaluate(here, *known[:2], time, known[2], equations.constants))
         if not (np.isfinite(value).all() and np.isfinite(slope).all()):
             return None
-        step = _scaled_solution(slope, value.ravel(), equations.scale)
+        kept, step = resting(equations), np.zeros(here.size)
+        step[kept] = _scaled_solution(slope[np.ix_(kept, kept)], value.ravel()[kept], equations.scale[kept])
         here = here - equations.scale * step
         if np.max(np.abs(step), initial=0.0) < SETTLED:
             return here
@@ -250,7 +251,8 @@ def _sign(equations: Equations, here: np.ndarray, command: float, values: np.nda
     """Of the determinant of the equations of rest: it changes in a fold."""
     inputs = equations.held_inputs(command)
     slope = np.asarray(_functions(equations).rest_slope(here, inputs, values, equations.constants))
-    return float(np.linalg.slogdet(slope).sign)
+    kept = resting(equations)
+    return float(np.linalg.slogdet(slope[np.ix_(kept, kept)]).sign)
 
 
 def _scaled_solution(slope: np.ndarray, value: np.ndarray, scale: np.ndarray) -> np.ndarray:

@@ -85,7 +85,7 @@ def test_the_result_for_machines_names_inputs_and_outputs(run: Run) -> None:
     ("narx.json", "fmu", "CoSimulation"), ("late.json", "fmu-cs", "CoSimulation"),
 ])  # fmt: skip
 def test_plants_and_narx_models_become_fmus(run: Run, model: str, to: str, interface: str) -> None:
-    pytest.importorskip("fmpy", reason='FMUs need pip install "deatwin[fmu]"')
+    pytest.importorskip("fmpy", reason='FMUs need pip install fmpy')
     status, text = run(model, "--to", to, "--out", "made.fmu")
     assert status == 0, text
     with zipfile.ZipFile("made.fmu") as archive:
@@ -108,7 +108,7 @@ def test_plants_and_narx_models_become_fmus(run: Run, model: str, to: str, inter
 )
 def test_what_cannot_be_exported_is_said_in_one_line(run: Run, arguments: tuple[str, ...], said: str) -> None:
     if "fmu" in arguments:
-        pytest.importorskip("fmpy", reason='FMUs need pip install "deatwin[fmu]"')
+        pytest.importorskip("fmpy", reason='FMUs need pip install fmpy')
     status, text = run(*arguments)
     assert status == 1
     assert said in text and text.count("\n") == 1

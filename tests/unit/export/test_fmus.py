@@ -28,7 +28,7 @@ SHEET = Plant(rig=Planar(sample_time=0.02))
 
 
 def fmpy() -> Any:
-    return pytest.importorskip("fmpy", reason='FMUs are run by fmpy: pip install "deatwin[fmu]"')
+    return pytest.importorskip("fmpy", reason='FMUs are run by fmpy: pip install fmpy')
 
 
 def commands(count: int, low: float, high: float) -> NDArray[np.float64]:
@@ -217,7 +217,7 @@ def test_what_an_fmu_needs_is_asked_for(tmp_path: Path, monkeypatch: pytest.Monk
     target = tmp_path / "narx.fmu"
     with monkeypatch.context() as patched:
         patched.setattr("deatwin.plant.export.archive.find_spec", lambda name: None)
-        with pytest.raises(ModelError, match=r'install them with pip install "deatwin\[fmu\]"'):
+        with pytest.raises(ModelError, match=r'install them with pip install "fmpy'):
             export_cosimulation(_model(), target)
     fmpy()
     with pytest.raises(DataError, match="cannot be written: No such file or directory"):

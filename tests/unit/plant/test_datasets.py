@@ -42,7 +42,7 @@ def test_without_xarray_the_error_says_what_to_install(monkeypatch):
     import sys
 
     monkeypatch.setitem(sys.modules, "xarray", None)
-    with pytest.raises(DataError, match=r"needs the package xarray; pip install .deatwin\[files\]"):
+    with pytest.raises(DataError, match=r"needs the package xarray: pip install xarray"):
         dataset({}, {}, {})
 
 

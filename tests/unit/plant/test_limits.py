@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from deatwin.plant import Diaphragm, Plant, RunStatus, SimulationError
+from deatwin.plant import Diaphragm, Planar, Plant, RunStatus, SimulationError
 from deatwin.plant.dielectric import VACUUM_PERMITTIVITY
 from deatwin.plant.rest import rest_state
 
@@ -99,3 +99,59 @@ def test_a_plant_without_rest_has_an_event_without_place(experiment):
     assert event.status is RunStatus.NO_REST
     assert event.place == ""
     assert np.isnan(event.film_voltage)
+
+
+def snapping_film():
+    """A flat film under dead load, and the voltages, kV, at which its equilibrium turns: upwards, and back.
+
+    With equal stretches the load per reference area is s(stretch) - permittivity (V/H)^2 stretch^3.
+    """
+    modulus, limit, prestretch = 25e3, 300.0, 2.0
+    rig = Planar(prestretch=prestretch, gain=1000.0)
+    film = Plant(rig=rig, values={
+        "shear_modulus": modulus, "stretch_limit": limit, "permittivity": 4.5, "branch_modulus": 1.0,
+    })  # fmt: skip
+
+    def stress(stretch):
+        return modulus * limit / (limit - (2 * stretch**2 + stretch**-4) + 3) * (stretch - stretch**-5)
+
+    area = rig.length * rig.thickness
+    film = film.with_values({name: stress(prestretch) * area for name in ("load", "side_load")})
+    stretch = np.linspace(prestretch, 10.0, 100_001)
+    squared = (stress(stretch) - stress(prestretch)) * rig.thickness**2 / (4.5 * VACUUM_PERMITTIVITY * stretch**3)
+    turns = np.flatnonzero(np.diff(np.sign(np.diff(squared)))) + 1
+    up, back = np.sqrt(squared[turns]) / 1e3
+    return film, up, back
+
+
+def test_a_film_that_snaps_and_snaps_back_is_an_event_at_its_turning_points(experiment):
+    film, up, back = snapping_film()
+    ramp = np.linspace(0.0, 1.05 * up, 3000)
+    commands = np.concatenate([ramp, np.full(200, ramp[-1]), ramp[::-1]])
+    simulation = film.simulate(experiment(commands))
+    snaps = [event for event in simulation.events if event.status is RunStatus.SNAP_THROUGH]
+    expected = [np.searchsorted(ramp, up), 3200 + np.searchsorted(-ramp[::-1], -back)]
+    assert len(snaps) == 2
+    for event, sample, command in zip(snaps, expected, (up, back), strict=True):
+        assert event.time / film.rig.sample_time == pytest.approx(sample, abs=3)
+        assert event.command == pytest.approx(command, rel=2e-3)
+        assert event.film_voltage == pytest.approx(1e3 * event.command)
+    assert simulation.status.ok
+    assert np.isfinite(simulation.outputs[0]).all()
+    assert "snap through at" in str(snaps[0])
+
+
+def test_a_film_that_comes_near_the_turning_point_does_not_snap(experiment):
+    film, up, _ = snapping_film()
+    ramp = np.linspace(0.0, 0.99 * up, 1000)
+    simulation = film.simulate(experiment(np.concatenate([ramp, ramp[::-1]])))
+    assert simulation.events == ()
+    assert simulation.status is RunStatus.DONE
+
+
+def test_a_film_that_has_not_left_before_the_voltage_falls_does_not_snap(experiment):
+    film, up, _ = snapping_film()
+    pulse = np.concatenate([np.full(500, 0.9 * up), np.full(5, 1.02 * up), np.full(200, 0.9 * up)])
+    simulation = film.simulate(experiment(pulse))
+    assert simulation.outputs[0][0][-1] == pytest.approx(simulation.outputs[0][0][499], rel=0.01)
+    assert simulation.events == ()

@@ -2,6 +2,7 @@
 
 import json
 import re
+import shlex
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -23,27 +24,35 @@ def told(capsys: pytest.CaptureFixture[str]) -> dict[str, Any]:
     return found
 
 
-def test_every_extra_is_named_with_the_packages_that_it_brings() -> None:
+def test_every_package_of_an_extra_is_named_with_its_versions() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    extras = {
-        extra: {re.split(r"[\[><=]", text)[0] for text in packages}
+    stated = {
+        re.sub(r"\[.*?\]", "", text)
         for extra, packages in project["optional-dependencies"].items()
         if extra not in FOR_DEVELOPERS
+        for text in packages
     }
+    others = {re.split(r"[\[><=]", text)[0] for text in project["dependencies"]} | {"distributed"}  # which dask brings
+    named = {part.package + part.versions for part in OPTIONAL if part.versions and part.package not in others}
+    assert named == {text for text in stated if re.split(r"[><=]", text)[0] not in others}
+
+
+def test_no_advice_needs_an_index_that_has_deatwin() -> None:
     for part in OPTIONAL:
-        assert not part.extra or part.package in extras[part.extra] | {"distributed"}, part
-        assert part.command == f'pip install "deatwin[{part.extra}]"' or (not part.extra and "[" not in part.command)
-    assert {part.extra for part in OPTIONAL if part.extra} == set(extras)
+        (requirement,) = shlex.split(part.command)[2:]
+        assert requirement == part.package + part.versions
+    for path in (file for part in ("plant", "ident", "control", "scenarios") for file in (ROOT / part).rglob("*.py")):
+        assert not re.search(r"pip install \W*deatwin", path.read_text(encoding="utf-8")), path
 
 
 def test_what_is_absent_comes_with_its_command(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    part = command.Part(package="no_such_package", use="nothing at all", extra="files")
+    part = command.Part(package="no_such_package", use="nothing at all", versions=">=1")
     monkeypatch.setattr(command, "OPTIONAL", (part, command.Part(package="numpy", use="numbers")))
     assert main(["doctor"]) == 0
     said = capsys.readouterr().out
-    assert re.search(r'no_such_package +absent: pip install "deatwin\[files\]" \(nothing at all\)', said)
+    assert re.search(r'no_such_package +absent: pip install "no_such_package>=1" \(nothing at all\)', said)
     assert re.search(r"numpy +\d+\.\S+ \(numbers\)", said)
     found = told(capsys)["optional"]
     assert found["no_such_package"]["version"] is None and found["numpy"]["install"] == "pip install numpy"

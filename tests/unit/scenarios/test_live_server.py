@@ -120,7 +120,7 @@ def test_without_the_extra_it_says_what_to_install(
     monkeypatch.setitem(sys.modules, package, None)
     assert main(["view", str(root), "--no-browser"]) == 1
     error = capsys.readouterr().err
-    assert error.startswith("error: the live view needs NiceGUI (") and 'pip install "deatwin[view]"' in error
+    assert error.startswith("error: the live view needs NiceGUI (") and 'pip install "nicegui>=3.18,<4"' in error
 
 
 @pytest.fixture

@@ -145,7 +145,7 @@ def test_each_rule_masks_something(rule: str, texts: dict[str, str], monkeypatch
         "version of deatwin": ("deatwin 0.1.0", "deatwin VERSION"),
         "versions of what must be there": ("numpy          2.4.6", "numpy          VERSION"),
         "what may be there": (
-            'fmpy           absent: pip install "deatwin[fmu]" (export of FMUs)',
+            'fmpy           absent: pip install "fmpy>=0.3.20" (export of FMUs)',
             "fmpy           VERSION OR ABSENT (export of FMUs)",
         ),
         "the machine's compiler": ("compiler       /usr/bin/cc", "compiler       COMPILER"),

@@ -183,7 +183,7 @@ def hinf(
 
 def _require_slycot() -> None:
     if find_spec("slycot") is None:
-        raise MissingPackageError('an H-infinity design needs slycot: install it with pip install "deatwin[hinf]"')
+        raise MissingPackageError('an H-infinity design needs slycot: install it with pip install "slycot>=0.6"')
 
 
 def _to_w(states: States) -> StateSpace:

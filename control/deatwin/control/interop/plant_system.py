@@ -51,7 +51,7 @@ class PlantSystem:
         self._rest_command = plant.rig.start.rest_command
         self._rest = rest_state(self._equations, self._rest_command, self._values)
         if not self._rest.found:
-            raise SimulationError(RunStatus.NO_REST.value)
+            raise SimulationError(self._rest.fault)
         self._at_rest = np.concatenate([self._rest.x, self._rest.z])
         self._reads_before = plant.rig.reading is ReadingTime.START_OF_HOLD
         # A reading before the hold still shows the hold before.

@@ -76,5 +76,5 @@ class LongRun:
     def _ends(self, inputs: Array) -> Array | None:
         """Readings at the end of each sample; None where one is not solved."""
         pieces = marched(self._march, 2, inputs, self._time, self._sample.sample_time)
-        found = np.concatenate([np.empty(0), *(levels[:, 0] for levels, _ in pieces)])
+        found = np.concatenate([np.empty(0), *(levels[:, 0] for *_, levels, _ in pieces)])
         return found if found.size == inputs.shape[1] else None

@@ -54,7 +54,7 @@ def to_arviz(
     try:
         import arviz
     except ImportError as error:
-        raise ModelError("export to ArviZ needs ArviZ: pip install deatwin[bayes]") from error
+        raise ModelError('export to ArviZ needs ArviZ: pip install "arviz>=0.18"') from error
     draws = ThetaPosterior(model=model).sample(rng, n_chains * n_draws)
     groups = {"posterior": {"theta": draws.theta, "noise_variance": draws.noise_variance}}
     coords: dict[str, Any] = {"term": _labels(model), "output": list(model.output_names)}

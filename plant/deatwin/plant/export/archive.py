@@ -37,7 +37,7 @@ def headers() -> Path:
     """
     found = find_spec("fmpy")
     if found is None or found.origin is None:
-        raise ModelError('an FMU needs the FMI 3.0 headers: install them with pip install "deatwin[fmu]"')
+        raise ModelError('an FMU needs the FMI 3.0 headers: install them with pip install "fmpy>=0.3.20"')
     return Path(found.origin).parent / "c-code"
 
 

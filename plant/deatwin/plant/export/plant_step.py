@@ -18,7 +18,6 @@ from deatwin.plant.integrator.newton import SETTLED
 from deatwin.plant.model import Plant
 from deatwin.plant.rest import RestState, rest_state
 from deatwin.plant.sample import SHORTER_STEPS
-from deatwin.plant.simulate import RunStatus
 
 __all__ = ["describe", "plant_signals", "plant_source", "rest_of"]
 
@@ -178,7 +177,7 @@ def rest_of(plant: Plant) -> RestState:
     """
     rest = rest_state(plant.equations, plant.rig.start.rest_command, plant.free_values)
     if not rest.found:
-        raise ModelError(f"the plant cannot be exported: {RunStatus.NO_REST.value}")
+        raise ModelError(f"the plant cannot be exported: {rest.fault}")
     return rest
 
 

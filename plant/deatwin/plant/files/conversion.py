@@ -84,6 +84,6 @@ def as_input_output_data(recording: Recording) -> Any:
     DataError
         If the package is not installed.
     """
-    benchmarks = require("nonlinear_benchmarks", "Input_output_data", install="nonlinear_benchmarks")
+    benchmarks = require("nonlinear_benchmarks", "Input_output_data")
     u, y = (rows[0] if len(rows) == 1 else rows.T for rows in (recording.inputs, recording.outputs))
     return benchmarks.Input_output_data(u=u, y=y, sampling_time=recording.sample_time, name=label(recording))

@@ -10,10 +10,12 @@ import shutil
 import subprocess
 import tempfile
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
+from threading import Lock
 
 import casadi as ca
 import numpy as np
@@ -49,6 +51,8 @@ THIS_PROCESSOR = "-march=native"
 WIDE_VECTORS = "__AVX__"
 """What a compiler defines where its vectors hold four numbers or more: with less, functions in lanes gain nothing."""
 AS_WRITTEN = Exchange()
+ONE_AT_A_TIME = Lock()
+"""Threads that need the same library wait for the one that builds it, instead of building it once more each."""
 SAID = "DEATWIN_SAID"
 """Environment variable that holds what was said once, so that worker processes do not say it again."""
 
@@ -131,8 +135,8 @@ def recalled(names: Iterable[str], key: str | None) -> dict[str, ca.Function] | 
     if key is None:
         return None
     try:
-        library = cache_folder() / (cache_folder() / f"{key}.txt").read_text(encoding="utf-8")
-        return {name: ca.external(name, str(library)) for name in names} if library.is_file() else None
+        library = cache_folder() / Path((cache_folder() / f"{key}.txt").read_text(encoding="utf-8")).name
+        return _loaded(names, library) if _sound(library) else None
     except (OSError, RuntimeError, ValueError) as error:
         logger.debug("no code is kept under %s: %s", key, error)
         return None
@@ -175,9 +179,14 @@ def compile_functions(
         if key is not None:
             with replacing(cache_folder() / f"{key}.txt") as note:
                 note.write_text(library.name, encoding="utf-8")
-        return {name: ca.external(name, str(library)) for name in functions}
-    except (OSError, RuntimeError, DataError, subprocess.SubprocessError) as error:
+    except (OSError, DataError, subprocess.SubprocessError) as error:
         _say_once(f"{program} could not compile the plant ({error}): simulations run about twenty times slower")
+        return dict(functions)
+    try:
+        return _loaded(functions, library)
+    except RuntimeError as error:
+        logger.debug("%s: %s", library, error)
+        _say_once(f"the compiled plant in {cache_folder()} cannot be loaded: simulations run about twenty times slower")
         return dict(functions)
 
 
@@ -252,10 +261,37 @@ def _named(name: str, function: ca.Function) -> ca.Function:
 
 
 def _library(source: str, target: _Target) -> Path:
-    folder = cache_folder()
-    library = folder / f"{_digest(source, target.key)}.so"
-    if library.exists():
-        return library
+    folder, digest = cache_folder(), _digest(source, target.key)
+    with ONE_AT_A_TIME:
+        known = next((found for found in folder.glob(f"{digest}-*.so") if _sound(found)), None)
+        return known or _built(source, target, folder, digest)
+
+
+def _loaded(names: Iterable[str], library: Path) -> dict[str, ca.Function]:
+    return {name: ca.external(name, str(library)) for name in names}
+
+
+def _sound(library: Path) -> bool:
+    """Whether a library is as it was built, which the end of its name tells; one that is not is removed.
+
+    The system's loader does not look: a library that was cut off ends the process when its missing part is called.
+    """
+    try:
+        if _checksum(library) == library.stem.rpartition("-")[2]:
+            return True
+    except (OSError, ValueError):  # ValueError: a null character in the name
+        return False
+    with suppress(OSError):
+        library.unlink()
+    logger.warning("%s was damaged: it is removed and built anew", library)
+    return False
+
+
+def _checksum(library: Path) -> str:
+    return hashlib.sha256(library.read_bytes()).hexdigest()[:16]
+
+
+def _built(source: str, target: _Target, folder: Path, digest: str) -> Path:
     # Built beside and renamed, so that two processes that start together never load half a file.
     with tempfile.TemporaryDirectory(dir=folder) as work:
         code, built = Path(work) / "plant.c", Path(work) / "plant.so"
@@ -264,8 +300,7 @@ def _library(source: str, target: _Target) -> Path:
             [target.program, *target.flags, str(code), "-o", str(built), "-lm"],
             check=True, capture_output=True, text=True,
         )  # fmt: skip
-        built.replace(library)
-    return library
+        return built.replace(folder / f"{digest}-{_checksum(built)}.so")
 
 
 def _say_once(text: str) -> None:

@@ -10,7 +10,6 @@ from deatwin.plant.errors import SimulationError
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment
 from deatwin.plant.rest import rest_state
-from deatwin.plant.simulate import RunStatus
 
 __all__ = ["reference_outputs"]
 
@@ -48,7 +47,7 @@ def reference_outputs(
     command = plant.rig.start.rest_command
     rest = rest_state(equations, command, values)
     if not rest.found:
-        raise SimulationError(f"the reference simulation cannot start: {RunStatus.NO_REST.value}")
+        raise SimulationError(f"the reference simulation cannot start: {rest.fault}")
     width = equations.steps(0.0, timeline.sample_time)[0].width
     system = _System(equations, values, width, relative_tolerance)
     unknowns = np.concatenate([rest.x, rest.z])

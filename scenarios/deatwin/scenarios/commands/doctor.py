@@ -29,32 +29,32 @@ class Part:
         As an installer knows it.
     use : str
         What it is for.
-    extra : str
-        Extra of deatwin that brings it; empty where none does.
+    versions : str
+        Those that do, as pyproject.toml states them; empty where any does.
     """
 
     package: str
     use: str
-    extra: str = ""
+    versions: str = ""
 
     @property
     def command(self) -> str:
-        """What installs it."""
-        return f'pip install "deatwin[{self.extra}]"' if self.extra else f"pip install {self.package}"
+        """What installs it, wherever deatwin itself came from."""
+        return f'pip install "{self.package}{self.versions}"' if self.versions else f"pip install {self.package}"
 
 
 OPTIONAL = (
-    Part(package="nptdms", use="TDMS files", extra="files"),
-    Part(package="xarray", use="NetCDF files, results as xarray", extra="files"),
-    Part(package="h5netcdf", use="NetCDF files", extra="files"),
-    Part(package="h5py", use="MATLAB 7.3 and NetCDF files", extra="files"),
-    Part(package="arviz", use="posteriors of SVB models as ArviZ data", extra="bayes"),
-    Part(package="fmpy", use="export of FMUs", extra="fmu"),
-    Part(package="slycot", use="H-infinity controllers", extra="hinf"),
-    Part(package="dask", use="sweeps on a cluster", extra="scale"),
-    Part(package="distributed", use="sweeps on a cluster", extra="scale"),
-    Part(package="nicegui", use="live view", extra="view"),
-    Part(package="sysidentpy", use="benchmarks against SysIdentPy", extra="compare"),
+    Part(package="nptdms", use="TDMS files", versions=">=1.9"),
+    Part(package="xarray", use="NetCDF files, results as xarray", versions=">=2024.6"),
+    Part(package="h5netcdf", use="NetCDF files", versions=">=1.3"),
+    Part(package="h5py", use="MATLAB 7.3 and NetCDF files", versions=">=3.11"),
+    Part(package="arviz", use="posteriors of SVB models as ArviZ data", versions=">=0.18"),
+    Part(package="fmpy", use="export of FMUs", versions=">=0.3.20"),
+    Part(package="slycot", use="H-infinity controllers", versions=">=0.6"),
+    Part(package="dask", use="sweeps on a cluster", versions=">=2024.6"),
+    Part(package="distributed", use="sweeps on a cluster", versions=">=2024.6"),
+    Part(package="nicegui", use="live view", versions=">=3.18,<4"),
+    Part(package="sysidentpy", use="benchmarks against SysIdentPy", versions=">=0.6"),
     Part(package="pandas", use="recordings as data frames"),
     Part(package="nonlinear_benchmarks", use="public recordings by download"),
 )

@@ -74,12 +74,13 @@ def simulate(
         },
     )
     voice.say(f"{out}: {wanted.n_samples} samples of {name} with a 95 % predictive band")
-    events = [str(event) for event in model.plant.simulate(experiment).events]
-    for event in events:
-        voice.say(f"not to be believed from here on: {event}")
-    voice.result(
-        {"out": str(out), "samples": wanted.n_samples, "effects": list(model.plant.effect_names), "events": events}
-    )
+    simulation = model.plant.simulate(experiment)
+    for event in simulation.events:
+        voice.say(f"{'' if event.time < simulation.sound_until else 'not to be believed from here on: '}{event}")
+    voice.result({
+        "out": str(out), "samples": wanted.n_samples, "effects": list(model.plant.effect_names),
+        "events": [str(event) for event in simulation.events],
+    })  # fmt: skip
 
 
 def _with_effects(model: CalibratedPlant, names: list[str]) -> CalibratedPlant:
@@ -120,12 +121,12 @@ def _finished(prediction: Prediction, model: CalibratedPlant) -> Prediction:
         return prediction
     rig = model.plant.rig
     if prediction.failed_at is None or prediction.failed_command is None:
-        raise SimulationError(f"the simulation stopped: {prediction.status.value}")
+        raise SimulationError(f"the simulation stopped: {prediction.advice}")
     parameters = model.plant.parameters
     film = (
         f" ({prediction.failed_command * parameters['gain'].value:.0f} V on the film)" if "gain" in parameters else ""
     )
     raise SimulationError(
         f"the simulation stopped at {prediction.failed_at:.2f} s and a {rig.input_name} of "
-        f"{prediction.failed_command:.3f} {rig.input_unit}{film}: {prediction.status.value}"
+        f"{prediction.failed_command:.3f} {rig.input_unit}{film}: {prediction.advice}"
     )

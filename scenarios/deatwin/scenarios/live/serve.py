@@ -69,7 +69,7 @@ def serve(
         from deatwin.scenarios.live.page import application
     except ImportError as error:
         raise DataError(
-            f'the live view needs NiceGUI ({error.name} is missing): install it with pip install "deatwin[view]"'
+            f'the live view needs NiceGUI ({error.name} is missing): install it with pip install "nicegui>=3.18,<4"'
         ) from None
     board = Board(root, program)
     most_bytes = round(upload_limit * MEGABYTE)

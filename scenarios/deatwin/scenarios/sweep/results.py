@@ -74,7 +74,7 @@ class Study:
         try:
             import xarray
         except ImportError:
-            raise DataError('results as an array need xarray: pip install "deatwin[files]"') from None
+            raise DataError('results as an array need xarray: pip install "xarray>=2024.6"') from None
         found = list(self)
         results = [each.get("result", {}) for each in found]
         coords = {key: ("case", _column(key, [each["case"].get(key) for each in found]))

@@ -126,5 +126,5 @@ def test_the_weights_of_python_control_have_the_same_values():
 
 def test_without_slycot_it_says_how_to_get_it(monkeypatch, sampled):
     monkeypatch.setattr(module, "find_spec", lambda name: None if name == "slycot" else importlib.util.find_spec(name))
-    with pytest.raises(MissingPackageError, match=r"pip install \"deatwin\[hinf\]\""):
+    with pytest.raises(MissingPackageError, match=r"pip install \"slycot"):
         hinf(sampled(1.0, [0.5]), command_limits=LIMITS, bandwidth_Hz=0.5)

@@ -128,5 +128,5 @@ def test_without_arviz_the_error_says_what_to_install(monkeypatch):
     import sys
 
     monkeypatch.setitem(sys.modules, "arviz", None)
-    with pytest.raises(ModelError, match=r"deatwin\[bayes\]"):
+    with pytest.raises(ModelError, match=r"pip install .arviz"):
         ThetaPosterior(model=model()).to_arviz(np.random.default_rng(0))

@@ -57,11 +57,11 @@ def test_missing_package_is_named(
         monkeypatch.setitem(sys.modules, other, ModuleType(other))
     monkeypatch.setitem(sys.modules, package, None)  # as if it were not installed
     path = tmp_path / f"rec{ending}"
-    with pytest.raises(DataError, match=rf'needs the package {package}; pip install "deatwin\[files\]"$'):
+    with pytest.raises(DataError, match=rf'needs the package {package}: pip install {package}$'):
         write_recording(path, RECORDING)
     assert not list(tmp_path.iterdir())
     path.write_bytes(b"\x89HDF")
-    with pytest.raises(DataError, match=rf'rec{ending}: .* needs the package {package}; pip install "deatwin'):
+    with pytest.raises(DataError, match=rf'rec{ending}: .* needs the package {package}: pip install {package}$'):
         read_recording(path)
 
 

@@ -5,6 +5,7 @@ import os
 import stat
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import casadi as ca
@@ -102,6 +103,59 @@ def test_where_elimination_gives_up_the_sparse_method_solves(base, tmp_path, mon
     for one, other in ((sparse.outputs, expected.outputs), (sparse.sensitivities, expected.sensitivities)):
         np.testing.assert_allclose(one, other, rtol=0, atol=1e-9 * np.abs(other).max())
     assert not np.array_equal(sparse.sensitivities, expected.sensitivities)  # another method rounds otherwise
+
+
+def cut(folder):
+    """Half of the only library."""
+    (library,) = folder.glob("*.so")
+    whole = library.read_bytes()
+    library.unlink()  # the loader has this one open
+    library.write_bytes(whole[: len(whole) // 2])
+    return library
+
+
+@pytest.mark.usefixtures("c_compiler")
+def test_a_damaged_library_is_built_anew(tmp_path, monkeypatch, caplog):
+    monkeypatch.setenv("DEATWIN_CACHE", str(tmp_path))
+    for build in (lambda: compiled.compile_functions({"square": square()}, key="known"),
+                  lambda: compiled.recalled(["square"], "known")):  # fmt: skip
+        compiled.compile_functions({"square": square()}, key="known")
+        caplog.clear()
+        library = cut(tmp_path)
+        with caplog.at_level(logging.WARNING, logger="deatwin"):
+            build()
+        assert [r.getMessage() for r in caplog.records] == [f"{library} was damaged: it is removed and built anew"]
+        assert float(compiled.compile_functions({"square": square()}, key="known")["square"](3.0)) == 9.0
+        assert len(list(tmp_path.glob("*.so"))) == 1
+
+
+@pytest.mark.usefixtures("c_compiler")
+def test_threads_that_start_cold_build_one_library(tmp_path, monkeypatch):
+    monkeypatch.setenv("DEATWIN_CACHE", str(tmp_path))
+    built, build = [], compiled._built
+    monkeypatch.setattr(compiled, "_built", lambda *a: built.append(1) or build(*a))
+
+    def nine(_):
+        return float(compiled.compile_functions({"square": square()})["square"](3.0))
+
+    with ThreadPoolExecutor(8) as pool:
+        assert list(pool.map(nine, range(8), timeout=60)) == [9.0] * 8
+    assert len(built) == 1
+
+
+@pytest.mark.usefixtures("c_compiler")
+def test_processes_that_start_cold_or_on_a_damaged_library_finish(tmp_path, monkeypatch):
+    monkeypatch.setenv("DEATWIN_CACHE", str(tmp_path))
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(sys.path))
+    code = (
+        "import casadi as ca; from deatwin.plant.integrator.compiled import compile_functions; x = ca.MX.sym('x');"
+        "print(float(compile_functions({'square': ca.Function('square', [x], [x**2])})['square'](3)))"
+    )
+    for _ in range(2):
+        started = [subprocess.Popen([sys.executable, "-c", code], stdout=-1, stderr=-1, text=True) for _ in range(3)]
+        assert [one.communicate(timeout=60)[0] for one in started] == ["9.0\n"] * 3
+        assert len(list(tmp_path.glob("*.so"))) == 1
+        cut(tmp_path)
 
 
 @pytest.mark.parametrize(("macros", "passes"), [("__GNUC__", True), ("__GNUC__ 4\n#define __clang__", False)])

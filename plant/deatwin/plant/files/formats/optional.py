@@ -13,17 +13,15 @@ from deatwin.plant.intake import reason
 __all__ = ["reading", "require"]
 
 
-def require(package: str, purpose: str, *, install: str = '"deatwin[files]"') -> Any:
+def require(package: str, purpose: str) -> Any:
     """Import a package.
 
     Parameters
     ----------
     package : str
-        Its import name.
+        Its import name, which pip knows too.
     purpose : str
         What needs it, for the error text.
-    install : str
-        What pip is to install where it is missing.
 
     Returns
     -------
@@ -41,12 +39,12 @@ def require(package: str, purpose: str, *, install: str = '"deatwin[files]"') ->
     >>> require("no_such_package", "rec.tdms")
     Traceback (most recent call last):
     ...
-    deatwin.plant.errors.DataError: rec.tdms needs the package no_such_package; pip install "deatwin[files]"
+    deatwin.plant.errors.DataError: rec.tdms needs the package no_such_package: pip install no_such_package
     """
     try:
         return importlib.import_module(package)
     except ModuleNotFoundError as error:
-        raise DataError(f"{purpose} needs the package {error.name}; pip install {install}") from None
+        raise DataError(f"{purpose} needs the package {error.name}: pip install {package}") from None
 
 
 @contextmanager

@@ -1,0 +1,237 @@
+"""The equilibrium of a plant, followed over the command: where it ends in a fold, and where a simulation leaves it.
+
+In a fold the tangent of the equations of rest turns singular: the film's stiffness is zero there and negative beyond
+it. A film that passes a fold snaps to another equilibrium, if there is one, and pulls in if there is none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+
+from deatwin.plant.equations import Equations
+from deatwin.plant.rest import RestState, rest_state, resting
+
+__all__ = ["Step", "branch_step", "followed", "snap_throughs"]
+
+FURTHEST = 0.25
+"""From one point of a curve to the next no unknown moves further, in units of its scale: a film that snaps does."""
+RUNAWAY = 20.0
+"""Nor does any come further from rest: beyond all films, where a model without a limit of stretch would go on."""
+HALVINGS = 12
+"""How finely the range of commands of a simulation is divided before the equilibrium counts as ended: to a part in
+4000, finer than any amplifier."""
+STRIDES = np.sqrt(np.linspace(0.0, 1.0, 9))[1:]
+"""Of the way to the furthest command, for a start: the stress of a voltage grows with its square. Too long a stride
+costs a search that fails."""
+BETWEEN = np.linspace(0.0, 1.0, 17)[1:-1]
+"""Where on the way between two states a negative tangent is looked for: a snap passes an unstable equilibrium, which
+lies well between the two stable ones."""
+PIECE = 512
+"""Samples that are looked at together; the branch is another one after each snap."""
+ACTED_ON = "film_voltage"
+"""Signal of a rig with a film."""
+
+Step = Callable[[float, np.ndarray], np.ndarray | None]
+
+
+def branch_step(equations: Equations, rest: RestState, start: float, values: np.ndarray) -> Step:
+    """How to get from an equilibrium to one nearby under another command.
+
+    Parameters
+    ----------
+    equations : Equations
+        The plant's DAE.
+    rest : RestState
+        Where the branch begins.
+    start : float
+        The command there, in its unit.
+    values : ndarray, shape (n_p,)
+        Free parameters, SI.
+
+    Returns
+    -------
+    callable
+        Takes a command and the unknowns of an equilibrium, shape (n_x + n_z,), and returns the unknowns under that
+        command; None where there is no equilibrium nearby that is as stable.
+    """
+
+    def distance(one: np.ndarray, other: np.ndarray) -> float:
+        return float(np.max(np.abs(one - other) / equations.scale, initial=0.0))
+
+    def sign(command: float, unknowns: np.ndarray) -> float:
+        return float(_signs(equations, unknowns[:, None], equations.held_inputs(command)[:, None], values)[0])
+
+    first = np.concatenate([rest.x, rest.z])
+    at_rest = sign(start, first)
+
+    def step(command: float, here: np.ndarray) -> np.ndarray | None:
+        tried = rest_state(equations, command, values, guess=here)
+        there = np.concatenate([tried.x, tried.z])
+        near = tried.found and distance(there, here) < FURTHEST and distance(there, first) < RUNAWAY
+        return there if near and sign(command, there) == at_rest else None
+
+    return step
+
+
+def followed(
+    step: Step, at: float, here: np.ndarray, target: float, halvings: int
+) -> tuple[float, np.ndarray, bool]:
+    """Follow an equilibrium towards a command.
+
+    Parameters
+    ----------
+    step : callable
+        From `branch_step`.
+    at : float
+        Command of the equilibrium from which on, in its unit.
+    here : ndarray, shape (n_x + n_z,)
+        That equilibrium.
+    target : float
+        Command to reach.
+    halvings : int
+        How often the way is halved where no equilibrium is found.
+
+    Returns
+    -------
+    tuple of (float, ndarray, bool)
+        The command that was reached, the unknowns there, and whether it is the target.
+    """
+    there = step(target, here)
+    if there is not None:
+        return target, there, True
+    if halvings == 0:
+        return at, here, False
+    middle = (at + target) / 2
+    at, here, reached = followed(step, at, here, middle, halvings - 1)
+    return followed(step, at, here, target, halvings - 1) if reached else (at, here, False)
+
+
+def snap_throughs(
+    equations: Equations, rest: RestState, unknowns: np.ndarray, inputs: np.ndarray, start: float, values: np.ndarray
+) -> tuple[int, ...]:
+    """Samples from which on the film of a simulation snaps from one equilibrium to another, or back.
+
+    It does where, on its way from one stable state to the next, it passes states whose tangent is not that of a stable
+    equilibrium. The sample is the one whose command took the equilibrium away, from which the film may be slow to
+    leave. Plants whose equilibrium can be followed over all the commands are not looked at: their film has no fold.
+
+    Parameters
+    ----------
+    equations : Equations
+        The plant's DAE.
+    rest : RestState
+        Where the simulation began.
+    unknowns : ndarray, shape (n_x + n_z, m)
+        States and coordinates at the end of each sample, SI.
+    inputs : ndarray, shape (n_u, m)
+        Of each sample.
+    start : float
+        The command at rest, in its unit.
+    values : ndarray, shape (n_p,)
+        Free parameters, SI.
+
+    Returns
+    -------
+    tuple of int
+        Rising.
+    """
+    if ACTED_ON not in equations.signals or inputs.shape[1] == 0:
+        return ()
+    commands = inputs[0]
+    limits = float(min(commands.min(), start)), float(max(commands.max(), start))
+    ends = _ends_of_rest(equations, start, limits, values.tobytes())
+    if ends == limits:
+        return ()
+    at_rest = np.concatenate([rest.x, rest.z])[:, None]
+    stable = _signs(equations, at_rest, equations.held_inputs(start)[:, None], values)[0]
+    way, found, here, count = np.hstack([at_rest, unknowns]), [], 0, PIECE
+    arrived, direction = 0, np.zeros(len(way))
+    while here < commands.size:
+        piece = slice(here, here + count)
+        stays, crosses = _stable(equations, way[:, here : here + count + 1], inputs[:, piece], ends, values, stable)
+        if not stays.size:  # long between two equilibria
+            here, count = (here, 2 * count) if here + count < commands.size else (commands.size, count)
+            continue
+        if not crosses.any():
+            here, count = here + 1 + int(stays[-1]), PIECE
+            continue
+        first = int(np.argmax(crosses))
+        left, entered = here + (1 + int(stays[first - 1]) if first else 0), here + int(stays[first])
+        here, count, turn = entered + 1, PIECE, (way[:, entered + 1] - way[:, left]) / equations.scale
+        inside = (commands >= ends[0]) & (commands <= ends[1])
+        # The same way once more, though nothing took the equilibrium away: still the last snap, seen from its end.
+        if turn @ direction <= 0 or not inside[arrived:here].all():
+            held = np.flatnonzero(inside[: left + 1])
+            found.append(min(int(held[-1]) + 1, left) if held.size else left)
+        command, arrived, direction = float(commands[entered]), here, turn
+        other = rest_state(equations, command, values, guess=unknowns[:, entered])
+        ends = _ends(equations, other, command, limits, values) if other.found else limits
+    return tuple(found)
+
+
+def _stable(
+    equations: Equations, way: np.ndarray, inputs: np.ndarray, ends: tuple[float, float], values: np.ndarray,
+    stable: float,
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """Samples that end in a stable state, and whether there are unstable ones between each and the one before it.
+
+    `way` has the state at the start, which is stable, and that at the end of each sample. Stable is what would be so at
+    a command that the branch reaches: beyond its end the voltage itself stiffens or softens the film.
+    """
+    told = inputs.copy()
+    past = slice(0, 1 + equations.history)
+    told[past] = np.clip(told[past], *ends)
+    stays = np.flatnonzero(_signs(equations, way[:, 1:], told, values) == stable)
+    if not stays.size:
+        return stays, np.empty(0, dtype=bool)
+    before, after = way[:, np.concatenate([[0], stays[:-1] + 1])], way[:, stays + 1]
+    between = before[:, :, None] + (after - before)[:, :, None] * BETWEEN
+    held = np.repeat(told[:, stays], BETWEEN.size, axis=1)
+    signs = _signs(equations, between.reshape(len(way), -1), held, values).reshape(-1, BETWEEN.size)
+    return stays, (signs != stable).any(axis=1)
+
+
+@lru_cache(maxsize=256)
+def _ends_of_rest(
+    equations: Equations, start: float, limits: tuple[float, float], values_as_bytes: bytes
+) -> tuple[float, float]:
+    """`_ends` of the equilibrium from which a simulation begins; kept, since most simulations ask for no other."""
+    values = np.frombuffer(values_as_bytes)
+    return _ends(equations, rest_state(equations, start, values), start, limits, values)
+
+
+def _ends(
+    equations: Equations, rest: RestState, command: float, limits: tuple[float, float], values: np.ndarray
+) -> tuple[float, float]:
+    """Least and largest command to which an equilibrium can be followed within limits."""
+    step, first = branch_step(equations, rest, command, values), np.concatenate([rest.x, rest.z])
+    reached = []
+    for limit in limits:
+        at, here, lives = command, first, True
+        for target in command + (limit - command) * STRIDES if limit != command else ():
+            at, here, lives = followed(step, at, here, float(target), HALVINGS) if lives else (at, here, False)
+        reached.append(limit if lives else at)
+    return reached[0], reached[1]
+
+
+def _signs(equations: Equations, unknowns: np.ndarray, inputs: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Sign of the determinant of the tangent of the equations of rest at each column, shape (m,)."""
+    kept, count = resting(equations), unknowns.shape[1]
+    tangents = np.asarray(_tangent(equations)(unknowns, inputs, values, equations.constants))
+    stacked = tangents.reshape(len(unknowns), count, len(unknowns)).transpose(1, 0, 2)
+    with np.errstate(all="ignore"):  # a state that the film cannot have has no tangent, and is not stable
+        return np.asarray(np.linalg.slogdet(stacked[:, kept[:, None], kept]).sign)
+
+
+@lru_cache(maxsize=64)
+def _tangent(equations: Equations) -> ca.Function:
+    """``(w, u, p, c) ->`` derivative of the equations of rest by the unknowns."""
+    n_x = len(equations.states)
+    w, u = ca.SX.sym("w", equations.scale.size), ca.SX.sym("u", equations.held_inputs(0.0).size)
+    p, c = ca.SX.sym("p", len(equations.parameters.free)), ca.SX.sym("c", equations.constants.size)
+    residual = equations.rest(w[:n_x, :], w[n_x:, :], u, p, c)
+    return ca.Function("tangent_of_rest", [w, u, p, c], [ca.densify(ca.jacobian(residual, w))])
