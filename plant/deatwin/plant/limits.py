@@ -165,11 +165,12 @@ def _event(
 ) -> Event:
     known = seen >= 0 and f"{name}_radius" in signals
     zone = "electrode" if known and signals[f"{name}_active"][seen] else "bare film"
+    uniform = "the whole film" if seen >= 0 and name in signals and not known else ""  # one stretch everywhere
     return Event(
         status=what,
         time=timeline.start + sample * timeline.sample_time,
         command=float(timeline.commands[sample]),
         # Of a sample that was not solved no voltage is known.
         film_voltage=float(signals["film_voltage"][seen]) if seen == sample and "film_voltage" in signals else np.nan,
-        place=f"{zone}, {1e3 * signals[f'{name}_radius'][seen]:.1f} mm from the middle" if known else "",
+        place=f"{zone}, {1e3 * signals[f'{name}_radius'][seen]:.1f} mm from the middle" if known else uniform,
     )

@@ -128,13 +128,14 @@ def origins(model: NarxModel) -> str:
     str
         As ``\\nwhere y is the output less 300.012 K``, with a line feed before it.
     """
-    said = []
+    said, symbols = [], symbols_of(model.input_names, model.output_names)
     for kind, names, units, values in (
         ("y", model.output_names, model.output_units, model.output_origin),
         ("u", model.input_names, model.input_units, model.input_origin),
     ):
-        for row, (name, unit, value) in enumerate(zip(names, units, values.tolist(), strict=True), start=1):
+        for row, (name, unit, value) in enumerate(zip(names, units, values.tolist(), strict=True)):
             if value:
-                number = str(row) if len(names) > 1 else ""
-                said.append(f"{kind}{number} is {name} less {value:.12g} {unit}".rstrip())
+                symbol = symbols[kind, row]
+                what = f"{symbol} counts from" if symbol == name else f"{symbol} is {name} less"
+                said.append(f"{what} {value:.12g} {unit if unit != '1' else ''}".rstrip())
     return "\nwhere " + ", ".join(said) if said else ""

@@ -289,3 +289,12 @@ def test_the_exported_source_runs_as_the_model(tmp_path):
     for u, wanted in itertools.islice(zip(recording.inputs[0], expected, strict=True), 100):
         assert library.go(ctypes.byref(number(u)), ctypes.byref(y)) == 0
         assert y.value == pytest.approx(wanted, abs=1e-9)
+
+
+def test_a_named_signal_is_written_as_in_the_terms() -> None:
+    model = NarxModel.from_terms(
+        {"y(k-1)": 0.5, "u(k-1)": 2.0}, sample_time=1.0, output_names=("T",), output_units=("K",),
+        input_names=("heater power",), input_units=("1",), output_origin=np.array([300.0]),
+        input_origin=np.array([40.0]),
+    )  # fmt: skip
+    assert str(model).splitlines()[1] == "where T counts from 300 K, u is heater power less 40"
