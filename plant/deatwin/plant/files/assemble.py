@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 from deatwin.plant.checks import check_command_range, check_motion
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.clock import Piece, even_pieces
-from deatwin.plant.files.columns import extra_columns, no_times, time_column
+from deatwin.plant.files.columns import extra_columns, no_times, time_column, with_times
 from deatwin.plant.files.formats.description import all_provenance
 from deatwin.plant.files.formats.table import Table, Timing
 from deatwin.plant.files.formats.tdms import STARTED
+from deatwin.plant.files.times import BEGAN, moment
 from deatwin.plant.recording import Recording, label
 from deatwin.plant.rigs.rigfile import RigFile
 
@@ -26,6 +27,7 @@ def recordings_of(
     allow_gaps: bool,
     dt: float | None,
     rig: RigFile | None,
+    named_times: str | None = None,
 ) -> tuple[Recording, ...]:
     """Return the recordings of a table.
 
@@ -41,6 +43,8 @@ def recordings_of(
         Sample time, s, that the user states.
     rig : RigFile or None
         Refuse commands far outside of this rig's range.
+    named_times : str, optional
+        The column of the times that the user asks for.
 
     Returns
     -------
@@ -53,7 +57,10 @@ def recordings_of(
     """
     taken = [column for columns in chosen.values() for column in columns]
     declared = [column for role in ("input", "output", "extra") for column in table.columns_of(role)]
-    times = time_column(table, {*taken, *declared})
+    needed = dt is None and table.timing(taken or declared) is None
+    times, unit = time_column(table, {*taken, *declared}, named_times, needed=needed)
+    if times is not None:
+        table = with_times(table, times, unit)
     roles = {**chosen, "extra": tuple(extra_columns(table, {*taken, *([] if times is None else [times])}))}
     used = [column for columns in roles.values() for column in columns]
     stated = _stated(table, used, dt)
@@ -67,7 +74,7 @@ def recordings_of(
         sample_time = stated.sample_time
         pieces = [Piece.even(len(numbers[used[0]]), sample_time, stated.start)]
     else:
-        raise no_times(table)
+        raise no_times(table, set(used))
     recordings = tuple(_recording(table, roles, numbers, piece, sample_time) for piece in pieces)
     if rig is not None:
         for recording in recordings:
@@ -90,25 +97,25 @@ def on_one_clock(recordings: Sequence[Recording]) -> tuple[Recording, ...]:
         The same ones where not all have a date or the date is one; else shifted, the earliest date in their
         provenance as ``clock_began``.
     """
-    dates = [recording.provenance.get(STARTED) for recording in recordings]
+    dates = [recording.provenance.get(STARTED, recording.provenance.get(BEGAN)) for recording in recordings]
     if None in dates or len(set(dates)) < 2:
         return tuple(recordings)
+    files = " and ".join(label(recording) for recording in recordings)
     try:
-        began = np.array(dates, dtype="datetime64[us]")
-        if np.isnat(began).any():
-            raise ValueError("no date")
+        began = [moment(str(date)) for date in dates]
     except ValueError:
-        files = " and ".join(label(recording) for recording in recordings)
         raise DataError(f"{files}: their {STARTED} are no dates; give the recordings one running clock") from None
-    shifts = (began - began.min()) / np.timedelta64(1, "s")
+    if len({date.tzinfo for date in began}) > 1:
+        raise DataError(f"{files}: some of their dates have an offset from UTC and others have none; give all the same")
+    first = min(began)
     return tuple(
         replace(
             recording,
-            start=recording.start + float(shift),
+            start=recording.start + (date - first).total_seconds(),
             provenance={key: value for key, value in recording.provenance.items() if key != STARTED}
-            | {"clock_began": str(began.min())},
+            | {BEGAN: first.isoformat()},
         )
-        for recording, shift in zip(recordings, shifts, strict=True)
+        for recording, date in zip(recordings, began, strict=True)
     )
 
 
@@ -138,6 +145,10 @@ def _recording(
         return np.reshape(channels, (len(channels), len(piece.clock)))
 
     signals = {role: [table.signal(role, column) for column in columns] for role, columns in roles.items()}
+    shared = {signal.name for signal in signals["input"]} & {signal.name for signal in signals["output"]}
+    if shared and not table.declared.signals:  # two columns of one quantity: their units tell them apart
+        for role in ("input", "output"):
+            signals[role] = [replace(signal, name=signal.header) for signal in signals[role]]
     return Recording(
         inputs=rows("input"),
         outputs=rows("output"),
@@ -160,5 +171,7 @@ def _provenance(table: Table, piece: Piece) -> dict[str, str]:
         "sha256": table.sha256,
         "rows": f"{table.row(piece.first)}-{table.row(piece.last - 1)}",
     }
+    for scale in table.scales.values():
+        own |= {"times": scale.said, BEGAN: scale.began.isoformat()}
     resampled = {"resampled": "linear, from times off the even clock"} if piece.interpolated else {}
     return all_provenance(own | resampled, table.declared.provenance)

@@ -1,11 +1,29 @@
 """Which column of a table is the time, the input, the output and the further channels."""
 
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+import numpy as np
+
 from deatwin.plant.errors import DataError, nearest
-from deatwin.plant.files.formats.table import Table
-from deatwin.plant.files.units import UNITS, split_unit, unknown_unit
+from deatwin.plant.files.formats.table import Table, is_place
+from deatwin.plant.files.times import TIME_UNITS, time_scale
+from deatwin.plant.files.units import UNITS, find_unit, split_unit, unknown_unit
 from deatwin.plant.intake import clipped
 
-__all__ = ["COLUMNS", "data_columns", "extra_columns", "no_times", "time_column", "usual_unit"]
+__all__ = [
+    "COLUMNS",
+    "chosen_columns",
+    "data_columns",
+    "extra_columns",
+    "holds_times",
+    "no_times",
+    "time_column",
+    "usual_unit",
+    "with_times",
+    "works",
+]
 
 # The columns of a recording as deatwin writes them, by the name that each has inside.
 COLUMNS = {
@@ -22,9 +40,107 @@ _EXTRAS = ("film_voltage", "current", "temperature", "force")
 # A column that would be passed over is refused as a misspelling from this likeness on.
 _MISSPELT = 0.85
 _TIME_NAMES = ("time", "t", "zeit", "temps", "时间")
+_STAMP_NAMES = ("ts", "timestamp", "datetime", "unixtime", "times", "seconds", "timesec", "elapsedtime")
+_LISTED = 5  # columns that an error text names
 
 
-def data_columns(table: Table, role: str, wanted: str | None) -> tuple[int, ...]:
+def chosen_columns(table: Table, asked: Mapping[str, str | None]) -> dict[str, tuple[int, ...]]:
+    """Return the columns of the inputs and the outputs.
+
+    Parameters
+    ----------
+    table : Table
+    asked : mapping of str to (str or None)
+        What the user asked for as ``input``, ``output`` and ``time``, by header or by place; a role that is left
+        out is not looked for.
+
+    Returns
+    -------
+    dict of str to tuple of int
+        Of ``input`` and ``output``, counted from 0; no column has two roles.
+
+    Raises
+    ------
+    DataError
+        If there is no such column, its unit is not known, the usual one has a unit of another kind, or one column
+        would have two roles.
+    """
+    known = {role: _quietly(table, role, wanted) for role, wanted in asked.items()}
+    chosen = {}
+    for role in ("input", "output"):
+        if role not in asked:
+            chosen[role] = ()
+            continue
+        others = {column for other, columns in known.items() if other != role for column in columns}
+        chosen[role] = data_columns(table, role, asked[role], lambda column, others=others: column not in others)
+    seen: dict[int, str] = {}
+    times = asked.get("time")
+    for role, columns in {**chosen, "time": known.get("time", ()) if times else ()}.items():
+        for column in columns:
+            if column in seen:
+                raise _twice(table, column, (seen[column], role), asked)
+            seen[column] = role
+    return chosen
+
+
+def _quietly(table: Table, role: str, wanted: str | None) -> tuple[int, ...]:
+    """Return the columns of a role, none where they cannot be told."""
+    try:
+        if role == "time":
+            column, _ = time_column(table, set(), wanted)
+            return () if column is None else (column,)
+        return data_columns(table, role, wanted)
+    except DataError:
+        return ()
+
+
+def _twice(table: Table, column: int, roles: tuple[str, str], asked: Mapping[str, str | None]) -> DataError:
+    """Return the error of a column that has two roles, with another one for a role that was not asked for."""
+    said = [f"named as {role}" if asked.get(role) else f"the usual {role}" for role in roles]
+    free = [role for role in roles if not asked.get(role)] or [roles[1]]
+    option = f"--{free[0]}-column"
+    others = [k for k in range(len(table.headers)) if k != column and works(table, k) and k not in _others(table, free[0], asked)]
+    hint = f', for example {option} "{_unmistakable(table, others[0])}"' if others else f": {option}"
+    return DataError(
+        f'{table.path}: the column "{table.shown(column)}" is {said[0]} and {said[1]}; name another one for the '
+        f"{free[0]}{hint}"
+    )
+
+
+def _others(table: Table, role: str, asked: Mapping[str, str | None]) -> set[int]:
+    """Return the columns of all roles but one."""
+    return {k for other, wanted in asked.items() if other != role for k in _quietly(table, other, wanted)}
+
+
+def _unmistakable(table: Table, column: int) -> str:
+    """Return the header of a column, or its place where others have the same."""
+    header = table.headers[column]
+    return table.shown(column) if header and table.headers.count(header) == 1 else f"#{column + 1}"
+
+
+def works(table: Table, column: int) -> bool:
+    """Return whether a column can be an input or output: numbers, in a known unit or none.
+
+    Parameters
+    ----------
+    table : Table
+    column : int
+        Counted from 0.
+
+    Returns
+    -------
+    bool
+    """
+    try:
+        table.si([_with_unit(table, column)])
+    except DataError:
+        return False
+    return True
+
+
+def data_columns(
+    table: Table, role: str, wanted: str | None, free: Callable[[int], bool] = lambda column: True
+) -> tuple[int, ...]:
     """Return the columns of the inputs or the outputs.
 
     Parameters
@@ -35,6 +151,8 @@ def data_columns(table: Table, role: str, wanted: str | None) -> tuple[int, ...]
     wanted : str, optional
         The column that the user asked for, by header or by place. Else those that the file declares count, else
         the usual one, ``command`` or ``displacement``.
+    free : callable, optional
+        Takes the number of a column; whether it has no other role, so that an error text may offer it.
 
     Returns
     -------
@@ -46,15 +164,35 @@ def data_columns(table: Table, role: str, wanted: str | None) -> tuple[int, ...]
     DataError
         If there is no such column, its unit is not known, or the usual one has a unit of another kind.
     """
+
+    def offered(column: int) -> bool:
+        return free(column) and works(table, column)
+
     if wanted is not None:
-        return (_with_unit(table, table.column(wanted)),)
+        if table.nameless and not is_place(wanted):
+            raise _no_header(table, f'no column "{clipped(wanted)}"')
+        return (_with_unit(table, table.column(wanted, offered)),)
     if table.declared.signals:
         return table.columns_of(role)
+    if table.nameless:
+        raise _no_header(table, f"no column is named as the {role}")
     name = _USUAL[role]
     column = _usual_column(table, name)
     if column is None:
-        raise _no_column(table, name, f"rename it, or name the one to use: --{role}-column")
+        raise _no_column(table, name, f"rename it, or name the one to use: --{role}-column", offered)
     return (column,)
+
+
+def _no_header(table: Table, fault: str) -> DataError:
+    """Return the error of a file without a header whose columns the user did not name by their places."""
+    places = [f"#{k + 1}" for k in range(len(table.headers)) if works(table, k)]
+    times, (first, second) = ("#1", places[1:3]) if len(places) > 2 else ("", (*places, "#2")[:2])
+    timed = f'--time-column "{times}" (or --dt SECONDS)' if times else "--dt SECONDS"
+    return DataError(
+        f"{table.path}, row {table.row(0)}: no header, so {fault}; name the columns by their places, for example "
+        f'--input-column "{first}" --output-column "{second}" {timed}, or put a header above: '
+        "time_s,command_V,displacement_mm"
+    )
 
 
 def _with_unit(table: Table, column: int) -> int:
@@ -87,8 +225,136 @@ def usual_unit(name: str) -> str:
     return UNITS[split_unit(COLUMNS[name])[1]].si if name in COLUMNS else ""
 
 
-def time_column(table: Table, taken: set[int]) -> int | None:
-    """Return the column of the times: the one with the usual name, else the first with a unit of time.
+def time_column(
+    table: Table, taken: set[int], wanted: str | None = None, *, needed: bool = True
+) -> tuple[int | None, str]:
+    """Return the column of the times, and its unit.
+
+    Unless the user names it, it is the one called ``time`` or the like, else the one with a unit of time.
+
+    Parameters
+    ----------
+    table : Table
+    taken : set of int
+        Columns that are something else.
+    wanted : str, optional
+        The column that the user asked for, by header or by place; ``"Timestamp=ms"`` states its unit.
+    needed : bool, default True
+        Whether nothing else says the times.
+
+    Returns
+    -------
+    column : int or None
+        Counted from 0; None where there is none.
+    unit : str
+        A key of `deatwin.plant.files.units.UNITS`; empty where nothing states it.
+
+    Raises
+    ------
+    DataError
+        If the named one is not there or is in no unit of time, or several may be meant and the times are needed.
+    """
+    if wanted is not None:
+        return _named_times(table, taken, wanted)
+    free = [column for column in range(len(table.headers)) if column not in taken]
+    timed = [column for column in free if UNITS[table.units[column]].si == "s"]
+    # A column named time without a unit is in seconds, or holds dates.
+    likely = [column for column in free if column in timed or not table.units[column]]
+    usual = [column for column in likely if table.headers[column] == COLUMNS["time"]]
+    named = [column for column in likely if _plain(table.names[column]) in _TIME_NAMES]
+    stamped = [column for column in likely if _plain(table.names[column]) in _STAMP_NAMES]
+    found = usual or named or stamped or timed
+    if len(found) > 1 and needed:
+        listed = " and ".join(f'"{table.shown(column)}"' for column in found[:_LISTED])
+        raise DataError(
+            f"{table.path}: the columns {listed} may all be the times; name one: --time-column "
+            f'"{_unmistakable(table, found[0])}"'
+        )
+    return (found[0], table.units[found[0]]) if len(found) == 1 else (None, "")
+
+
+def _plain(name: str) -> str:
+    """Return a name without capitals, blanks and strokes."""
+    return re.sub(r"[\s_-]", "", name).lower()
+
+
+def _named_times(table: Table, taken: set[int], wanted: str) -> tuple[int, str]:
+    """Return the column of the times that the user names, and its unit."""
+    name, stated = wanted, ""
+    before, sign, behind = wanted.rpartition("=")
+    if sign and wanted not in table.headers:
+        name, stated = before, find_unit(behind)
+        if UNITS[stated].si != "s":
+            raise DataError(
+                f'{table.path}: the times are said to be in "{clipped(behind)}"; known are {", ".join(TIME_UNITS)}'
+            )
+    if table.nameless and not is_place(name):
+        raise _no_header(table, f'no column "{clipped(name)}"')
+    column = table.column(name, lambda column: column not in taken and holds_times(table, column, stated))
+    header = table.headers[column]
+    own = table.units[column] or (unit if UNITS[unit := find_unit(header)].si == "s" else "")
+    if own and UNITS[own].si != "s":
+        raise DataError(f'{table.path}: the column "{clipped(header)}" is in {own}, and times are in s or the like')
+    if own and stated and own != stated:
+        raise DataError(
+            f'{table.path}: the column "{clipped(header)}" is in {own}, but its times are said to be in {stated}; '
+            f"leave ={clipped(behind)} out"
+        )
+    return column, own or stated
+
+
+def holds_times(table: Table, column: int, unit: str) -> bool:
+    """Return whether a column can be the times: numbers or dates that increase, in no unit of another kind.
+
+    Parameters
+    ----------
+    table : Table
+    column : int
+        Counted from 0.
+    unit : str
+        What the user states as its unit; empty for none.
+
+    Returns
+    -------
+    bool
+    """
+    own = table.units[column]
+    if UNITS[own].si not in ("", "s") or (own and unit and own != unit):
+        return False
+    try:
+        times = with_times(table, column, own or unit).si([column])[0]
+    except DataError:
+        return False
+    return len(times) > 1 and bool((np.diff(times) > 0.0).all())
+
+
+def with_times(table: Table, column: int, unit: str) -> Table:
+    """Return the table that reads a column as times.
+
+    Parameters
+    ----------
+    table : Table
+    column : int
+        Counted from 0.
+    unit : str
+        A key of `deatwin.plant.files.units.UNITS`; where it is empty, numbers are in s, unless their size tells
+        that they are Unix times.
+
+    Returns
+    -------
+    Table
+    """
+    # What deatwin wrote comes back as it was, whatever its clock.
+    own = table.declared.signals or table.headers[column] == COLUMNS["time"]
+    scale = time_scale(table.first(column), unit)
+    if scale and own and not scale.dates:
+        scale = None
+    units = tuple(unit or "s" if k == column else known for k, known in enumerate(table.units))
+    return replace(table, units=units, scales={column: scale} if scale else {})
+
+
+def no_times(table: Table, taken: set[int]) -> DataError:
+    """Return the error of a file that says nothing about its times.
 
     Parameters
     ----------
@@ -98,36 +364,20 @@ def time_column(table: Table, taken: set[int]) -> int | None:
 
     Returns
     -------
-    int or None
-        Counted from 0; None where there is none.
-    """
-    free = [column for column in range(len(table.headers)) if column not in taken]
-    timed = [column for column in free if UNITS[table.units[column]].si == "s"]
-    # A column named time without a unit is in seconds.
-    named = [
-        column
-        for column in free
-        if table.names[column].lower() in _TIME_NAMES and (column in timed or not table.units[column])
-    ]
-    return next(iter(named or timed), None)
-
-
-def no_times(table: Table) -> DataError:
-    """Return the error of a file that says nothing about its times.
-
-    Parameters
-    ----------
-    table : Table
-
-    Returns
-    -------
     DataError
     """
+    if table.nameless:
+        others = [k for k in range(len(table.headers)) if k not in taken and holds_times(table, k, "")]
+        example = f' (for example "#{others[0] + 1}")' if others else ""
+        return DataError(
+            f"{table.path}, row {table.row(0)}: no header, so nothing says the times; name their column by its "
+            f"place: --time-column{example}, or give the sample time in seconds: --dt, in Python dt"
+        )
     advice = (
-        "the times need this name, or a unit: (s) behind or below their name; "
+        "the times need this name, or a unit: (s) behind or below their name; name another column: --time-column; "
         "for evenly sampled values without times give the sample time in seconds: --dt, in Python dt"
     )
-    return _no_column(table, "time", advice)
+    return _no_column(table, "time", advice, lambda column: column not in taken and holds_times(table, column, ""))
 
 
 def extra_columns(table: Table, taken: set[int]) -> list[int]:
@@ -151,34 +401,47 @@ def extra_columns(table: Table, taken: set[int]) -> list[int]:
     """
     if table.declared.signals:
         return [column for column in table.columns_of("extra") if column not in taken]
-    found = {name: column for name in _EXTRAS if (column := _usual_column(table, name)) is not None}
-    absent = [COLUMNS[name] for name in _EXTRAS if name not in found]
-    for column, header in enumerate(table.headers):
-        if column in taken or table.names[column] in COLUMNS:
-            continue
-        if hint := nearest(header, absent, likeness=_MISSPELT):
-            raise DataError(f'{table.path}: unknown column "{clipped(header)}"{hint}')
-    return [column for column in found.values() if column not in taken]
+    found = {name: column for name in _EXTRAS if (column := _usual_column(table, name, taken)) is not None}
+    # In a file whose columns had to be named, a name like a usual one is no misspelling.
+    if all(table.names[column] in COLUMNS for column in taken):
+        absent = [COLUMNS[name] for name in _EXTRAS if name not in found]
+        for column, header in enumerate(table.headers):
+            if column in taken or table.names[column] in COLUMNS:
+                continue
+            if hint := nearest(header, absent, likeness=_MISSPELT):
+                raise DataError(f'{table.path}: unknown column "{clipped(header)}"{hint}')
+    return list(found.values())
 
 
-def _usual_column(table: Table, name: str) -> int | None:
-    """Return the column with one of deatwin's own names and a unit of the right kind, or None."""
-    if name not in table.names:
+def _usual_column(table: Table, name: str, taken: set[int] = frozenset()) -> int | None:
+    """Return the column with one of deatwin's own names and a unit of the right kind, or None.
+
+    Of several it is the one with the usual header, else the only one of the right kind. Further channels that
+    cannot be told apart are left out: nobody asked for them.
+    """
+    usual, right = COLUMNS[name], split_unit(COLUMNS[name])[1]
+    named = [column for column in range(len(table.names)) if table.names[column] == name]
+    if taken and taken.intersection(named):
+        return None  # the quantity has its role already
+    fitting = [column for column in named if UNITS[table.units[column]].si == UNITS[right].si]
+    exact = [column for column in fitting if table.headers[column] == usual]
+    best = exact if len(exact) == 1 else fitting
+    if len(best) == 1:
+        return best[0]
+    if not named or (taken and len(named) > 1):
         return None
-    column = table.column(name)
-    unit, right = table.units[column], split_unit(COLUMNS[name])[1]
-    if UNITS[unit].si != UNITS[right].si:
-        raise DataError(
-            f'{table.path}: the column "{table.shown(column)}" has the unit {unit or "(none)"}; '
-            f'it must be one like {right}, as in "{COLUMNS[name]}"'
-        )
-    return column
+    if len(named) > 1:
+        return table.column(name)  # its error says how to name one
+    unit = table.units[named[0]]
+    raise DataError(
+        f'{table.path}: the column "{table.shown(named[0])}" has the unit {unit or "(none)"}; '
+        f'it must be one like {right}, as in "{usual}"'
+    )
 
 
-def _no_column(table: Table, name: str, advice: str) -> DataError:
-    """Return the error of a column that is missing."""
+def _no_column(table: Table, name: str, advice: str, works: Callable[[int], bool]) -> DataError:
+    """Return the error of a column that is missing; one that works instead may be offered."""
     usual = COLUMNS[name]
     return DataError(
-        f'{table.path}: no column "{usual}"; the file has {table.listing()}'
-        f"{nearest(usual, table.headers)} ({advice})"
+        f'{table.path}: no column "{usual}"; the file has {table.listing()}{table.near(usual, works)} ({advice})'
     )

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.assemble import on_one_clock, recordings_of
-from deatwin.plant.files.columns import data_columns
+from deatwin.plant.files.columns import chosen_columns
 from deatwin.plant.files.csvtable import read_table
 from deatwin.plant.files.csvwrite import csv_text
 from deatwin.plant.files.formats.mat import read_mat, write_mat
@@ -38,6 +38,8 @@ _READERS: dict[str, Callable[[str | Path], Table]] = {
     ".csv": read_table,
     ".txt": read_table,
     ".tsv": read_table,
+    ".dat": read_table,
+    ".asc": read_table,
     ".mat": read_mat,
     ".tdms": read_tdms,
     ".nc": read_netcdf,
@@ -55,6 +57,7 @@ def read_recordings(
     *,
     input_column: str | None = None,
     output_column: str | None = None,
+    time_column: str | None = None,
     allow_gaps: bool = False,
     dt: float | None = None,
     rig: RigFile | None = None,
@@ -69,6 +72,11 @@ def read_recordings(
         Header of the input and the output, or the place, ``"#2"`` for the second column; by default what the
         file declares, else the columns ``command`` and ``displacement``. A unit may stand in the header, in a
         line below it, or in an attribute; values without a known unit are taken as they are.
+    time_column : str, optional
+        Header of the times, or the place; by default the column called ``time`` or the like, else the one with a
+        unit of time. The unit is that of the header, or stands behind an equals sign, ``"Timestamp=ms"``; else it
+        is the second. Dates of ISO 8601 and Unix times, whose size tells their unit, put the zero of the clock at
+        the first sample; the provenance holds its date as ``clock_began``.
     allow_gaps : bool, default False
         Split the record at its gaps and keep the clock. Else a gap is an error.
     dt : float, optional
@@ -88,7 +96,8 @@ def read_recordings(
         value that is not a number, times that do not increase, a gap or uneven sampling, or commands far
         outside of the rig's range; or a package that the format needs is not installed.
     """
-    return _recordings(_table(path), input_column, output_column, allow_gaps=allow_gaps, dt=dt, rig=rig)
+    asked = {"input": input_column, "output": output_column, "time": time_column}
+    return _recordings(_table(path), asked, allow_gaps=allow_gaps, dt=dt, rig=rig)
 
 
 def read_csv(
@@ -96,6 +105,7 @@ def read_csv(
     *,
     input_column: str | None = None,
     output_column: str | None = None,
+    time_column: str | None = None,
     allow_gaps: bool = False,
     dt: float | None = None,
     rig: RigFile | None = None,
@@ -104,7 +114,7 @@ def read_csv(
 
     Parameters
     ----------
-    path, input_column, output_column, allow_gaps, dt, rig
+    path, input_column, output_column, time_column, allow_gaps, dt, rig
         As in `read_recordings`.
 
     Returns
@@ -116,13 +126,15 @@ def read_csv(
     DataError
         As `read_recordings`.
     """
-    return _recordings(read_table(path), input_column, output_column, allow_gaps=allow_gaps, dt=dt, rig=rig)
+    asked = {"input": input_column, "output": output_column, "time": time_column}
+    return _recordings(read_table(path), asked, allow_gaps=allow_gaps, dt=dt, rig=rig)
 
 
 def read_commands(
     path: str | Path,
     *,
     input_column: str | None = None,
+    time_column: str | None = None,
     dt: float | None = None,
     rig: RigFile | None = None,
 ) -> Recording:
@@ -130,7 +142,7 @@ def read_commands(
 
     Parameters
     ----------
-    path, input_column, dt, rig
+    path, input_column, time_column, dt, rig
         As in `read_recordings`.
 
     Returns
@@ -143,9 +155,7 @@ def read_commands(
     DataError
         As `read_recordings`.
     """
-    table = _table(path)
-    chosen = {"input": data_columns(table, "input", input_column), "output": ()}
-    return recordings_of(table, chosen, allow_gaps=False, dt=dt, rig=rig)[0]
+    return _recordings(_table(path), {"input": input_column, "time": time_column}, allow_gaps=False, dt=dt, rig=rig)[0]
 
 
 def read_recording(
@@ -153,6 +163,7 @@ def read_recording(
     *,
     input_column: str | None = None,
     output_column: str | None = None,
+    time_column: str | None = None,
     dt: float | None = None,
     rig: RigFile | None = None,
 ) -> Recording:
@@ -160,7 +171,7 @@ def read_recording(
 
     Parameters
     ----------
-    path, input_column, output_column, dt, rig
+    path, input_column, output_column, time_column, dt, rig
         As in `read_recordings`.
 
     Returns
@@ -172,7 +183,9 @@ def read_recording(
     DataError
         As `read_recordings`.
     """
-    return read_recordings(path, input_column=input_column, output_column=output_column, dt=dt, rig=rig)[0]
+    return read_recordings(
+        path, input_column=input_column, output_column=output_column, time_column=time_column, dt=dt, rig=rig
+    )[0]
 
 
 def read_experiment(
@@ -180,6 +193,7 @@ def read_experiment(
     *,
     input_column: str | None = None,
     output_column: str | None = None,
+    time_column: str | None = None,
     allow_gaps: bool = False,
     dt: float | None = None,
     rig: RigFile | None = None,
@@ -189,9 +203,9 @@ def read_experiment(
     Parameters
     ----------
     paths : iterable of (str or Path)
-        The files, in any order. TDMS waveforms that say when they started (``wf_start_time``) are laid on the
-        clock of the earliest.
-    input_column, output_column, allow_gaps, dt, rig
+        The files, in any order. Those whose times are dates, and TDMS waveforms that say when they started
+        (``wf_start_time``), are laid on the clock of the earliest.
+    input_column, output_column, time_column, allow_gaps, dt, rig
         As in `read_recordings`, the same for all files.
 
     Returns
@@ -207,8 +221,9 @@ def read_experiment(
         recording
         for path in paths
         for recording in read_recordings(
-            path, input_column=input_column, output_column=output_column, allow_gaps=allow_gaps, dt=dt, rig=rig
-        )
+            path, input_column=input_column, output_column=output_column, time_column=time_column,
+            allow_gaps=allow_gaps, dt=dt, rig=rig,
+        )  # fmt: skip
     ]
     return Experiment(recordings=on_one_clock(recordings))
 
@@ -297,19 +312,8 @@ def _table(path: str | Path) -> Table:
 
 
 def _recordings(
-    table: Table,
-    input_column: str | None,
-    output_column: str | None,
-    *,
-    allow_gaps: bool,
-    dt: float | None,
-    rig: RigFile | None,
+    table: Table, asked: Mapping[str, str | None], *, allow_gaps: bool, dt: float | None, rig: RigFile | None
 ) -> tuple[Recording, ...]:
     """Return the recordings of a table, whose columns the user may have named."""
-    chosen = {
-        "input": data_columns(table, "input", input_column),
-        "output": data_columns(table, "output", output_column),
-    }
-    if shared := set(chosen["input"]) & set(chosen["output"]):
-        raise DataError(f'{table.path}: the column "{table.shown(min(shared))}" is named as input and as output')
-    return recordings_of(table, chosen, allow_gaps=allow_gaps, dt=dt, rig=rig)
+    chosen = chosen_columns(table, asked)
+    return recordings_of(table, chosen, allow_gaps=allow_gaps, dt=dt, rig=rig, named_times=asked["time"])

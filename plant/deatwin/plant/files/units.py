@@ -33,6 +33,7 @@ UNITS = {
     "s": Unit("s"),
     "ms": Unit("s", 1, 1e3),
     "us": Unit("s", 1, 1e6),
+    "ns": Unit("s", 1, 1e9),
     "min": Unit("s", 60),
     "h": Unit("s", 3600),
     "V": Unit("V"),

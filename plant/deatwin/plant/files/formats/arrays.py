@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.formats.table import Declared, Table, Timing
+from deatwin.plant.files.times import TimeScale
 from deatwin.plant.files.units import UNITS, find_unit, split_unit
 from deatwin.plant.intake import COLUMNS, clipped
 
@@ -55,6 +56,11 @@ class ArrayTable(Table):
     def row(self, sample: int) -> int:
         """Return the number of a sample; the first is 1, as in MATLAB and LabVIEW."""
         return sample + 1
+
+    def first(self, column: int) -> str:
+        """Return the first value of a column as text; empty where there is none."""
+        values = self.columns[column]
+        return str(values[0]) if len(values) else ""
 
     def timing(self, columns: Sequence[int]) -> Timing | None:
         """Return the clock that the file states for some columns, or None.
@@ -106,8 +112,19 @@ class ArrayTable(Table):
 
     def _si(self, column: int) -> NDArray[np.float64]:
         """Return a column in SI units; values that are so already stay as they are, -0.0 too."""
+        if scale := self.scales.get(column):
+            return self._since_first(column, scale)
         values, unit = self.columns[column].astype(np.float64), self.units[column]
         return values if unit == UNITS[unit].si else UNITS[unit].to_si(values)
+
+    def _since_first(self, column: int, scale: TimeScale) -> NDArray[np.float64]:
+        """Return Unix times as seconds since the first; whole numbers are subtracted as such."""
+        values = self.columns[column]
+        whole = values.dtype.kind in "iu"
+        since = (values.astype(np.int64) - int(values[0])) if whole else values.astype(np.float64) - float(values[0])
+        seconds = UNITS[scale.unit].to_si(since.astype(np.float64))
+        # Floats tell a date to 0.24 us, not better.
+        return seconds if whole else np.round(seconds, 6)
 
 
 def array_table(

@@ -2,20 +2,35 @@
 
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.plant.errors import DataError, nearest
+from deatwin.plant.files.times import TimeScale
 from deatwin.plant.files.units import UNITS
 from deatwin.plant.intake import clipped
 
-__all__ = ["Declared", "Signal", "Table", "Timing"]
+__all__ = ["Declared", "Signal", "Table", "Timing", "is_place"]
 
 _SAME_CLOCK = 1e-3  # relative difference of two sample times that are one
 _LISTED = 20  # headers that an error text names
+
+
+def is_place(wanted: str) -> bool:
+    """Return whether a column is named by its place, as in ``#2``.
+
+    Parameters
+    ----------
+    wanted : str
+
+    Returns
+    -------
+    bool
+    """
+    return re.fullmatch(r"#[1-9][0-9]{0,8}", wanted) is not None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,6 +126,10 @@ class Table(ABC):
         The unit of each column, a key of `deatwin.plant.files.units.UNITS`; an empty text where there is none.
     declared : Declared
         What the file says beside the columns.
+    nameless : bool
+        Whether the file has no header, so that the headers are places: ``#1``, ``#2``.
+    scales : mapping of int to TimeScale
+        How a column of times is read that does not hold plain numbers of its unit.
     """
 
     path: str
@@ -119,6 +138,23 @@ class Table(ABC):
     names: tuple[str, ...]
     units: tuple[str, ...]
     declared: Declared = Declared()
+    nameless: bool = False
+    scales: Mapping[int, TimeScale] = field(default_factory=dict)
+
+    @abstractmethod
+    def first(self, column: int) -> str:
+        """Return the first value of a column as text.
+
+        Parameters
+        ----------
+        column : int
+            Its number, counted from 0.
+
+        Returns
+        -------
+        str
+            Empty where there is none.
+        """
 
     @abstractmethod
     def row(self, sample: int) -> int:
@@ -182,13 +218,15 @@ class Table(ABC):
         """
         return self.declared.timing
 
-    def column(self, wanted: str) -> int:
+    def column(self, wanted: str, works: Callable[[int], bool] = lambda column: True) -> int:
         """Return the number of a column, counted from 0.
 
         Parameters
         ----------
         wanted : str
             The header, with or without its unit, or the place: ``"#2"`` is the second column.
+        works : callable, optional
+            Takes the number of a column; whether the error of one that is missing may offer it.
 
         Returns
         -------
@@ -199,7 +237,7 @@ class Table(ABC):
         DataError
             If there is none, or more than one.
         """
-        if re.fullmatch(r"#[1-9][0-9]{0,8}", wanted) and wanted not in self.headers:
+        if is_place(wanted) and wanted not in self.headers:
             if int(wanted[1:]) > len(self.headers):
                 raise DataError(f"{self.path}: no column {wanted}; the file has {len(self.headers)} columns")
             return int(wanted[1:]) - 1
@@ -208,14 +246,35 @@ class Table(ABC):
         if not found:
             raise DataError(
                 f'{self.path}: no column "{clipped(wanted)}"; the file has {self.listing()}'
-                f"{nearest(wanted, self.headers)}"
+                f"{self.near(wanted, works)}"
             )
         if len(found) > 1:
+            different = len({self.headers[k] for k in found}) == len(found) <= _LISTED
+            whole = " or ".join(f'"{self.shown(k)}"' for k in found)
+            place = f"its place, for example #{next(filter(works, found), found[0]) + 1}"
             raise DataError(
-                f'{self.path}: the column "{clipped(wanted)}" stands {len(found)} times; name one by its place, '
-                f"for example #{found[0] + 1}"
+                f'{self.path}: the column "{clipped(wanted)}" stands {len(found)} times; name one by '
+                f"{f'its whole header, {whole}' if different else place}"
             )
         return found[0]
+
+    def near(self, wanted: str, works: Callable[[int], bool]) -> str:
+        """Return the end of an error text that offers the header nearest to a misspelt one.
+
+        Parameters
+        ----------
+        wanted : str
+            What is not there.
+        works : callable
+            Takes the number of a column; whether it can be what is wanted. Only such a column is offered.
+
+        Returns
+        -------
+        str
+            Empty where nothing is near.
+        """
+        like = [k for k, header in enumerate(self.headers) if nearest(wanted, [header])]
+        return nearest(wanted, [self.headers[k] for k in like if self.headers.count(self.headers[k]) == 1 and works(k)])
 
     def columns_of(self, role: str) -> tuple[int, ...]:
         """Return the columns that the file itself declares.
