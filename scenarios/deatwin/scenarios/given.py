@@ -35,6 +35,8 @@ class GivenPlant:
         Columns asked for; by default those with the names of the plant's own signals.
     dt : float or None
         Sample time of files that hold no times, s.
+    time_column : str or None
+        Column of the times that was asked for.
     """
 
     source: str
@@ -43,6 +45,7 @@ class GivenPlant:
     input_column: str | None
     output_column: str | None
     dt: float | None = None
+    time_column: str | None = None
 
     @classmethod
     def load(
@@ -52,6 +55,7 @@ class GivenPlant:
         input_column: str | None = None,
         output_column: str | None = None,
         dt: float | None = None,
+        time_column: str | None = None,
     ) -> GivenPlant:
         """Load the plant.
 
@@ -59,7 +63,7 @@ class GivenPlant:
         ----------
         source : str
             As in the class.
-        input_column, output_column, dt : optional
+        input_column, output_column, dt, time_column : optional
             As in the class.
 
         Returns
@@ -80,6 +84,7 @@ class GivenPlant:
             input_column=input_column or _own_column(rig.input_name),
             output_column=output_column or _own_column(rig.output_name),
             dt=dt,
+            time_column=time_column,
         )
 
     def experiment(self, files: Iterable[str | Path], *, allow_gaps: bool = False) -> Experiment:
@@ -102,8 +107,8 @@ class GivenPlant:
             If they cannot be read, or the readings are in no unit of the rig's.
         """
         read = read_experiment(
-            files, input_column=self.input_column, output_column=self.output_column, allow_gaps=allow_gaps,
-            dt=self.dt, rig=self.described,
+            files, input_column=self.input_column, output_column=self.output_column, time_column=self.time_column,
+            allow_gaps=allow_gaps, dt=self.dt, rig=self.described,
         )  # fmt: skip
         for record in read.recordings:
             self._require_unit(record)
@@ -132,7 +137,9 @@ class GivenPlant:
         -------
         Recording
         """
-        return read_commands(file, input_column=self.input_column, dt=self.dt, rig=self.described)
+        return read_commands(
+            file, input_column=self.input_column, time_column=self.time_column, dt=self.dt, rig=self.described
+        )
 
 
 def reading_column(rig: Rig) -> tuple[str, float]:

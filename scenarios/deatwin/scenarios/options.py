@@ -21,6 +21,7 @@ __all__ = [
     "RigSource",
     "SampleTime",
     "Seed",
+    "TimeColumn",
     "complete_effects",
     "fold_experiments",
     "unfold_experiment",
@@ -40,6 +41,10 @@ InputColumn = Annotated[
 OutputColumn = Annotated[
     str | None,
     typer.Option(metavar="NAME", help="Header of the output column, or its place."),
+]
+TimeColumn = Annotated[
+    str | None,
+    typer.Option(metavar="NAME[=UNIT]", help="Header of the column of times, or its place; =ms states its unit."),
 ]
 AllowGaps = Annotated[bool, typer.Option("--allow-gaps", help="Split a record at its gaps and keep the clock.")]
 

@@ -1,5 +1,6 @@
 """From the table of a file to recordings: which clock, which pieces, which signals."""
 
+import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -16,6 +17,8 @@ from deatwin.plant.files.formats.tdms import STARTED
 from deatwin.plant.files.times import BEGAN, moment
 from deatwin.plant.recording import Recording, label
 from deatwin.plant.rigs.rigfile import RigFile
+
+logger = logging.getLogger(__name__)
 
 __all__ = ["on_one_clock", "recordings_of"]
 
@@ -61,6 +64,7 @@ def recordings_of(
     times, unit = time_column(table, {*taken, *declared}, named_times, needed=needed)
     if times is not None:
         table = with_times(table, times, unit)
+        _tell_size(table, times, unit)
     roles = {**chosen, "extra": tuple(extra_columns(table, {*taken, *([] if times is None else [times])}))}
     used = [column for columns in roles.values() for column in columns]
     stated = _stated(table, used, dt)
@@ -81,6 +85,15 @@ def recordings_of(
             check_command_range(recording, rig.drive)
             check_motion(recording, rig.film)
     return recordings
+
+
+def _tell_size(table: Table, times: int, unit: str) -> None:
+    """Say which unit the size of Unix times told, where nothing else does."""
+    if not unit and (scale := table.scales.get(times)) and not scale.dates:
+        logger.warning(
+            '%s: the column "%s" holds %s, as their size says; its clock starts at %s',
+            table.path, table.shown(times), scale.said, scale.began.isoformat(),
+        )  # fmt: skip
 
 
 def on_one_clock(recordings: Sequence[Recording]) -> tuple[Recording, ...]:

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -98,12 +99,13 @@ def _twice(table: Table, column: int, roles: tuple[str, str], asked: Mapping[str
     """Return the error of a column that has two roles, with another one for a role that was not asked for."""
     said = [f"named as {role}" if asked.get(role) else f"the usual {role}" for role in roles]
     free = [role for role in roles if not asked.get(role)] or [roles[1]]
-    option = f"--{free[0]}-column"
-    others = [k for k in range(len(table.headers)) if k != column and works(table, k) and k not in _others(table, free[0], asked)]
-    hint = f', for example {option} "{_unmistakable(table, others[0])}"' if others else f": {option}"
+    role, busy = free[0], {column, *_others(table, free[0], asked)}
+    fits = partial(holds_times, table, unit="") if role == "time" else partial(works, table)
+    other = next((k for k in range(len(table.headers)) if k not in busy and fits(k)), None)
+    hint = f": --{role}-column" if other is None else f', for example --{role}-column "{_unmistakable(table, other)}"'
     return DataError(
         f'{table.path}: the column "{table.shown(column)}" is {said[0]} and {said[1]}; name another one for the '
-        f"{free[0]}{hint}"
+        f"{role}{hint}"
     )
 
 
@@ -185,9 +187,11 @@ def data_columns(
 
 def _no_header(table: Table, fault: str) -> DataError:
     """Return the error of a file without a header whose columns the user did not name by their places."""
-    places = [f"#{k + 1}" for k in range(len(table.headers)) if works(table, k)]
-    times, (first, second) = ("#1", places[1:3]) if len(places) > 2 else ("", (*places, "#2")[:2])
-    timed = f'--time-column "{times}" (or --dt SECONDS)' if times else "--dt SECONDS"
+    columns = range(len(table.headers))
+    times = next((k for k in columns if holds_times(table, k, "")), None)
+    places = [f"#{k + 1}" for k in columns if k != times and works(table, k)]
+    first, second = [*places, "#1", "#2"][:2]
+    timed = "--dt SECONDS" if times is None else f'--time-column "#{times + 1}" (or --dt SECONDS)'
     return DataError(
         f"{table.path}, row {table.row(0)}: no header, so {fault}; name the columns by their places, for example "
         f'--input-column "{first}" --output-column "{second}" {timed}, or put a header above: '
@@ -264,6 +268,8 @@ def time_column(
     named = [column for column in likely if _plain(table.names[column]) in _TIME_NAMES]
     stamped = [column for column in likely if _plain(table.names[column]) in _STAMP_NAMES]
     found = usual or named or stamped or timed
+    groups = {_group(table.names[column]) for column in taken}
+    found = [column for column in found if _group(table.names[column]) in groups] or found
     if len(found) > 1 and needed:
         listed = " and ".join(f'"{table.shown(column)}"' for column in found[:_LISTED])
         raise DataError(
@@ -276,6 +282,11 @@ def time_column(
 def _plain(name: str) -> str:
     """Return a name without capitals, blanks and strokes."""
     return re.sub(r"[\s_-]", "", name).lower()
+
+
+def _group(name: str) -> str:
+    """Return the struct or the group of a file to which a column belongs, as its name begins."""
+    return re.match(r"(.*[./])?", name, re.DOTALL)[0]  # type: ignore[index]  # it matches anything
 
 
 def _named_times(table: Table, taken: set[int], wanted: str) -> tuple[int, str]:
@@ -368,10 +379,10 @@ def no_times(table: Table, taken: set[int]) -> DataError:
     """
     if table.nameless:
         others = [k for k in range(len(table.headers)) if k not in taken and holds_times(table, k, "")]
-        example = f' (for example "#{others[0] + 1}")' if others else ""
+        example = f' "#{others[0] + 1}"' if others else " PLACE"
         return DataError(
             f"{table.path}, row {table.row(0)}: no header, so nothing says the times; name their column by its "
-            f"place: --time-column{example}, or give the sample time in seconds: --dt, in Python dt"
+            f"place (--time-column{example}), or give the sample time in seconds: --dt, in Python dt"
         )
     advice = (
         "the times need this name, or a unit: (s) behind or below their name; name another column: --time-column; "

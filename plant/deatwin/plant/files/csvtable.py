@@ -26,7 +26,10 @@ from deatwin.plant.files.formats.table import Declared, Table
 from deatwin.plant.files.units import UNITS, Unit, split_unit
 from deatwin.plant.intake import COLUMNS, RECORDING_BYTES, ROWS, TEXT_BYTES, clipped, read_regular
 
-__all__ = ["DESCRIPTION", "EXACT", "CsvTable", "decimal_relation", "power_of_ten", "read_bytes", "read_table", "reader", "table_of"]
+__all__ = [
+    "DESCRIPTION", "EXACT", "CsvTable", "decimal_relation", "power_of_ten", "read_bytes", "read_table", "reader",
+    "table_of",
+]  # fmt: skip
 
 DESCRIPTION = f"# {SCHEMA} "  # begins the line above the header that holds a description, if any
 EXACT = Context(prec=800)  # decimal digits: enough for the sum of any two floats
@@ -89,17 +92,17 @@ class CsvTable(Table):
         for k, cells in zip(plain, numbers, strict=True):
             texts[k] = cells
         try:
-            values = np.array(
-                [
-                    scale.seconds(cells) if (scale := self.scales.get(column)) else _si(cells, UNITS[self.units[column]])
-                    for column, cells in zip(columns, texts, strict=True)
-                ]
-            )
-        except (ValueError, TypeError, ArithmeticError):  # dates of two kinds; the latter where a number is beyond decimal ones
+            values = np.array([self._values(column, cells) for column, cells in zip(columns, texts, strict=True)])
+        except (ValueError, TypeError, ArithmeticError):  # a number beyond decimal ones is of the last kind
             raise self._bad_cell(columns) from None
         if not np.isfinite(values).all():
             raise self._bad_cell(columns)
         return values
+
+    def _values(self, column: int, cells: list[str]) -> Sequence[float] | NDArray[np.float64]:
+        """Return the numbers of a column in SI units, of times that are dates the seconds since the first."""
+        scale = self.scales.get(column)
+        return scale.seconds(cells) if scale else _si(cells, UNITS[self.units[column]])
 
     def _dated(self, column: int) -> bool:
         """Return whether a column holds dates."""

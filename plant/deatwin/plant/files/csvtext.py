@@ -13,7 +13,9 @@ from deatwin.plant.errors import DataError
 from deatwin.plant.files.units import find_unit, split_unit
 from deatwin.plant.intake import clipped
 
-__all__ = ["BLANKS", "Layout", "decode", "find_layout", "is_comment", "is_date", "is_number", "names_and_units", "split_cells"]
+__all__ = [
+    "BLANKS", "Layout", "decode", "find_layout", "is_comment", "is_date", "is_number", "names_and_units", "split_cells",
+]  # fmt: skip
 
 _WANTED = "time_s,command_V,displacement_mm"
 _DELIMITERS = {"\t": "tab", ";": "semicolon", "|": "bar", ",": "comma"}
@@ -302,14 +304,14 @@ def _nameless(lines: list[str]) -> Layout | None:
         kinds = [{_kind(cell) for cell in column} - {""} for column in zip(*rows, strict=False)]
         alike = len({len(row) for row in rows}) == 1 and all(len(kind) < 2 and kind <= _KINDS for kind in kinds)
         # Digits behind a zero are those behind a decimal comma.
-        cut = delimiter == "," and not any("." in line for line in lines[first : first + _HEAD]) and any(
-            re.match(r"0\d", cell) for row in rows for cell in row
-        )
+        cut = delimiter == "," and any(re.match(r"0\d", cell) for row in rows for cell in row)
+        cut = cut and not any("." in line for line in lines[first : first + _HEAD])
         if alike and {"number"} in kinds and not cut:
             found.append((len(kinds), Layout(delimiter=delimiter, first=first)))
-    # A single column has no delimiter, and any other one fits.
+    # A single column has no delimiter, and any one fits; beside a tab, blanks count for nothing.
     several = [layout for width, layout in found if width > 1]
-    return several[0] if len(several) == 1 else found[0][1] if found and not several else None
+    marked = [layout for layout in several if layout.delimiter != BLANKS] or several
+    return marked[0] if len(marked) == 1 else found[0][1] if found and not several else None
 
 
 _KINDS = frozenset({"number", "date", "text"})

@@ -217,15 +217,9 @@ def read_experiment(
     DataError
         As `read_recordings` and `Experiment`.
     """
-    recordings = [
-        recording
-        for path in paths
-        for recording in read_recordings(
-            path, input_column=input_column, output_column=output_column, time_column=time_column,
-            allow_gaps=allow_gaps, dt=dt, rig=rig,
-        )  # fmt: skip
-    ]
-    return Experiment(recordings=on_one_clock(recordings))
+    asked = {"input": input_column, "output": output_column, "time": time_column}
+    read = [_recordings(_table(path), asked, allow_gaps=allow_gaps, dt=dt, rig=rig) for path in paths]
+    return Experiment(recordings=on_one_clock([recording for recordings in read for recording in recordings]))
 
 
 def write_recording(path: str | Path, recording: Recording) -> None:

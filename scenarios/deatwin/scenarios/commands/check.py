@@ -20,6 +20,7 @@ from deatwin.scenarios.options import (
     Quiet,
     SampleTime,
     Seed,
+    TimeColumn,
 )
 from deatwin.scenarios.voice import Voice, complain
 
@@ -104,6 +105,7 @@ def check(
     rival: Rivals = None,
     input_column: InputColumn = None,
     output_column: OutputColumn = None,
+    time_column: TimeColumn = None,
     allow_gaps: AllowGaps = False,
     dt: SampleTime = None,
     jobs: Jobs = -1,
@@ -128,7 +130,9 @@ def check(
 
     voice = Voice(as_json=as_json, quiet=quiet)
     narx = NarxModel.load(model).deterministic
-    given = GivenPlant.load(plant, input_column=input_column, output_column=output_column, dt=dt)
+    given = GivenPlant.load(
+        plant, input_column=input_column, output_column=output_column, dt=dt, time_column=time_column
+    )
     rivals = rival_files(plant, diagnosis, rival or [])
     task = CheckTask(
         model=narx, plant=given.model, design=design, closed_loop_time=closed_loop_time,

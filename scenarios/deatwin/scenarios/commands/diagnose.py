@@ -19,6 +19,7 @@ from deatwin.scenarios.options import (
     RigSource,
     SampleTime,
     Seed,
+    TimeColumn,
     unfold_experiment,
 )
 from deatwin.scenarios.voice import Voice, complain
@@ -39,6 +40,7 @@ def diagnose(
     experiment: Experiments = None,
     input_column: InputColumn = None,
     output_column: OutputColumn = None,
+    time_column: TimeColumn = None,
     allow_gaps: AllowGaps = False,
     dt: SampleTime = None,
     jobs: Jobs = -1,
@@ -64,7 +66,7 @@ def diagnose(
     from deatwin.scenarios.given import GivenPlant
 
     voice = Voice(as_json=as_json, quiet=quiet)
-    plant = GivenPlant.load(rig, input_column=input_column, output_column=output_column, dt=dt)
+    plant = GivenPlant.load(rig, input_column=input_column, output_column=output_column, dt=dt, time_column=time_column)
     task = DiagnosisTask(
         plant=plant.model.plant,
         experiments=[plant.experiment(files, allow_gaps=allow_gaps) for files in groups],

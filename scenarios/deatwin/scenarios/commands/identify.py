@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypedDict
 
 import typer
 
-from deatwin.scenarios.options import AllowGaps, InputColumn, Json, OutputColumn, Quiet, SampleTime
+from deatwin.scenarios.options import AllowGaps, InputColumn, Json, OutputColumn, Quiet, SampleTime, TimeColumn
 from deatwin.scenarios.voice import Voice, complain
 
 if TYPE_CHECKING:
@@ -74,6 +74,7 @@ def identify(
     max_terms: MaxTerms = 15,
     input_column: InputColumn = None,
     output_column: OutputColumn = None,
+    time_column: TimeColumn = None,
     allow_gaps: AllowGaps = False,
     dt: SampleTime = None,
     report: ReportFolder = None,
@@ -87,6 +88,7 @@ def identify(
     With a report: deatwin identify noise.csv --out narx.json --report identified
     """
     from contextlib import nullcontext
+    from functools import partial
 
     from deatwin.plant.checks import require_excitation
     from deatwin.plant.files import read_recordings
@@ -101,13 +103,12 @@ def identify(
     require_place(out, recordings)
     with nullcontext() if report is None else ResultFolder(report) as folder:
         record = RunRecord(command=context.obj or [], inputs=hashes(recordings), seed=0, jobs=1)
-        records = [
-            record
-            for path in recordings
-            for record in read_recordings(
-                path, input_column=input_column, output_column=output_column, allow_gaps=allow_gaps, dt=dt
-            )
-        ]
+        read = partial(
+            read_recordings,
+            input_column=input_column, output_column=output_column, time_column=time_column,
+            allow_gaps=allow_gaps, dt=dt,
+        )  # fmt: skip
+        records = [record for path in recordings for record in read(path)]
         require_excitation(records)
         lags: Candidates = {
             "output_lags": output_lags, "input_lags": range(first_input_lag, input_lags + 1), "degree": degree

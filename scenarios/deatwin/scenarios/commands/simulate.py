@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from deatwin.scenarios.options import InputColumn, Json, Quiet, RigSource, SampleTime, complete_effects
+from deatwin.scenarios.options import InputColumn, Json, Quiet, RigSource, SampleTime, TimeColumn, complete_effects
 from deatwin.scenarios.voice import Voice
 
 if TYPE_CHECKING:
@@ -41,6 +41,7 @@ def simulate(
     effect: Effects = None,
     history: History = None,
     input_column: InputColumn = None,
+    time_column: TimeColumn = None,
     dt: SampleTime = None,
     as_json: Json = False,
     quiet: Quiet = False,
@@ -50,15 +51,16 @@ def simulate(
     Example: deatwin simulate result/model.json check.csv --history noise.csv --out predicted.csv
     """
     from deatwin.plant.files import write_csv
+    from deatwin.plant.files.assemble import on_one_clock
     from deatwin.scenarios.folder import require_place
     from deatwin.scenarios.given import GivenPlant, reading_column
 
     voice = Voice(as_json=as_json, quiet=quiet)
     require_place(out, [rig, commands, *(history or [])])
-    given = GivenPlant.load(rig, input_column=input_column, dt=dt)
+    given = GivenPlant.load(rig, input_column=input_column, dt=dt, time_column=time_column)
     model = _with_effects(given.model, effect or [])
-    wanted = given.commands(commands)
-    experiment = _experiment(given, wanted, history or [])
+    wanted, *earlier = on_one_clock([given.commands(path) for path in (commands, *(history or []))])
+    experiment = _experiment(wanted, earlier, history or [])
     prediction = _finished(model.predict(experiment), model)
     at = next(k for k, record in enumerate(experiment.recordings) if record is wanted)
     header, per_si = reading_column(model.plant.rig)
@@ -98,11 +100,10 @@ def _with_effects(model: CalibratedPlant, names: list[str]) -> CalibratedPlant:
     return replace(model, plant=plant)
 
 
-def _experiment(given: GivenPlant, wanted: Recording, history: list[Path]) -> Experiment:
+def _experiment(wanted: Recording, earlier: list[Recording], history: list[Path]) -> Experiment:
     from deatwin.plant.errors import DataError
     from deatwin.plant.recording import Experiment
 
-    earlier = [given.commands(path) for path in history]
     for record, path in zip(earlier, history, strict=True):
         if record.start > wanted.start:
             raise DataError(
