@@ -12,10 +12,12 @@ from deatwin.plant.files.assemble import on_one_clock, recordings_of
 from deatwin.plant.files.columns import chosen_columns
 from deatwin.plant.files.csvtable import read_table
 from deatwin.plant.files.csvwrite import csv_text
+from deatwin.plant.files.formats.lvm import read_lvm
 from deatwin.plant.files.formats.mat import read_mat, write_mat
 from deatwin.plant.files.formats.netcdf import read_netcdf, write_netcdf
 from deatwin.plant.files.formats.table import Table
 from deatwin.plant.files.formats.tdms import read_tdms, write_tdms
+from deatwin.plant.files.formats.xlsx import read_xlsx
 from deatwin.plant.files.replacing import replacing
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.rigs.rigfile import RigFile
@@ -40,6 +42,8 @@ _READERS: dict[str, Callable[[str | Path], Table]] = {
     ".tsv": read_table,
     ".dat": read_table,
     ".asc": read_table,
+    ".lvm": read_lvm,
+    ".xlsx": read_xlsx,
     ".mat": read_mat,
     ".tdms": read_tdms,
     ".nc": read_netcdf,
@@ -295,6 +299,8 @@ def _write_text(path: Path, text: str) -> None:
 def _by_ending(path: str | Path, ways: Mapping[str, Way], verb: str) -> Way:
     """Return how a file's format is read or written."""
     ending = Path(path).suffix.lower()
+    if ending == ".xls" and verb == "read":
+        raise DataError(f'{path}: files ".xls" cannot be read; save the sheet as .xlsx or .csv')
     if ending not in ways:
         raise DataError(f'{path}: files "{ending}" cannot be {verb}; known are {", ".join(ways)}')
     return ways[ending]

@@ -1,8 +1,9 @@
 """Times that are no plain numbers of a unit: dates of ISO 8601, and Unix times.
 
-A Unix time counts from 1970-01-01 in UTC. Its size tells its unit: from 2001-09-09, when it was 1e9 s, to 2106, where
-32 bits end, the numbers in s, ms, us and ns do not overlap. A clock that has run for 32 years is no other
-explanation. Where the unit is stated, only that one is tried.
+A Unix time counts from 1970-01-01 in UTC. Its size tells its unit: from 2001-09-09, when it was 1e9 s, to 2065, when it
+will be 3e9 s, the numbers in s, ms, us and ns do not overlap. A clock that has run for 32 years is no other
+explanation; above, numbers may be seconds since 1904, as LabVIEW counts. Where the unit is stated, only that one is
+tried.
 """
 
 from collections.abc import Sequence
@@ -21,7 +22,7 @@ BEGAN = "clock_began"
 DATES = "dates of ISO 8601"
 TIME_UNITS = tuple(name for name, unit in UNITS.items() if unit.si == "s")
 _SIZED = ("s", "ms", "us", "ns")
-_FIRST, _LAST = 10**9, 2**32  # s
+_FIRST, _LAST = 10**9, 3 * 10**9  # s
 _UNIX = datetime(1970, 1, 1, tzinfo=UTC)
 
 

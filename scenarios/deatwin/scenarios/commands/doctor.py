@@ -45,6 +45,7 @@ class Part:
 
 OPTIONAL = (
     Part(package="nptdms", use="TDMS files", extra="files"),
+    Part(package="openpyxl", use="Excel workbooks", extra="files"),
     Part(package="xarray", use="NetCDF files, results as xarray", extra="files"),
     Part(package="h5netcdf", use="NetCDF files", extra="files"),
     Part(package="h5py", use="MATLAB 7.3 and NetCDF files", extra="files"),

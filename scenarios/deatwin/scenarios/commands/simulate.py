@@ -14,7 +14,6 @@ from deatwin.scenarios.voice import Voice
 if TYPE_CHECKING:
     from deatwin.plant.calibrated import CalibratedPlant, Prediction
     from deatwin.plant.recording import Experiment, Recording
-    from deatwin.scenarios.given import GivenPlant
 
 __all__ = ["simulate"]
 
