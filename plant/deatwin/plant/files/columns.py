@@ -384,11 +384,13 @@ def no_times(table: Table, taken: set[int]) -> DataError:
             f"{table.path}, row {table.row(0)}: no header, so nothing says the times; name their column by its "
             f"place (--time-column{example}), or give the sample time in seconds: --dt, in Python dt"
         )
+    likely = [k for k in range(len(table.headers)) if k not in taken and holds_times(table, k, "")]
+    named = f' "{_unmistakable(table, likely[0])}"' if len(likely) == 1 else " NAME"
     advice = (
-        "the times need this name, or a unit: (s) behind or below their name; name another column: --time-column; "
+        f"the times need this name, or a unit: (s) behind or below their name; or name them: --time-column{named}; "
         "for evenly sampled values without times give the sample time in seconds: --dt, in Python dt"
     )
-    return _no_column(table, "time", advice, lambda column: column not in taken and holds_times(table, column, ""))
+    return _no_column(table, "time", advice, lambda column: column in likely)
 
 
 def extra_columns(table: Table, taken: set[int]) -> list[int]:

@@ -3,7 +3,7 @@
 import csv
 import hashlib
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from decimal import Context, Decimal
 from pathlib import Path
@@ -111,7 +111,7 @@ class CsvTable(Table):
     def _cells(self) -> list[list[str]]:
         """Return the cells of all rows; none has more than the header, and between blanks none has fewer."""
         if self.delimiter == BLANKS:
-            rows = [split_cells(line, BLANKS) for line in self.lines]
+            rows = [split_cells(line, BLANKS) if '"' in line else line.split() for line in self.lines]
             for sample, row in enumerate(rows):
                 if len(row) != len(self.headers):
                     raise DataError(
@@ -205,15 +205,15 @@ def read_table(path: str | Path) -> CsvTable:
     content, name = read_bytes(path, TEXT_BYTES), str(path)
     if (count := max(content.count(b"\n"), content.count(b"\r"))) > ROWS:
         raise DataError(f"{name}: it has {count} lines; at most {ROWS} can be read: split it, or give NetCDF or TDMS")
-    return table_of(list(enumerate(decode(content, name).splitlines(), 1)), name, hashlib.sha256(content).hexdigest())
+    return table_of(enumerate(decode(content, name).splitlines(), 1), name, hashlib.sha256(content).hexdigest())
 
 
-def table_of(numbered: Sequence[tuple[int, str]], name: str, sha256: str) -> CsvTable:
+def table_of(numbered: Iterable[tuple[int, str]], name: str, sha256: str) -> CsvTable:
     """Return the table that lines of text hold.
 
     Parameters
     ----------
-    numbered : sequence of (int, str)
+    numbered : iterable of (int, str)
         Each line with its number in the file.
     name : str
         The file, for error texts.
@@ -247,10 +247,11 @@ def table_of(numbered: Sequence[tuple[int, str]], name: str, sha256: str) -> Csv
         headers, units, names = [f"#{k}" for k in places], ["" for _ in places], [f"column_{k}" for k in places]
     if len(headers) > COLUMNS:
         raise DataError(f"{name}: it has {len(headers)} columns; at most {COLUMNS} can be read")
-    kept: Sequence[int] = range(layout.first, len(lines))
-    whole = "".join(lines[layout.first :])  # of a million lines, only those with such marks are worth a look
+    rows, lines = rows[layout.first :], lines[layout.first :]
+    whole = "".join(lines)  # it is quick to see that none of a million lines has such a mark
     if any(mark in whole for mark in ("#", "%", "//")):
-        kept = [k for k in kept if not is_comment(lines[k])]
+        kept = [k for k, line in enumerate(lines) if not is_comment(line)]
+        rows, lines = [rows[k] for k in kept], [lines[k] for k in kept]
     return CsvTable(
         path=name,
         sha256=sha256,
@@ -259,8 +260,8 @@ def table_of(numbered: Sequence[tuple[int, str]], name: str, sha256: str) -> Csv
         units=tuple(units),
         declared=declared,
         nameless=not layout.head,
-        lines=[lines[k] for k in kept],
-        rows=[rows[k] for k in kept],
+        lines=lines,
+        rows=rows,
         delimiter=layout.delimiter,
     )
 

@@ -225,6 +225,8 @@ def names_and_units(head: list[list[str]], path: str) -> tuple[list[str], list[s
                     f"{clipped(cell)}; correct one"
                 )
             units[k] = units[k] or find_unit(cell)
+    elif len(headers) > 1 and all(map(find_unit, headers)):  # units are all that the file has of names
+        units = [find_unit(header) for header in headers]
     return headers, units
 
 
@@ -267,7 +269,9 @@ def _first_sample(lines: list[str], delimiter: str, width: int) -> int | None:
 def _named(lines: list[str], delimiter: str, first: int) -> Layout:
     """Return the layout of a file with a header."""
     width = len(split_cells(lines[first], delimiter))
-    names = [_header_cells(line, delimiter, width) for line in lines[max(first - 2, 0) : first]]
+    # Above a line of units names may be numbers, as those of an oscilloscope's channels are.
+    above = lines[max(first - 2, 0) : first]
+    names = [_header_cells(line, delimiter, width) or split_cells(line, delimiter) for line in above]
     return Layout(delimiter=delimiter, first=first, head=tuple(names))
 
 
@@ -303,15 +307,18 @@ def _nameless(lines: list[str]) -> Layout | None:
         rows = [split_cells(line, delimiter) for line in lines[first : first + 1 + _LIKE_SAMPLES]]
         kinds = [{_kind(cell) for cell in column} - {""} for column in zip(*rows, strict=False)]
         alike = len({len(row) for row in rows}) == 1 and all(len(kind) < 2 and kind <= _KINDS for kind in kinds)
-        # Digits behind a zero are those behind a decimal comma.
-        cut = delimiter == "," and any(re.match(r"0\d", cell) for row in rows for cell in row)
-        cut = cut and not any("." in line for line in lines[first : first + _HEAD])
+        cut = delimiter == "," and _is_cut(lines[first : first + _HEAD], rows)
         if alike and {"number"} in kinds and not cut:
             found.append((len(kinds), Layout(delimiter=delimiter, first=first)))
     # A single column has no delimiter, and any one fits; beside a tab, blanks count for nothing.
     several = [layout for width, layout in found if width > 1]
     marked = [layout for layout in several if layout.delimiter != BLANKS] or several
     return marked[0] if len(marked) == 1 else found[0][1] if found and not several else None
+
+
+def _is_cut(lines: list[str], rows: list[list[str]]) -> bool:
+    """Return whether commas part the digits of numbers: some cells begin with a zero, and nothing has a point."""
+    return any(re.match(r"0\d", cell) for row in rows for cell in row) and not any("." in line for line in lines)
 
 
 _KINDS = frozenset({"number", "date", "text"})
@@ -350,9 +357,10 @@ def _no_layout(lines: list[str], rows: list[int], delimiter: str, path: str) -> 
         delimiter, cells = BLANKS, [split_cells(line, BLANKS) for line in lines[:_HEAD]]
         numeric = [_is_sample(line, row) for line, row in zip(lines, cells, strict=False)]
     if numeric[0]:
-        return DataError(
-            f"{path}, row {rows[0]}: no header; the first line must name the columns, for example {_WANTED}"
-        )
+        advice = f"the first line must name the columns, and no name is a number; for example {_WANTED}"
+        if delimiter == "," and _is_cut(lines, cells):
+            advice = "a comma is not delimiter and decimal sign at once: delimit by semicolon or tab"
+        return DataError(f"{path}, row {rows[0]}: no header; {advice}")
     width = _width(lines, delimiter) if delimiter != BLANKS else 0
     before = [k for k in range(1, len(cells)) if numeric[k] and not numeric[k - 1]]
     k = next((k for k in before if len(cells[k]) >= width), before[-1])
