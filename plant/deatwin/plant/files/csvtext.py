@@ -328,7 +328,9 @@ def _kind(cell: str) -> str:
     """Return what a cell holds: nothing, a number, a date, a text, or a mixture of numbers and marks."""
     if not cell or _is_value(cell):
         return "number" if cell else ""
-    return "date" if is_date(cell) else "text" if re.search(r"[^\W\d_]", cell) else "mixture"
+    if is_date(cell):
+        return "date"
+    return "text" if re.search(r"[^\W\d_]", cell) and not any(map(_is_value, cell.split())) else "mixture"
 
 
 def _is_value(cell: str) -> bool:
