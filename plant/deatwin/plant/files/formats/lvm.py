@@ -8,9 +8,11 @@ Source: NI, "Specification for the LabVIEW Measurement File (.lvm)", versions 1 
 """
 
 import hashlib
-from collections.abc import Sequence
+import math
 from dataclasses import dataclass
 from pathlib import Path
+
+import numpy as np
 
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.csvtable import CsvTable, read_bytes
@@ -42,7 +44,7 @@ class _Segment:
         """Return a number of the header, or None where it is not there."""
         cells = self.header.get(tag, [])
         cell = cells[column] if column < len(cells) else ""
-        return float(cell) if is_number(cell) else None
+        return value if math.isfinite(value := _number(cell)) else None
 
 
 def read_lvm(path: str | Path) -> CsvTable:
@@ -151,11 +153,11 @@ def _table(segments: list[_Segment], separator: str, x_columns: str, path: str, 
     timing, lines = None, [line for segment in segments for line in segment.lines]
     if x_columns == "No":
         starts = {first.number("X0", k) for k in range(len(first.names) - 1)} - {None}
-        if len(deltas) != 1 or len(starts) > 1:
+        step = deltas.pop() if len(deltas) == 1 else None
+        if not step or step < 0.0 or len(starts) > 1:
             raise DataError(f"{path}: its channels have different clocks, or none (Delta_X, X0); save them apart")
-        step, start = deltas.pop() or 0.0, starts.pop() if starts else 0.0
         if len(segments) == 1:
-            timing = Timing(sample_time=step, start=start or 0.0)
+            timing = Timing(sample_time=step, start=(starts.pop() if starts else None) or 0.0)
         else:
             lines = [
                 f"{time!r}{separator}{line.partition(separator)[2]}"
@@ -208,29 +210,25 @@ def _began(segment: _Segment) -> dict[str, str]:
 
 def _on_one_clock(segments: list[_Segment], lines: list[str], separator: str) -> list[str]:
     """Return the samples with x values that go on from segment to segment."""
-    edges = [float(line.partition(separator)[0] or "nan") for segment in segments[1:] for line in segment.lines[:1]]
-    lasts = [float(segment_line.partition(separator)[0] or "nan") for segment_line in _lasts(segments, lines)]
+    ends = np.cumsum([len(segment.lines) for segment in segments])
+    x = [_number(line.partition(separator)[0]) for line in lines]
     dates = [_began(segment).get(BEGAN) for segment in segments]
-    if all(edge > last for edge, last in zip(edges, lasts, strict=False)) or None in dates:
+    if None in dates or all(x[end] > x[end - 1] for end in ends[:-1]):
         return lines
     began = [moment(str(date)) for date in dates]
-    moved, k = [], 0
-    for segment, date in zip(segments, began, strict=True):
+    moved = []
+    for segment, end, date in zip(segments, ends, began, strict=True):
         shift = (date - began[0]).total_seconds()
-        for _ in segment.lines:
-            x, mark, rest = lines[k].partition(separator)
-            moved.append(f"{float(x) + shift!r}{mark}{rest}" if is_number(x) else lines[k])
-            k += 1
+        for k in range(end - len(segment.lines), end):
+            # What is no number stays as it is, for the error of its row.
+            cell, mark, rest = lines[k].partition(separator)
+            moved.append(f"{cell if math.isnan(x[k]) else repr(x[k] + shift)}{mark}{rest}")
     return moved
 
 
-def _lasts(segments: Sequence[_Segment], lines: list[str]) -> list[str]:
-    """Return the last sample of each segment."""
-    ends, k = [], 0
-    for segment in segments:
-        k += len(segment.lines)
-        ends.append(lines[k - 1])
-    return ends
+def _number(cell: str) -> float:
+    """Return a cell as a number, NaN where it is none."""
+    return float(cell) if is_number(cell) else math.nan
 
 
 def _require_one_clock(segments: list[_Segment], separator: str, path: str) -> None:
