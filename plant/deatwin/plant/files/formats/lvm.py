@@ -237,9 +237,9 @@ def _require_one_clock(segments: list[_Segment], separator: str, path: str) -> N
         places = [k for k, name in enumerate(segment.names) if name == "X_Value"]
         for row, line in zip(segment.rows, segment.lines, strict=True):
             cells = line.split(separator)
-            x = {cells[k].strip() for k in places if k < len(cells)} - {""}
+            x = {_number(cells[k]) for k in places if k < len(cells) and is_number(cells[k])}
             if len(x) > 1:
                 raise DataError(
-                    f"{path}, row {row}: the channels have different times, {' and '.join(sorted(x))}; save each "
+                    f"{path}, row {row}: the channels have different times, {min(x):g} and {max(x):g}; save each "
                     "in a file of its own, or with one column of times"
                 )
