@@ -1,13 +1,12 @@
 """Which column of a table is the time, the input, the output and the further channels."""
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 from functools import partial
 
-import numpy as np
-
 from deatwin.plant.errors import DataError, nearest
+from deatwin.plant.files.clock import even_pieces
 from deatwin.plant.files.formats.table import Table, is_place
 from deatwin.plant.files.times import TIME_UNITS, time_scale
 from deatwin.plant.files.units import UNITS, find_unit, split_unit, unknown_unit
@@ -66,14 +65,17 @@ def chosen_columns(table: Table, asked: Mapping[str, str | None]) -> dict[str, t
         If there is no such column, its unit is not known, the usual one has a unit of another kind, or one column
         would have two roles.
     """
+    if table.nameless:
+        _require_places(table, asked)
     known = {role: _quietly(table, role, wanted) for role, wanted in asked.items()}
-    chosen = {}
+    chosen: dict[str, tuple[int, ...]] = {}
     for role in ("input", "output"):
         if role not in asked:
             chosen[role] = ()
             continue
         others = {column for other, columns in known.items() if other != role for column in columns}
-        chosen[role] = data_columns(table, role, asked[role], lambda column, others=others: column not in others)
+        others |= {k for other, wanted in asked.items() if other != role for k in _headed(table, wanted)}
+        chosen[role] = data_columns(table, role, asked[role], busy=others)
     seen: dict[int, str] = {}
     times = asked.get("time")
     for role, columns in {**chosen, "time": known.get("time", ()) if times else ()}.items():
@@ -93,6 +95,12 @@ def _quietly(table: Table, role: str, wanted: str | None) -> tuple[int, ...]:
         return data_columns(table, role, wanted)
     except DataError:
         return ()
+
+
+def _headed(table: Table, wanted: str | None) -> list[int]:
+    """Return the columns that the user named for a role, whether they fit it or not."""
+    headers = {wanted, (wanted or "").rpartition("=")[0]}
+    return [k for k, header in enumerate(table.headers) if header in headers or table.names[k] in headers]
 
 
 def _twice(table: Table, column: int, roles: tuple[str, str], asked: Mapping[str, str | None]) -> DataError:
@@ -141,7 +149,7 @@ def works(table: Table, column: int) -> bool:
 
 
 def data_columns(
-    table: Table, role: str, wanted: str | None, free: Callable[[int], bool] = lambda column: True
+    table: Table, role: str, wanted: str | None, busy: Collection[int] = frozenset()
 ) -> tuple[int, ...]:
     """Return the columns of the inputs or the outputs.
 
@@ -153,8 +161,8 @@ def data_columns(
     wanted : str, optional
         The column that the user asked for, by header or by place. Else those that the file declares count, else
         the usual one, ``command`` or ``displacement``.
-    free : callable, optional
-        Takes the number of a column; whether it has no other role, so that an error text may offer it.
+    busy : collection of int, optional
+        Columns that have another role, which no error text may offer.
 
     Returns
     -------
@@ -168,16 +176,12 @@ def data_columns(
     """
 
     def offered(column: int) -> bool:
-        return free(column) and works(table, column)
+        return column not in busy and works(table, column)
 
     if wanted is not None:
-        if table.nameless and not is_place(wanted):
-            raise _no_header(table, f'no column "{clipped(wanted)}"')
         return (_with_unit(table, table.column(wanted, offered)),)
     if table.declared.signals:
         return table.columns_of(role)
-    if table.nameless:
-        raise _no_header(table, f"no column is named as the {role}")
     name = _USUAL[role]
     column = _usual_column(table, name)
     if column is None:
@@ -185,17 +189,27 @@ def data_columns(
     return (column,)
 
 
-def _no_header(table: Table, fault: str) -> DataError:
-    """Return the error of a file without a header whose columns the user did not name by their places."""
+def _require_places(table: Table, asked: Mapping[str, str | None]) -> None:
+    """Refuse a file without a header whose columns the user does not name by their places."""
+    places = {role: (wanted or "").partition("=")[0] for role, wanted in asked.items()}
+    missing = [role for role in ("input", "output") if role in asked and not places[role]]
+    wrong = [name for name in places.values() if name and not is_place(name)]
+    if wrong or missing:
+        fault = f'no column "{clipped(wrong[0])}"' if wrong else f"no column is named as the {missing[0]}"
+        raise _no_header(table, fault, asked)
+
+
+def _no_header(table: Table, fault: str, roles: Collection[str]) -> DataError:
+    """Return the error of a file without a header, with a way to name the columns of these roles."""
     columns = range(len(table.headers))
     times = next((k for k in columns if holds_times(table, k, "")), None)
     places = [f"#{k + 1}" for k in columns if k != times and works(table, k)]
-    first, second = [*places, "#1", "#2"][:2]
+    pairs = [pair for pair in zip(("input", "output"), places, strict=False) if pair[0] in roles]
+    said = [f'--{role}-column "{place}"' for role, place in pairs]
     timed = "--dt SECONDS" if times is None else f'--time-column "#{times + 1}" (or --dt SECONDS)'
     return DataError(
         f"{table.path}, row {table.row(0)}: no header, so {fault}; name the columns by their places, for example "
-        f'--input-column "{first}" --output-column "{second}" {timed}, or put a header above: '
-        "time_s,command_V,displacement_mm"
+        f"{' '.join([*said, timed])}, or put a header above: time_s,command_V,displacement_mm"
     )
 
 
@@ -299,8 +313,6 @@ def _named_times(table: Table, taken: set[int], wanted: str) -> tuple[int, str]:
             raise DataError(
                 f'{table.path}: the times are said to be in "{clipped(behind)}"; known are {", ".join(TIME_UNITS)}'
             )
-    if table.nameless and not is_place(name):
-        raise _no_header(table, f'no column "{clipped(name)}"')
     column = table.column(name, lambda column: column not in taken and holds_times(table, column, stated))
     header = table.headers[column]
     own = table.units[column] or (unit if UNITS[unit := find_unit(header)].si == "s" else "")
@@ -315,7 +327,7 @@ def _named_times(table: Table, taken: set[int], wanted: str) -> tuple[int, str]:
 
 
 def holds_times(table: Table, column: int, unit: str) -> bool:
-    """Return whether a column can be the times: numbers or dates that increase, in no unit of another kind.
+    """Return whether a column can be the times: numbers or dates on an even clock, in no unit of another kind.
 
     Parameters
     ----------
@@ -333,10 +345,10 @@ def holds_times(table: Table, column: int, unit: str) -> bool:
     if UNITS[own].si not in ("", "s") or (own and unit and own != unit):
         return False
     try:
-        times = with_times(table, column, own or unit).si([column])[0]
+        even_pieces(with_times(table, column, own or unit).si([column])[0], table.where, allow_gaps=False)
     except DataError:
         return False
-    return len(times) > 1 and bool((np.diff(times) > 0.0).all())
+    return True
 
 
 def with_times(table: Table, column: int, unit: str) -> Table:
@@ -426,7 +438,7 @@ def extra_columns(table: Table, taken: set[int]) -> list[int]:
     return list(found.values())
 
 
-def _usual_column(table: Table, name: str, taken: set[int] = frozenset()) -> int | None:
+def _usual_column(table: Table, name: str, taken: Collection[int] = frozenset()) -> int | None:
     """Return the column with one of deatwin's own names and a unit of the right kind, or None.
 
     Of several it is the one with the usual header, else the only one of the right kind. Further channels that
@@ -434,7 +446,7 @@ def _usual_column(table: Table, name: str, taken: set[int] = frozenset()) -> int
     """
     usual, right = COLUMNS[name], split_unit(COLUMNS[name])[1]
     named = [column for column in range(len(table.names)) if table.names[column] == name]
-    if taken and taken.intersection(named):
+    if set(taken).intersection(named):
         return None  # the quantity has its role already
     fitting = [column for column in named if UNITS[table.units[column]].si == UNITS[right].si]
     exact = [column for column in fitting if table.headers[column] == usual]

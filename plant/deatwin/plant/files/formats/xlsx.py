@@ -10,7 +10,7 @@ from typing import Any
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.csvtable import CsvTable, read_bytes, table_of
 from deatwin.plant.files.formats.optional import reading, require
-from deatwin.plant.intake import ROWS, TEXT_BYTES, clipped, in_words
+from deatwin.plant.intake import TEXT_BYTES, clipped, in_words
 
 __all__ = ["read_xlsx"]
 
@@ -42,7 +42,7 @@ def read_xlsx(path: str | Path) -> CsvTable:
             if (size := sum(entry.file_size for entry in packed.infolist())) > TEXT_BYTES:
                 raise DataError(f"{name}: it unpacks to {in_words(size)}; at most {in_words(TEXT_BYTES)} can be read")
         book = openpyxl.load_workbook(io.BytesIO(content), read_only=True, data_only=True)
-        sheets = {sheet.title: _lines(sheet, name) for sheet in book.worksheets}
+        sheets = {sheet.title: _lines(sheet) for sheet in book.worksheets}
     filled = {title: lines for title, lines in sheets.items() if lines}
     if len(filled) > 1:
         titles = ", ".join(f'"{clipped(title)}"' for title in list(filled)[:_LISTED])
@@ -53,13 +53,11 @@ def read_xlsx(path: str | Path) -> CsvTable:
     return table_of(lines, name, hashlib.sha256(content).hexdigest())
 
 
-def _lines(sheet: Any, path: str) -> list[tuple[int, str]]:
+def _lines(sheet: Any) -> list[tuple[int, str]]:
     """Return the rows of a sheet that hold anything, as text between tabs, each with its number."""
     lines = []
     sheet.reset_dimensions()  # what a file says of its size may be wrong, and is not needed
     for row, cells in enumerate(sheet.iter_rows(values_only=True), 1):
-        if row > ROWS:
-            raise DataError(f"{path}: it has more than {ROWS} rows; split it, or give NetCDF or TDMS")
         texts = [_text(cell) for cell in cells]
         if any(texts):
             lines.append((row, "\t".join(texts)))
