@@ -282,10 +282,12 @@ def _header_cells(line: str, delimiter: str, width: int) -> list[str]:
     unit in brackets, or where the names are further apart. No name is a number.
     """
     bare = _COMMENT.sub("", line, count=1)
-    ways = [split_cells(bare, delimiter), split_cells(line, delimiter)]
+    ways = [split_cells(bare, delimiter)] if is_comment(line) else []
+    ways = [cells for cells in ways if cells[0]]  # else the mark is a name, such as # for the number
+    ways.append(split_cells(line, delimiter))
     if delimiter == BLANKS:
         ways += [apart.split(bare.strip()) for apart in (_BEFORE_UNIT, _FAR_APART)]
-    ways = [cells for cells in ways if cells[:1] != [""] and not _holds_number(cells)] or [[]]
+    ways = [cells for cells in ways if not _holds_number(cells)] or [[]]
     return next((cells for cells in ways if len(cells) == width), ways[0])
 
 

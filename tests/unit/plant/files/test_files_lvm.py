@@ -26,7 +26,8 @@ def lvm(
     lines = [
         f"LabVIEW Measurement{tab}", f"Writer_Version{tab}2", f"Separator{tab}{'Tab' if tab != ',' else 'Comma'}",
         f"Decimal_Separator{tab}{'C' if comma else '.'}", f"Multi_Headings{tab}{'Yes' if multi else 'No'}",
-        f"X_Columns{tab}{x}", f"Time_Pref{tab}Relative", f"Date{tab}2024/05/01", f"Time{tab}12:00:00.0", f"{end}{tab}", tab,
+        f"X_Columns{tab}{x}", f"Time_Pref{tab}Relative", f"Date{tab}2024/05/01", f"Time{tab}12:00:00.0", f"{end}{tab}",
+        tab,
     ]  # fmt: skip
     for number, second in enumerate(seconds):
         if multi or not number:
@@ -67,7 +68,7 @@ def test_each_way_to_hold_x_values(write, x: str, tab: str, comma: bool) -> None
     recording = read_recording(write(lvm(x=x, tab=tab, comma=comma)), **ASKED)
     check(recording)
     assert recording.provenance["clock_began"] == "2024-05-01T12:00:00"
-    assert recording.provenance["rows"] == "26-30"
+    assert recording.provenance["rows"] == "27-31"
 
 
 @pytest.mark.parametrize("x", ["No", "One", "Multi"])
@@ -88,5 +89,5 @@ def test_one_header_for_all_segments(write) -> None:
 
 
 def test_place_of_a_fault(write) -> None:
-    with pytest.raises(DataError, match=r'row 28, column "Laser": "off" is not a number'):
+    with pytest.raises(DataError, match=r'row 29, column "Laser": "off" is not a number'):
         read_recording(write(lvm().replace("0.500\tsaid", "off\tsaid")), **ASKED)

@@ -118,6 +118,12 @@ class TestBlanks:
             assert recording.output_units == ("V",)
 
 
+def test_index_without_a_name_before_the_columns(write) -> None:
+    """As pandas writes it."""
+    check(read_recording(write(",time,u,y", *(f"{k},{row}" for k, row in enumerate(rows(seconds)))), **NAMED))
+    check(read_recording(write("#,time,u,y", *(f"{k},{row}" for k, row in enumerate(rows(seconds)))), **NAMED))
+
+
 class TestTimes:
     @pytest.mark.parametrize("name", ["ts", "Timestamp", "unixTime", "t", "Time (s)", "time [s]"])
     def test_usual_names(self, write, name: str) -> None:
