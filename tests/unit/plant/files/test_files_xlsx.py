@@ -23,7 +23,7 @@ def book(path: Path, *, dates: bool) -> Path:
     made.active.append([None, "Time (ms)" if not dates else "Timestamp", "U (V)", "x (mm)", "remark"])
     for k in range(4):
         time = datetime(2024, 5, 1, 12) + timedelta(milliseconds=20 * k) if dates else 20 * k
-        made.active.append([None, time, 0.1 * k, k, 'a "remark"\n' if k == 1 else None])
+        made.active.append([None, time, 0.25 * k, k, 'a "remark"\n' if k == 1 else None])
     made.create_sheet("empty")
     made.save(path)
     return path
@@ -33,7 +33,7 @@ def book(path: Path, *, dates: bool) -> Path:
 def test_sheet(tmp_path: Path, dates: bool) -> None:
     recording = read_recording(book(tmp_path / "rec.xlsx", dates=dates), **ASKED)
     assert (recording.sample_time, recording.start, recording.provenance["rows"]) == (0.02, 0.0, "4-7")
-    np.testing.assert_array_equal(recording.inputs, [[0.0, 0.1, 0.2, 0.1 * 3]])
+    np.testing.assert_array_equal(recording.inputs, [[0.0, 0.25, 0.5, 0.75]])
     np.testing.assert_array_equal(recording.outputs, [[0.0, 0.001, 0.002, 0.003]])
     assert recording.provenance.get("clock_began") == ("2024-05-01T12:00:00" if dates else None)
 
