@@ -42,7 +42,7 @@ class CsvTable(Table):
 
     Parameters
     ----------
-    path, sha256, headers, names, units, declared
+    path, sha256, headers, names, units, declared, nameless, scales
         As in `Table`.
     lines : list of str
         The lines that hold samples.
