@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 from deatwin.plant.checks import check_command_range, check_motion
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.clock import Piece, even_pieces
-from deatwin.plant.files.columns import extra_columns, no_times, time_column, with_times
+from deatwin.plant.files.columns import extra_columns
 from deatwin.plant.files.formats.description import all_provenance
 from deatwin.plant.files.formats.table import Table, Timing
 from deatwin.plant.files.formats.tdms import STARTED
+from deatwin.plant.files.timecolumns import no_times, time_column, with_times
 from deatwin.plant.files.times import BEGAN, moment
 from deatwin.plant.recording import Recording, label
 from deatwin.plant.rigs.rigfile import RigFile

@@ -330,3 +330,18 @@ class Table(ABC):
         str
         """
         return clipped(self.headers[column])
+
+    def unmistakable(self, column: int) -> str:
+        """Return the header of a column, or its place where others have the same.
+
+        Parameters
+        ----------
+        column : int
+            Its number, counted from 0.
+
+        Returns
+        -------
+        str
+        """
+        header = self.headers[column]
+        return self.shown(column) if header and self.headers.count(header) == 1 else f"#{column + 1}"
