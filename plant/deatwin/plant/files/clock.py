@@ -222,7 +222,7 @@ def _sample_time(
         )
     raise DataError(
         f"{where(sample)}: uneven sampling: time {timepts[sample]:g} s is {late[sample]:.3g} s off "
-        f"the even clock of {fitted:g} s (tolerance {tolerance:.2g} s); resample the record evenly"
+        f"the even clock of {fitted:g} s (tolerance {tolerance:.2g} s); {_advice(fitted)}"
     )
 
 
@@ -252,5 +252,11 @@ def _odd_step(
     step = timepts[sample] - timepts[sample - 1]
     return DataError(
         f"{where(sample)}: uneven sampling: time {timepts[sample]:g} s is {step:g} s after the row before, "
-        f"where {usual:g} s is usual (tolerance {2.0 * tolerance:.2g} s); resample the record evenly"
+        f"where {usual:g} s is usual (tolerance {2.0 * tolerance:.2g} s); {_advice(usual)}"
     )
+
+
+def _advice(usual: float) -> str:
+    """Return how to go on with uneven times: by a sample time of as few digits as the usual step is told by."""
+    step = f"{usual:.2g}"
+    return f"resample the record onto an even clock: --resample {step}, in Python resample={step}"

@@ -2,7 +2,7 @@
 
 from deatwin.plant.errors import DataError, nearest
 from deatwin.plant.files.formats.table import Table
-from deatwin.plant.files.units import UNITS, split_unit, unknown_unit
+from deatwin.plant.files.units import UNITS, split_unit
 from deatwin.plant.intake import clipped
 
 __all__ = ["COLUMNS", "data_columns", "extra_columns", "no_times", "time_column", "usual_unit"]
@@ -44,10 +44,10 @@ def data_columns(table: Table, role: str, wanted: str | None) -> tuple[int, ...]
     Raises
     ------
     DataError
-        If there is no such column, its unit is not known, or the usual one has a unit of another kind.
+        If there is no such column, or the usual one has a unit of another kind.
     """
     if wanted is not None:
-        return (_with_unit(table, table.column(wanted)),)
+        return (table.column(wanted),)
     if table.declared.signals:
         return table.columns_of(role)
     name = _USUAL[role]
@@ -55,17 +55,6 @@ def data_columns(table: Table, role: str, wanted: str | None) -> tuple[int, ...]
     if column is None:
         raise _no_column(table, name, f"rename it, or name the one to use: --{role}-column")
     return (column,)
-
-
-def _with_unit(table: Table, column: int) -> int:
-    """Return a column unless what its header gives as its unit is none."""
-    if not table.units[column] and (said := unknown_unit(table.headers[column])):
-        known = [unit for unit in UNITS if unit]
-        raise DataError(
-            f'{table.path}: the column "{clipped(table.headers[column])}" is in "{clipped(said)}", which is no known '
-            f"unit{nearest(said, known)} (capitals count; known are {', '.join(known)})"
-        )
-    return column
 
 
 def usual_unit(name: str) -> str:

@@ -15,7 +15,7 @@ from deatwin.plant.errors import DataError, nearest
 from deatwin.plant.files.csvtext import decode, find_layout, is_number, names_and_units, split_cells
 from deatwin.plant.files.formats.description import SCHEMA, read_description
 from deatwin.plant.files.formats.table import Declared, Table
-from deatwin.plant.files.units import UNITS, Unit, split_unit
+from deatwin.plant.files.units import Unit, split_unit
 from deatwin.plant.intake import COLUMNS, RECORDING_BYTES, ROWS, TEXT_BYTES, clipped, read_regular
 
 __all__ = ["DESCRIPTION", "EXACT", "CsvTable", "decimal_relation", "power_of_ten", "read_bytes", "read_table", "reader"]
@@ -50,7 +50,7 @@ class CsvTable(Table):
         return self.rows[sample]
 
     def si(self, columns: Sequence[int]) -> NDArray[np.float64]:
-        """Return columns as numbers in SI units, (len(columns), n).
+        """Return columns as numbers in SI units, or in those of `wanted`, (len(columns), n).
 
         Units are converted as decimal numbers, so that each value is the one nearest to what the text says: 0.1 mm
         is read as the literal 0.1e-3.
@@ -74,7 +74,7 @@ class CsvTable(Table):
         texts = self._with_decimal_points(columns, texts)
         try:
             values = np.array(
-                [_si(cells, UNITS[self.units[column]]) for column, cells in zip(columns, texts, strict=True)]
+                [_si(cells, self.unit(column)) for column, cells in zip(columns, texts, strict=True)]
             )
         except (ValueError, ArithmeticError):  # the latter where a number is beyond decimal ones
             raise self._bad_cell(columns) from None
@@ -176,7 +176,7 @@ def read_table(path: str | Path) -> CsvTable:
     rows, lines = [row for row, _ in filled], [line for _, line in filled]
     layout = find_layout(lines, rows, name)
     head = [split_cells(line, layout.delimiter) for line in lines[: layout.first]]
-    headers, units = names_and_units(head, name)
+    headers, units, said = names_and_units(head, name)
     if len(headers) > COLUMNS:
         raise DataError(f"{name}: it has {len(headers)} columns; at most {COLUMNS} can be read")
     return CsvTable(
@@ -186,6 +186,7 @@ def read_table(path: str | Path) -> CsvTable:
         names=tuple(split_unit(header)[0] for header in headers),
         units=tuple(units),
         declared=declared,
+        said=tuple(said),
         lines=lines[layout.first :],
         rows=rows[layout.first :],
         delimiter=layout.delimiter,
@@ -235,6 +236,7 @@ def power_of_ten(unit: Unit) -> int | None:
 
     Examples
     --------
+    >>> from deatwin.plant.files.units import UNITS
     >>> power_of_ten(UNITS["mm"]), power_of_ten(UNITS["kV"]), power_of_ten(UNITS["min"]), power_of_ten(UNITS["C"])
     (-3, 3, None, None)
     """

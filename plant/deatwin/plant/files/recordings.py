@@ -17,6 +17,7 @@ from deatwin.plant.files.formats.netcdf import read_netcdf, write_netcdf
 from deatwin.plant.files.formats.table import Table
 from deatwin.plant.files.formats.tdms import read_tdms, write_tdms
 from deatwin.plant.files.replacing import replacing
+from deatwin.plant.files.wanted import in_units, require_known_units
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.rigs.rigfile import RigFile
 
@@ -57,6 +58,9 @@ def read_recordings(
     output_column: str | None = None,
     allow_gaps: bool = False,
     dt: float | None = None,
+    resample: float | None = None,
+    input_unit: str | None = None,
+    output_unit: str | None = None,
     rig: RigFile | None = None,
 ) -> tuple[Recording, ...]:
     """Read the recordings of a file, in the format that the end of its name says.
@@ -73,6 +77,12 @@ def read_recordings(
         Split the record at its gaps and keep the clock. Else a gap is an error.
     dt : float, optional
         Sample time, s, for a file without times. Where it has times, they must keep it.
+    resample : float, optional
+        Bring the samples onto an even clock of this sample time, s, as `deatwin.plant.resample` does; for files whose
+        times are uneven, and for those sampled faster than is wanted.
+    input_unit, output_unit : str, optional
+        The unit in which input and output are wanted, SI by default. A column that says exactly this is taken as it
+        is, another known unit of the same kind is converted; "1" wants numbers without a unit.
     rig : RigFile, optional
         Refuse commands far outside of this rig's range.
 
@@ -88,7 +98,10 @@ def read_recordings(
         value that is not a number, times that do not increase, a gap or uneven sampling, or commands far
         outside of the rig's range; or a package that the format needs is not installed.
     """
-    return _recordings(_table(path), input_column, output_column, allow_gaps=allow_gaps, dt=dt, rig=rig)
+    units = {"input": input_unit, "output": output_unit}
+    return _recordings(
+        _table(path), input_column, output_column, units, allow_gaps=allow_gaps, dt=dt, resample=resample, rig=rig
+    )
 
 
 def read_csv(
@@ -98,13 +111,16 @@ def read_csv(
     output_column: str | None = None,
     allow_gaps: bool = False,
     dt: float | None = None,
+    resample: float | None = None,
+    input_unit: str | None = None,
+    output_unit: str | None = None,
     rig: RigFile | None = None,
 ) -> tuple[Recording, ...]:
     """Read the recordings of a CSV file, whatever the end of its name.
 
     Parameters
     ----------
-    path, input_column, output_column, allow_gaps, dt, rig
+    path, input_column, output_column, allow_gaps, dt, resample, input_unit, output_unit, rig
         As in `read_recordings`.
 
     Returns
@@ -116,7 +132,10 @@ def read_csv(
     DataError
         As `read_recordings`.
     """
-    return _recordings(read_table(path), input_column, output_column, allow_gaps=allow_gaps, dt=dt, rig=rig)
+    units = {"input": input_unit, "output": output_unit}
+    return _recordings(
+        read_table(path), input_column, output_column, units, allow_gaps=allow_gaps, dt=dt, resample=resample, rig=rig
+    )
 
 
 def read_commands(
@@ -124,13 +143,15 @@ def read_commands(
     *,
     input_column: str | None = None,
     dt: float | None = None,
+    resample: float | None = None,
+    input_unit: str | None = None,
     rig: RigFile | None = None,
 ) -> Recording:
     """Read the commands of a file; an output is neither needed nor looked at.
 
     Parameters
     ----------
-    path, input_column, dt, rig
+    path, input_column, dt, resample, input_unit, rig
         As in `read_recordings`.
 
     Returns
@@ -144,8 +165,12 @@ def read_commands(
         As `read_recordings`.
     """
     table = _table(path)
-    chosen = {"input": data_columns(table, "input", input_column), "output": ()}
-    return recordings_of(table, chosen, allow_gaps=False, dt=dt, rig=rig)[0]
+    columns = data_columns(table, "input", input_column)
+    table = in_units(table, {} if input_unit is None else dict.fromkeys(columns, input_unit))
+    if input_column is not None:
+        require_known_units(table, columns)
+    chosen = {"input": columns, "output": ()}
+    return recordings_of(table, chosen, allow_gaps=False, dt=dt, resample=resample, rig=rig)[0]
 
 
 def read_recording(
@@ -154,13 +179,16 @@ def read_recording(
     input_column: str | None = None,
     output_column: str | None = None,
     dt: float | None = None,
+    resample: float | None = None,
+    input_unit: str | None = None,
+    output_unit: str | None = None,
     rig: RigFile | None = None,
 ) -> Recording:
     """Read one recording without gaps.
 
     Parameters
     ----------
-    path, input_column, output_column, dt, rig
+    path, input_column, output_column, dt, resample, input_unit, output_unit, rig
         As in `read_recordings`.
 
     Returns
@@ -172,7 +200,10 @@ def read_recording(
     DataError
         As `read_recordings`.
     """
-    return read_recordings(path, input_column=input_column, output_column=output_column, dt=dt, rig=rig)[0]
+    return read_recordings(
+        path, input_column=input_column, output_column=output_column, dt=dt, resample=resample,
+        input_unit=input_unit, output_unit=output_unit, rig=rig,
+    )[0]  # fmt: skip
 
 
 def read_experiment(
@@ -182,6 +213,9 @@ def read_experiment(
     output_column: str | None = None,
     allow_gaps: bool = False,
     dt: float | None = None,
+    resample: float | None = None,
+    input_unit: str | None = None,
+    output_unit: str | None = None,
     rig: RigFile | None = None,
 ) -> Experiment:
     """Read the recordings of one experiment, which share one running clock.
@@ -191,7 +225,7 @@ def read_experiment(
     paths : iterable of (str or Path)
         The files, in any order. TDMS waveforms that say when they started (``wf_start_time``) are laid on the
         clock of the earliest.
-    input_column, output_column, allow_gaps, dt, rig
+    input_column, output_column, allow_gaps, dt, resample, input_unit, output_unit, rig
         As in `read_recordings`, the same for all files.
 
     Returns
@@ -207,9 +241,10 @@ def read_experiment(
         recording
         for path in paths
         for recording in read_recordings(
-            path, input_column=input_column, output_column=output_column, allow_gaps=allow_gaps, dt=dt, rig=rig
+            path, input_column=input_column, output_column=output_column, allow_gaps=allow_gaps, dt=dt,
+            resample=resample, input_unit=input_unit, output_unit=output_unit, rig=rig,
         )
-    ]
+    ]  # fmt: skip
     return Experiment(recordings=on_one_clock(recordings))
 
 
@@ -300,16 +335,19 @@ def _recordings(
     table: Table,
     input_column: str | None,
     output_column: str | None,
+    units: Mapping[str, str | None],
     *,
     allow_gaps: bool,
     dt: float | None,
+    resample: float | None,
     rig: RigFile | None,
 ) -> tuple[Recording, ...]:
     """Return the recordings of a table, whose columns the user may have named."""
-    chosen = {
-        "input": data_columns(table, "input", input_column),
-        "output": data_columns(table, "output", output_column),
-    }
+    named = {"input": input_column, "output": output_column}
+    chosen = {role: data_columns(table, role, column) for role, column in named.items()}
     if shared := set(chosen["input"]) & set(chosen["output"]):
         raise DataError(f'{table.path}: the column "{table.shown(min(shared))}" is named as input and as output')
-    return recordings_of(table, chosen, allow_gaps=allow_gaps, dt=dt, rig=rig)
+    wanted = {column: unit for role, unit in units.items() if unit is not None for column in chosen[role]}
+    table = in_units(table, wanted)
+    require_known_units(table, [column for role, name in named.items() if name is not None for column in chosen[role]])
+    return recordings_of(table, chosen, allow_gaps=allow_gaps, dt=dt, resample=resample, rig=rig)

@@ -18,6 +18,7 @@ from deatwin.scenarios.options import (
     OutFolder,
     OutputColumn,
     Quiet,
+    Resample,
     SampleTime,
     Seed,
 )
@@ -106,6 +107,7 @@ def check(
     output_column: OutputColumn = None,
     allow_gaps: AllowGaps = False,
     dt: SampleTime = None,
+    resample: Resample = None,
     jobs: Jobs = -1,
     seed: Seed = 0,
     as_json: Json = False,
@@ -128,7 +130,7 @@ def check(
 
     voice = Voice(as_json=as_json, quiet=quiet)
     narx = NarxModel.load(model).deterministic
-    given = GivenPlant.load(plant, input_column=input_column, output_column=output_column, dt=dt)
+    given = GivenPlant.load(plant, input_column=input_column, output_column=output_column, dt=dt, resample=resample)
     rivals = rival_files(plant, diagnosis, rival or [])
     task = CheckTask(
         model=narx, plant=given.model, design=design, closed_loop_time=closed_loop_time,

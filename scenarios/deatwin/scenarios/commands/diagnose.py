@@ -16,6 +16,7 @@ from deatwin.scenarios.options import (
     OutFolder,
     OutputColumn,
     Quiet,
+    Resample,
     RigSource,
     SampleTime,
     Seed,
@@ -41,6 +42,7 @@ def diagnose(
     output_column: OutputColumn = None,
     allow_gaps: AllowGaps = False,
     dt: SampleTime = None,
+    resample: Resample = None,
     jobs: Jobs = -1,
     seed: Seed = 0,
     as_json: Json = False,
@@ -64,7 +66,7 @@ def diagnose(
     from deatwin.scenarios.given import GivenPlant
 
     voice = Voice(as_json=as_json, quiet=quiet)
-    plant = GivenPlant.load(rig, input_column=input_column, output_column=output_column, dt=dt)
+    plant = GivenPlant.load(rig, input_column=input_column, output_column=output_column, dt=dt, resample=resample)
     task = DiagnosisTask(
         plant=plant.model.plant,
         experiments=[plant.experiment(files, allow_gaps=allow_gaps) for files in groups],

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypedDict
 
 import typer
 
-from deatwin.scenarios.options import AllowGaps, InputColumn, Json, OutputColumn, Quiet, SampleTime
+from deatwin.scenarios.options import AllowGaps, InputColumn, Json, OutputColumn, Quiet, Resample, SampleTime
 from deatwin.scenarios.voice import Voice, complain
 
 if TYPE_CHECKING:
@@ -76,6 +76,7 @@ def identify(
     output_column: OutputColumn = None,
     allow_gaps: AllowGaps = False,
     dt: SampleTime = None,
+    resample: Resample = None,
     report: ReportFolder = None,
     as_json: Json = False,
     quiet: Quiet = False,
@@ -105,7 +106,8 @@ def identify(
             record
             for path in recordings
             for record in read_recordings(
-                path, input_column=input_column, output_column=output_column, allow_gaps=allow_gaps, dt=dt
+                path, input_column=input_column, output_column=output_column, allow_gaps=allow_gaps, dt=dt,
+                resample=resample,
             )
         ]
         require_excitation(records)

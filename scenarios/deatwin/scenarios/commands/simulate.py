@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from deatwin.scenarios.options import InputColumn, Json, Quiet, RigSource, SampleTime, complete_effects
+from deatwin.scenarios.options import InputColumn, Json, Quiet, Resample, RigSource, SampleTime, complete_effects
 from deatwin.scenarios.voice import Voice
 
 if TYPE_CHECKING:
@@ -42,6 +42,7 @@ def simulate(
     history: History = None,
     input_column: InputColumn = None,
     dt: SampleTime = None,
+    resample: Resample = None,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -55,7 +56,7 @@ def simulate(
 
     voice = Voice(as_json=as_json, quiet=quiet)
     require_place(out, [rig, commands, *(history or [])])
-    given = GivenPlant.load(rig, input_column=input_column, dt=dt)
+    given = GivenPlant.load(rig, input_column=input_column, dt=dt, resample=resample)
     model = _with_effects(given.model, effect or [])
     wanted = given.commands(commands)
     experiment = _experiment(given, wanted, history or [])

@@ -13,7 +13,7 @@ from deatwin.plant.files.units import UNITS, split_unit
         ("x_mm (V)", "x_mm", "V"), ("film_voltage", "film_voltage", ""), ("x_left (left)", "x_left (left)", ""),
         ("gain (V)_mm", "gain (V)", "mm"), ("mm", "mm", ""), ("U/mV", "U", "mV"), ("U_cmd / kV", "U_cmd", "kV"),
         ("t/s", "t", "s"), ("mm/s", "mm/s", ""), ("x/s", "x/s", ""), ("N/m", "N/m", ""), ("rad/m", "rad/m", ""),
-        ("v_m/s", "v_m/s", ""), ("U in mV", "U", "mV"), ("Weg 2 in µm", "Weg 2", "um"),
+        ("v_m/s", "v", "m/s"), ("U in mV", "U", "mV"), ("Weg 2 in µm", "Weg 2", "um"),
         ("U (Volt)", "U", "V"), ("U [Kilovolts]", "U", "kV"), ("Weg in Millimeter", "Weg", "mm"),
         ("t (seconds)", "t", "s"), ("gap [micron]", "gap", "um"), ("T (Celsius)", "T", "C"),
         ("x_millimeters", "x", "mm"),

@@ -3,13 +3,13 @@
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.plant.errors import DataError, nearest
-from deatwin.plant.files.units import UNITS
+from deatwin.plant.files.units import UNITS, Unit
 from deatwin.plant.intake import clipped
 
 __all__ = ["Declared", "Signal", "Table", "Timing"]
@@ -111,6 +111,10 @@ class Table(ABC):
         The unit of each column, a key of `deatwin.plant.files.units.UNITS`; an empty text where there is none.
     declared : Declared
         What the file says beside the columns.
+    said : tuple of str
+        What the file says as the unit of each column beside its header, in its own spelling; empty where nothing is.
+    wanted : mapping of int to Unit
+        Columns that are wanted in another unit than SI, and the way there.
     """
 
     path: str
@@ -119,6 +123,8 @@ class Table(ABC):
     names: tuple[str, ...]
     units: tuple[str, ...]
     declared: Declared = Declared()
+    said: tuple[str, ...] = ()
+    wanted: Mapping[int, Unit] = field(default_factory=dict)
 
     @abstractmethod
     def row(self, sample: int) -> int:
@@ -137,7 +143,7 @@ class Table(ABC):
 
     @abstractmethod
     def si(self, columns: Sequence[int]) -> NDArray[np.float64]:
-        """Return columns as numbers in SI units.
+        """Return columns as numbers in SI units, or in those of `wanted`.
 
         Parameters
         ----------
@@ -153,6 +159,20 @@ class Table(ABC):
         DataError
             If a value of them is missing or not a finite number; the text names row and column.
         """
+
+    def unit(self, column: int) -> Unit:
+        """Return the unit of a column, which leads to the one in which it is wanted.
+
+        Parameters
+        ----------
+        column : int
+            Its number, counted from 0.
+
+        Returns
+        -------
+        Unit
+        """
+        return self.wanted.get(column, UNITS[self.units[column]])
 
     def where(self, sample: int) -> str:
         """Return file and row of a sample, for an error text.
@@ -249,8 +269,8 @@ class Table(ABC):
         header = self.headers[column]
         for declared in self.declared.signals:
             if declared.header == header:
-                return declared
-        return Signal(role=role, name=self.names[column], unit=UNITS[self.units[column]].si, header=header)
+                return replace(declared, unit=self.wanted[column].si) if column in self.wanted else declared
+        return Signal(role=role, name=self.names[column], unit=self.unit(column).si, header=header)
 
     def listing(self) -> str:
         """Return the headers as one text, of many the first ones."""
