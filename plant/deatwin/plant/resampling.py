@@ -25,6 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 from deatwin.plant.decimation import decimate, low_pass_gain
 from deatwin.plant.errors import DataError
 from deatwin.plant.recording import Recording, label
+from deatwin.plant.rigs.base import ReadingTime
 
 __all__ = ["Resampling", "plan_resampling", "resample"]
 
@@ -212,7 +213,13 @@ def _clock(times: Floats, origin: float, sample_time: float, factor: int) -> Flo
     return np.asarray(start + fine * np.arange(max(count, 0), dtype=np.float64))
 
 
-def resample(recording: Recording, sample_time: float, *, timepts: ArrayLike | None = None) -> Recording:
+def resample(
+    recording: Recording,
+    sample_time: float,
+    *,
+    timepts: ArrayLike | None = None,
+    reading: ReadingTime = ReadingTime.END_OF_HOLD,
+) -> Recording:
     """Bring a recording onto an even clock of another sample time, or rows that were taken at uneven times.
 
     Readings and extras are interpolated linearly, commands held; a longer sample time is reached by way of `decimate`,
@@ -226,6 +233,8 @@ def resample(recording: Recording, sample_time: float, *, timepts: ArrayLike | N
         Of the new clock, s.
     timepts : (n,) array_like, optional
         When the rows were really taken, s; on the recording's own clock when not given.
+    reading : ReadingTime
+        When, within its row, a reading is taken; matters where fewer rows are kept.
 
     Returns
     -------
@@ -262,4 +271,4 @@ def resample(recording: Recording, sample_time: float, *, timepts: ArrayLike | N
         start=float(plan.clocks[0][0]),
         provenance={**recording.provenance, "resampled": plan.sentence},
     )  # fmt: skip
-    return decimate(fine, plan.factor)
+    return decimate(fine, plan.factor, reading=reading)

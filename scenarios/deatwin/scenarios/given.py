@@ -12,12 +12,12 @@ from deatwin.plant.files import read_commands, read_experiment
 from deatwin.plant.files.columns import COLUMNS, usual_unit
 from deatwin.plant.files.units import UNITS, split_unit
 from deatwin.plant.files.wanted import header_like, units_like
-from deatwin.plant.recording import Experiment, Recording
+from deatwin.plant.recording import Experiment, Recording, label
 from deatwin.plant.rigs.base import Rig
 from deatwin.plant.rigs.rigfile import RigFile, read_rig
 from deatwin.plant.sources import load_plant
 
-__all__ = ["GivenPlant", "reading_column"]
+__all__ = ["GivenPlant", "clock_notes", "reading_column"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -110,7 +110,8 @@ class GivenPlant:
         rig = self.model.plant.rig
         read = read_experiment(
             files, input_column=self.input_column, output_column=self.output_column, allow_gaps=allow_gaps, dt=self.dt,
-            resample=self.resample, input_unit=rig.input_unit, output_unit=rig.output_unit, rig=self.described,
+            resample=self.resample, reading=rig.reading, input_unit=rig.input_unit, output_unit=rig.output_unit,
+            rig=self.described,
         )  # fmt: skip
         for record in read.recordings:
             self._require_unit(record)
@@ -141,9 +142,10 @@ class GivenPlant:
         -------
         Recording
         """
+        rig = self.model.plant.rig
         return read_commands(
-            file, input_column=self.input_column, dt=self.dt, resample=self.resample,
-            input_unit=self.model.plant.rig.input_unit, rig=self.described,
+            file, input_column=self.input_column, dt=self.dt, resample=self.resample, reading=rig.reading,
+            input_unit=rig.input_unit, rig=self.described,
         )  # fmt: skip
 
 
@@ -170,3 +172,24 @@ def reading_column(rig: Rig) -> tuple[str, float]:
 def _own_column(name: str, unit: str) -> str | None:
     """A signal that recordings do not usually have, or not in this unit, is looked for under its own name."""
     return None if name in ("command", "displacement") and usual_unit(name) == unit else name
+
+
+def clock_notes(records: Iterable[Recording]) -> list[str]:
+    """What was done to the clocks of recordings, a sentence each.
+
+    Parameters
+    ----------
+    records : iterable of Recording
+        As they were read.
+
+    Returns
+    -------
+    list of str
+        Empty where the files' own clocks are kept.
+    """
+    return [
+        f"{label(record)}: {said}"
+        for record in records
+        for key in ("resampled", "clock")
+        if (said := record.provenance.get(key))
+    ]

@@ -51,6 +51,8 @@ class Identified:
         Then the reason.
     complete : bool
         Whether the search for terms went to its end.
+    clocks : sequence of str
+        What was done to the sampling of the recordings.
     """
 
     model: NarxModel
@@ -59,6 +61,7 @@ class Identified:
     validation: Validation | None
     why_not: str = ""
     complete: bool = True
+    clocks: Sequence[str] = ()
 
     @property
     def scale(self) -> float:
@@ -119,6 +122,8 @@ def write_identified(found: Identified, folder: ResultFolder, record: RunRecord)
     )
     said = found.validation.status.value if found.validation is not None else f"no correlation tests: {found.why_not}"
     notes = [Note(title="What the residual says", paragraphs=[f"{said[:1].upper()}{said[1:]}."])]
+    if found.clocks:
+        notes.append(Note(title="Sampling", paragraphs=[f"{said}." for said in found.clocks]))
     if not found.complete:
         notes.append(Note(title="Interrupted", paragraphs=["The search for terms was stopped before its end."]))
     page = StoryPage(

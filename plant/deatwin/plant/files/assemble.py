@@ -1,5 +1,6 @@
 """From the table of a file to recordings: which clock, which pieces, which signals."""
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -17,11 +18,13 @@ from deatwin.plant.files.formats.table import Table, Timing
 from deatwin.plant.files.formats.tdms import STARTED
 from deatwin.plant.recording import Recording, label
 from deatwin.plant.resampling import Resampling, plan_resampling
+from deatwin.plant.rigs.base import ReadingTime
 from deatwin.plant.rigs.rigfile import RigFile
 
 __all__ = ["on_one_clock", "recordings_of"]
 
 Floats = NDArray[np.float64]
+_LIKE_TIMES = re.compile("(?i)time|stamp|clock|millis|zeit|temps|^t$|^ts$")
 
 
 def recordings_of(
@@ -31,6 +34,7 @@ def recordings_of(
     allow_gaps: bool,
     dt: float | None,
     resample: float | None,
+    reading: ReadingTime,
     rig: RigFile | None,
 ) -> tuple[Recording, ...]:
     """Return the recordings of a table.
@@ -47,6 +51,8 @@ def recordings_of(
         Sample time, s, that the user states.
     resample : float or None
         Sample time, s, of the even clock onto which the samples are to be brought.
+    reading : ReadingTime
+        When, within its row, a reading is taken.
     rig : RigFile or None
         Refuse commands far outside of this rig's range.
 
@@ -70,8 +76,8 @@ def recordings_of(
     if times is None and stated is None:
         raise no_times(table)
     told = None if times is None else numbers[times]
-    source = _Source(table=table, roles=roles, numbers=numbers)
-    recordings = _recordings(source, told, stated, allow_gaps=allow_gaps, resample=resample)
+    source = _Source(table=table, roles=roles, numbers=numbers, passed_over=_passed_over(table, used, times))
+    recordings = _recordings(source, told, stated, allow_gaps=allow_gaps, resample=resample, reading=reading)
     if rig is not None:
         for recording in recordings:
             check_command_range(recording, rig.drive)
@@ -134,6 +140,7 @@ class _Source:
     table: Table
     roles: Mapping[str, tuple[int, ...]]
     numbers: Mapping[int, Floats]
+    passed_over: str
 
     def recording(
         self, clock: Floats, sample_time: float, take: Mapping[str, Callable[[Floats], Floats]], about: Mapping[str, str]
@@ -161,18 +168,20 @@ class _Source:
         """Return where the rows from one up to another come from."""
         table = self.table
         rows = f"{table.row(first)}-{table.row(last - 1)}"
-        return {"file": table.path, "sha256": table.sha256, "rows": rows}
+        clock = {"clock": self.passed_over} if self.passed_over else {}
+        return {"file": table.path, "sha256": table.sha256, "rows": rows, **clock}
 
 
 def _recordings(
-    source: _Source, told: Floats | None, stated: Timing | None, *, allow_gaps: bool, resample: float | None
-) -> tuple[Recording, ...]:
+    source: _Source, told: Floats | None, stated: Timing | None, *, allow_gaps: bool, resample: float | None,
+    reading: ReadingTime,
+) -> tuple[Recording, ...]:  # fmt: skip
     """Return the recordings of the rows at the times that a file tells, or on the clock that is stated."""
     table, samples = source.table, len(next(iter(source.numbers.values())))
     step, start = (stated.sample_time, stated.start) if stated else (0.0, 0.0)
     if resample is not None and not (stated.agrees(resample) if told is None and stated else _is_even(told, resample)):
         timepts = start + step * np.arange(samples, dtype=np.float64) if told is None else told
-        return _resampled(source, plan_resampling(timepts, resample, table.where, allow_gaps=allow_gaps))
+        return _resampled(source, plan_resampling(timepts, resample, table.where, allow_gaps=allow_gaps), reading)
     if told is None:
         pieces = [Piece.even(samples, step, start)]
     else:
@@ -189,15 +198,38 @@ def _recordings(
     )  # fmt: skip
 
 
-def _resampled(source: _Source, plan: Resampling) -> tuple[Recording, ...]:
+def _resampled(source: _Source, plan: Resampling, reading: ReadingTime) -> tuple[Recording, ...]:
     """Return the recordings of rows that are brought onto an even clock."""
     made = []
     for piece, (clock, rows) in enumerate(zip(plan.clocks, plan.rows, strict=True)):
         readings, commands = partial(plan.readings, piece), partial(plan.commands, piece)
         take = {"input": commands, "output": readings, "extra": readings}
         about = source.origin(*rows) | {"resampled": plan.sentence}
-        made.append(decimate(source.recording(clock, plan.sample_time / plan.factor, take, about), plan.factor))
+        fine = source.recording(clock, plan.sample_time / plan.factor, take, about)
+        made.append(decimate(fine, plan.factor, reading=reading))
     return tuple(made)
+
+
+def _passed_over(table: Table, used: Sequence[int], times: int | None) -> str:
+    """Return what is to be said of uneven times in a column that no unit tells to be times; else an empty text."""
+    named = [k for k, name in enumerate(table.names) if k not in used and _LIKE_TIMES.search(name)]
+    for column in named if times is None else []:
+        try:
+            found = table.si([column])[0]
+        except DataError:
+            continue
+        steps = np.diff(found)
+        if not (steps > 0.0).all():
+            continue
+        try:
+            even_pieces(found, str, allow_gaps=True)
+        except DataError:
+            return (
+                f'the stated sample time was taken; the column "{table.shown(column)}" was passed over, though it looks '
+                f"like times that are uneven, in steps of {steps.min():g} to {steps.max():g}: where it holds them, write "
+                "their unit behind its name"
+            )
+    return ""
 
 
 def _is_even(told: Floats | None, sample_time: float) -> bool:

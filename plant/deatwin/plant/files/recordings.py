@@ -19,6 +19,7 @@ from deatwin.plant.files.formats.tdms import read_tdms, write_tdms
 from deatwin.plant.files.replacing import replacing
 from deatwin.plant.files.wanted import in_units, require_known_units
 from deatwin.plant.recording import Experiment, Recording
+from deatwin.plant.rigs.base import ReadingTime
 from deatwin.plant.rigs.rigfile import RigFile
 
 __all__ = [
@@ -59,6 +60,7 @@ def read_recordings(
     allow_gaps: bool = False,
     dt: float | None = None,
     resample: float | None = None,
+    reading: ReadingTime = ReadingTime.END_OF_HOLD,
     input_unit: str | None = None,
     output_unit: str | None = None,
     rig: RigFile | None = None,
@@ -80,6 +82,8 @@ def read_recordings(
     resample : float, optional
         Bring the samples onto an even clock of this sample time, s, as `deatwin.plant.resample` does; for files whose
         times are uneven, and for those sampled faster than is wanted.
+    reading : ReadingTime
+        When, within its row, a reading is taken; where `resample` keeps fewer rows, theirs are taken so too.
     input_unit, output_unit : str, optional
         The unit in which input and output are wanted, SI by default. A column that says exactly this is taken as it
         is, another known unit of the same kind is converted; "1" wants numbers without a unit.
@@ -100,8 +104,9 @@ def read_recordings(
     """
     units = {"input": input_unit, "output": output_unit}
     return _recordings(
-        _table(path), input_column, output_column, units, allow_gaps=allow_gaps, dt=dt, resample=resample, rig=rig
-    )
+        _table(path), input_column, output_column, units, allow_gaps=allow_gaps, dt=dt, resample=resample,
+        reading=reading, rig=rig,
+    )  # fmt: skip
 
 
 def read_csv(
@@ -112,6 +117,7 @@ def read_csv(
     allow_gaps: bool = False,
     dt: float | None = None,
     resample: float | None = None,
+    reading: ReadingTime = ReadingTime.END_OF_HOLD,
     input_unit: str | None = None,
     output_unit: str | None = None,
     rig: RigFile | None = None,
@@ -120,7 +126,7 @@ def read_csv(
 
     Parameters
     ----------
-    path, input_column, output_column, allow_gaps, dt, resample, input_unit, output_unit, rig
+    path, input_column, output_column, allow_gaps, dt, resample, reading, input_unit, output_unit, rig
         As in `read_recordings`.
 
     Returns
@@ -134,8 +140,9 @@ def read_csv(
     """
     units = {"input": input_unit, "output": output_unit}
     return _recordings(
-        read_table(path), input_column, output_column, units, allow_gaps=allow_gaps, dt=dt, resample=resample, rig=rig
-    )
+        read_table(path), input_column, output_column, units, allow_gaps=allow_gaps, dt=dt, resample=resample,
+        reading=reading, rig=rig,
+    )  # fmt: skip
 
 
 def read_commands(
@@ -144,6 +151,7 @@ def read_commands(
     input_column: str | None = None,
     dt: float | None = None,
     resample: float | None = None,
+    reading: ReadingTime = ReadingTime.END_OF_HOLD,
     input_unit: str | None = None,
     rig: RigFile | None = None,
 ) -> Recording:
@@ -151,7 +159,7 @@ def read_commands(
 
     Parameters
     ----------
-    path, input_column, dt, resample, input_unit, rig
+    path, input_column, dt, resample, reading, input_unit, rig
         As in `read_recordings`.
 
     Returns
@@ -170,7 +178,7 @@ def read_commands(
     if input_column is not None:
         require_known_units(table, columns)
     chosen = {"input": columns, "output": ()}
-    return recordings_of(table, chosen, allow_gaps=False, dt=dt, resample=resample, rig=rig)[0]
+    return recordings_of(table, chosen, allow_gaps=False, dt=dt, resample=resample, reading=reading, rig=rig)[0]
 
 
 def read_recording(
@@ -180,6 +188,7 @@ def read_recording(
     output_column: str | None = None,
     dt: float | None = None,
     resample: float | None = None,
+    reading: ReadingTime = ReadingTime.END_OF_HOLD,
     input_unit: str | None = None,
     output_unit: str | None = None,
     rig: RigFile | None = None,
@@ -188,7 +197,7 @@ def read_recording(
 
     Parameters
     ----------
-    path, input_column, output_column, dt, resample, input_unit, output_unit, rig
+    path, input_column, output_column, dt, resample, reading, input_unit, output_unit, rig
         As in `read_recordings`.
 
     Returns
@@ -201,7 +210,7 @@ def read_recording(
         As `read_recordings`.
     """
     return read_recordings(
-        path, input_column=input_column, output_column=output_column, dt=dt, resample=resample,
+        path, input_column=input_column, output_column=output_column, dt=dt, resample=resample, reading=reading,
         input_unit=input_unit, output_unit=output_unit, rig=rig,
     )[0]  # fmt: skip
 
@@ -214,6 +223,7 @@ def read_experiment(
     allow_gaps: bool = False,
     dt: float | None = None,
     resample: float | None = None,
+    reading: ReadingTime = ReadingTime.END_OF_HOLD,
     input_unit: str | None = None,
     output_unit: str | None = None,
     rig: RigFile | None = None,
@@ -225,7 +235,7 @@ def read_experiment(
     paths : iterable of (str or Path)
         The files, in any order. TDMS waveforms that say when they started (``wf_start_time``) are laid on the
         clock of the earliest.
-    input_column, output_column, allow_gaps, dt, resample, input_unit, output_unit, rig
+    input_column, output_column, allow_gaps, dt, resample, reading, input_unit, output_unit, rig
         As in `read_recordings`, the same for all files.
 
     Returns
@@ -242,7 +252,7 @@ def read_experiment(
         for path in paths
         for recording in read_recordings(
             path, input_column=input_column, output_column=output_column, allow_gaps=allow_gaps, dt=dt,
-            resample=resample, input_unit=input_unit, output_unit=output_unit, rig=rig,
+            resample=resample, reading=reading, input_unit=input_unit, output_unit=output_unit, rig=rig,
         )
     ]  # fmt: skip
     return Experiment(recordings=on_one_clock(recordings))
@@ -340,6 +350,7 @@ def _recordings(
     allow_gaps: bool,
     dt: float | None,
     resample: float | None,
+    reading: ReadingTime,
     rig: RigFile | None,
 ) -> tuple[Recording, ...]:
     """Return the recordings of a table, whose columns the user may have named."""
@@ -350,4 +361,6 @@ def _recordings(
     wanted = {column: unit for role, unit in units.items() if unit is not None for column in chosen[role]}
     table = in_units(table, wanted)
     require_known_units(table, [column for role, name in named.items() if name is not None for column in chosen[role]])
-    return recordings_of(table, chosen, allow_gaps=allow_gaps, dt=dt, resample=resample, rig=rig)
+    return recordings_of(
+        table, chosen, allow_gaps=allow_gaps, dt=dt, resample=resample, reading=reading, rig=rig
+    )

@@ -126,16 +126,19 @@ def check(
     from deatwin.ident.narx import NarxModel
     from deatwin.scenarios.checking import CheckTask, load_rivals, rival_files
     from deatwin.scenarios.folder import ResultFolder
-    from deatwin.scenarios.given import GivenPlant
+    from deatwin.scenarios.given import GivenPlant, clock_notes
 
     voice = Voice(as_json=as_json, quiet=quiet)
     narx = NarxModel.load(model).deterministic
     given = GivenPlant.load(plant, input_column=input_column, output_column=output_column, dt=dt, resample=resample)
     rivals = rival_files(plant, diagnosis, rival or [])
+    record = None if recording is None else _longest(given, recording, allow_gaps)
+    for note in clock_notes([] if record is None else [record]):
+        voice.say(note)
     task = CheckTask(
         model=narx, plant=given.model, design=design, closed_loop_time=closed_loop_time,
         operating_input=operating_input, operating_range=operating_range,
-        recording=None if recording is None else _longest(given, recording, allow_gaps), rivals=load_rivals(rivals),
+        recording=record, rivals=load_rivals(rivals),
         files=[model, plant, *([] if recording is None else [recording]), *rivals.values()],
         command=context.obj, jobs=jobs, seed=seed,
     )  # fmt: skip

@@ -54,6 +54,21 @@ MethodOption = Annotated[
 FirstInputLag = Annotated[
     int, typer.Option(min=0, help="First lag of the input: 0 where a reading ends its row, as on the rig, else 1.")
 ]
+
+
+def _decimation(value: str | None) -> str | None:
+    if value not in (None, "auto") and not (value.isascii() and value.isdigit() and int(value) > 0):
+        raise typer.BadParameter(f"{value} is neither auto nor a whole number of at least 1")
+    return value
+
+
+Decimation = Annotated[
+    str | None,
+    typer.Option(
+        "--decimate", metavar="auto|N", callback=_decimation,
+        help="Keep every N-th sample after a low-pass filter; auto chooses N by the output's correlation.",
+    ),
+]  # fmt: skip
 MaxTerms = Annotated[int, typer.Option(min=1, help="Largest number of terms (not for svb).")]
 
 
@@ -77,6 +92,7 @@ def identify(
     allow_gaps: AllowGaps = False,
     dt: SampleTime = None,
     resample: Resample = None,
+    decimation: Decimation = None,
     report: ReportFolder = None,
     as_json: Json = False,
     quiet: Quiet = False,
@@ -91,13 +107,17 @@ def identify(
 
     from deatwin.plant.checks import require_excitation
     from deatwin.plant.files import read_recordings
+    from deatwin.plant.rigs.base import ReadingTime
     from deatwin.scenarios.folder import ResultFolder, require_place
+    from deatwin.scenarios.given import clock_notes
     from deatwin.scenarios.provenance import RunRecord, hashes
+    from deatwin.scenarios.thinning import thinned
 
     if input_lags < first_input_lag:
         raise typer.BadParameter(
             f"the last lag, {input_lags}, lies before the first, {first_input_lag}", param_hint="--input-lags"
         )
+    reading = ReadingTime.START_OF_HOLD if first_input_lag else ReadingTime.END_OF_HOLD
     voice = Voice(as_json=as_json, quiet=quiet)
     require_place(out, recordings)
     with nullcontext() if report is None else ResultFolder(report) as folder:
@@ -107,10 +127,15 @@ def identify(
             for path in recordings
             for record in read_recordings(
                 path, input_column=input_column, output_column=output_column, allow_gaps=allow_gaps, dt=dt,
-                resample=resample,
-            )
+                resample=resample, reading=reading,
+            )  # fmt: skip
         ]
+        notes = clock_notes(records)
         require_excitation(records)
+        fewer = thinned(records, decimation, reading, held_out=HELD_OUT)
+        records, notes = fewer.records, [*notes, *fewer.notes]
+        for note in notes:
+            voice.say(note)
         lags: Candidates = {
             "output_lags": output_lags, "input_lags": range(first_input_lag, input_lags + 1), "degree": degree
         }  # fmt: skip
@@ -131,17 +156,18 @@ def identify(
             voice.say(identifier.status_.value)
         voice.say(f"model: {out}")
         if folder is not None:
-            _write_report(folder, record, model, method, [unseen for _, unseen in pieces], identifier.status_.ok)
+            _write_report(folder, record, model, method, [unseen for _, unseen in pieces], identifier.status_.ok, notes)
             voice.say(f"report: {folder.path / 'report.html'}")
         terms = {str(term): float(value) for term, value in zip(model.terms, model.theta, strict=True)}
-        voice.result({"out": str(out), "terms": terms, "complete": identifier.status_.ok, "unseen": errors})
+        voice.result({"out": str(out), "terms": terms, "complete": identifier.status_.ok, "unseen": errors, "clocks": notes})
         if not identifier.status_.ok:
             raise typer.Exit(130)
 
 
 def _write_report(
-    folder: ResultFolder, record: RunRecord, model: NarxModel, method: Method, unseen: list[Recording], complete: bool
-) -> None:
+    folder: ResultFolder, record: RunRecord, model: NarxModel, method: Method, unseen: list[Recording], complete: bool,
+    notes: list[str],
+) -> None:  # fmt: skip
     import json
 
     from deatwin.ident.narx import validate
@@ -154,7 +180,7 @@ def _write_report(
     except ModelError as error:
         why_not = str(error)
     found = Identified(
-        model=model, method=method.value, unseen=unseen, validation=validation, why_not=why_not, complete=complete
+        model=model, method=method.value, unseen=unseen, validation=validation, why_not=why_not, complete=complete, clocks=notes
     )
     write_identified(found, folder, record)
     folder.remove_former(r"figures/\w+\.csv")
@@ -175,7 +201,7 @@ def _identifier(method: Method, lags: Candidates, max_terms: int) -> NarxIdentif
 
 def _say(voice: Voice, model: NarxModel, errors: list[dict[str, Any]], labels: list[str]) -> None:
     """Terms with their intervals, and how the model does on what it has not seen."""
-    unit = f" {model.output_units[0]}" if model.output_units[0] else ""
+    unit = f" {model.output_units[0]}" if model.output_units[0] not in ("", "1") else ""
     for term, value, variance in zip(model.terms, model.theta, model.theta_cov.diagonal(), strict=True):
         voice.say(f"{value:>14.6g} ± {1.96 * variance**0.5:<12.3g} {term}")
     for label, error in zip(labels, errors, strict=True):

@@ -52,7 +52,7 @@ def simulate(
     """
     from deatwin.plant.files import write_csv
     from deatwin.scenarios.folder import require_place
-    from deatwin.scenarios.given import GivenPlant, reading_column
+    from deatwin.scenarios.given import GivenPlant, clock_notes, reading_column
 
     voice = Voice(as_json=as_json, quiet=quiet)
     require_place(out, [rig, commands, *(history or [])])
@@ -60,10 +60,13 @@ def simulate(
     model = _with_effects(given.model, effect or [])
     wanted = given.commands(commands)
     experiment = _experiment(given, wanted, history or [])
+    for note in clock_notes(experiment.recordings):
+        voice.say(note)
     prediction = _finished(model.predict(experiment), model)
     at = next(k for k, record in enumerate(experiment.recordings) if record is wanted)
     header, per_si = reading_column(model.plant.rig)
-    name, _, unit = header.rpartition("_")
+    name = model.plant.rig.output_name
+    unit = header.removeprefix(f"{name}_")
     mean, half = prediction.mean[at] * per_si, TWO_SIDED_95 * prediction.deviation[at] * per_si
     digits = 3 - math.floor(math.log10(half.min()))  # three digits below the width of the band
     columns = {header: mean, f"low_{unit}": mean - half, f"high_{unit}": mean + half}
