@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.narx.shown import shown_units
 from deatwin.plant.amplitudes import amplitude_unit, written_amplitude
 from deatwin.plant.recording import label
 from deatwin.scenarios.folder import ResultFolder
@@ -217,9 +218,11 @@ def _rows(found: Identified, runs: Sequence[NarxResponse]) -> list[Row]:
 
 
 def _table(model: NarxModel) -> Table:
-    half = 1.96 * np.sqrt(np.maximum(model.theta_cov.diagonal(), 0.0))
+    shown = shown_units(model)
+    half = 1.96 * np.sqrt(np.maximum(model.theta_cov.diagonal(), 0.0)) * shown.factors
     rows = [
         [str(term), f"{value:.6g}", f"± {width:.3g}"]
-        for term, value, width in zip(model.terms, model.theta, half, strict=True)
+        for term, value, width in zip(model.terms, model.theta * shown.factors, half, strict=True)
     ]
-    return Table(title="The model", columns=["term", "parameter", "95 % interval"], rows=rows)
+    title = f"The model, {shown.legend}" if shown.legend else "The model"
+    return Table(title=title, columns=["term", "parameter", "95 % interval"], rows=rows)

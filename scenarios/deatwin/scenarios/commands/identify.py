@@ -128,8 +128,8 @@ def identify(
             for record in read_recordings(
                 path, input_column=input_column, output_column=output_column, allow_gaps=allow_gaps, dt=dt,
                 resample=resample, reading=reading,
-            )  # fmt: skip
-        ]
+            )
+        ]  # fmt: skip
         notes = clock_notes(records)
         require_excitation(records)
         fewer = thinned(records, decimation, reading, held_out=HELD_OUT)
@@ -159,7 +159,9 @@ def identify(
             _write_report(folder, record, model, method, [unseen for _, unseen in pieces], identifier.status_.ok, notes)
             voice.say(f"report: {folder.path / 'report.html'}")
         terms = {str(term): float(value) for term, value in zip(model.terms, model.theta, strict=True)}
-        voice.result({"out": str(out), "terms": terms, "complete": identifier.status_.ok, "unseen": errors, "clocks": notes})
+        voice.result({
+            "out": str(out), "terms": terms, "complete": identifier.status_.ok, "unseen": errors, "clocks": notes
+        })  # fmt: skip
         if not identifier.status_.ok:
             raise typer.Exit(130)
 
@@ -180,8 +182,9 @@ def _write_report(
     except ModelError as error:
         why_not = str(error)
     found = Identified(
-        model=model, method=method.value, unseen=unseen, validation=validation, why_not=why_not, complete=complete, clocks=notes
-    )
+        model=model, method=method.value, unseen=unseen, validation=validation, why_not=why_not, complete=complete,
+        clocks=notes,
+    )  # fmt: skip
     write_identified(found, folder, record)
     folder.remove_former(r"figures/\w+\.csv")
     folder.text("run.json", json.dumps(record.finished([*folder.written, "run.json"]), indent=1) + "\n")
@@ -201,9 +204,17 @@ def _identifier(method: Method, lags: Candidates, max_terms: int) -> NarxIdentif
 
 def _say(voice: Voice, model: NarxModel, errors: list[dict[str, Any]], labels: list[str]) -> None:
     """Terms with their intervals, and how the model does on what it has not seen."""
+    import numpy as np
+
+    from deatwin.ident.narx.shown import shown_units
+
     unit = f" {model.output_units[0]}" if model.output_units[0] not in ("", "1") else ""
-    for term, value, variance in zip(model.terms, model.theta, model.theta_cov.diagonal(), strict=True):
-        voice.say(f"{value:>14.6g} ± {1.96 * variance**0.5:<12.3g} {term}")
+    shown = shown_units(model)
+    half = 1.96 * np.sqrt(model.theta_cov.diagonal()) * shown.factors
+    for term, value, width in zip(model.terms, model.theta * shown.factors, half, strict=True):
+        voice.say(f"{value:>14.6g} ± {width:<12.3g} {term}")
+    if shown.legend:
+        voice.say(f"  ({shown.legend})")
     for label, error in zip(labels, errors, strict=True):
         free = f"{error['free_run']:.4g}{unit}" if error["finished"] else f"{error['free_run']:.4g}{unit} (diverged)"
         voice.say(f"{label}, unseen part: one step {error['one_step']:.4g}{unit} rms, free run {free} rms")

@@ -118,6 +118,7 @@ def _experiment(given: GivenPlant, wanted: Recording, history: list[Path]) -> Ex
 
 def _finished(prediction: Prediction, model: CalibratedPlant) -> Prediction:
     """The prediction, if it reached its end; else an error that says when and at what voltage."""
+    from deatwin.plant.amplitudes import amount
     from deatwin.plant.errors import SimulationError
 
     if prediction.status.ok:
@@ -131,5 +132,5 @@ def _finished(prediction: Prediction, model: CalibratedPlant) -> Prediction:
     )
     raise SimulationError(
         f"the simulation stopped at {prediction.failed_at:.2f} s and a {rig.input_name} of "
-        f"{prediction.failed_command:.3f} {rig.input_unit}{film}: {prediction.status.value}"
+        f"{amount(f'{prediction.failed_command:.3f}', rig.input_unit)}{film}: {prediction.status.value}"
     )
