@@ -122,12 +122,13 @@ class GivenPlant:
         rig, unit, name = self.model.plant.rig, record.output_units[0], record.output_names[0]
         if unit or rig.output_unit in ("", "1"):
             return
-        usual = COLUMNS[rig.output_name] if usual_unit(rig.output_name) == rig.output_unit else None
+        usual = usual_unit(rig.output_name) == rig.output_unit
+        shown = split_unit(COLUMNS[rig.output_name])[1] if usual else rig.output_unit
         likes = units_like(rig.output_unit)
         also = f"; {', '.join(likes)} would do" if len(likes) > 1 else ""
         raise DataError(
             f'{record.provenance.get("file", "recording")}: the column "{name}" gives no unit, and the plant takes it in '
-            f'{rig.output_unit}: write the unit behind its name, as in "{usual or header_like(name, rig.output_unit)}"{also}'
+            f'{rig.output_unit}: write the unit behind its name, as in "{header_like(name, shown)}"{also}'
         )
 
     def commands(self, file: str | Path) -> Recording:

@@ -31,7 +31,7 @@ class CsvTable(Table):
 
     Parameters
     ----------
-    path, sha256, headers, names, units, declared
+    path, sha256, headers, names, units, declared, said, wanted
         As in `Table`.
     lines : list of str
         The lines that hold samples.

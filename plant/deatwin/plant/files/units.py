@@ -22,6 +22,15 @@ class Unit:
     """A unit of a file: ``SI value = (value + shift) * numerator / denominator``.
 
     Two whole numbers instead of one factor: 35 / 1000 is the float nearest to 0.035, and 35 * 1e-3 is not.
+
+    Parameters
+    ----------
+    si : str
+        The SI unit of the same kind, or the one that is wanted instead.
+    numerator, denominator : float
+        Their quotient is the factor.
+    shift : float
+        Added before it; of degrees Celsius.
     """
 
     si: str

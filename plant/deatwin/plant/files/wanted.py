@@ -107,7 +107,8 @@ def units_like(wanted: str) -> list[str]:
 def _another_unit(table: Table, column: int, unit: str, wanted: str) -> DataError:
     """Return the error of a column in a unit of another kind than the wanted one."""
     place = f'{table.path}: the column "{table.shown(column)}" is in {clipped(unit)}'
-    better = header_like(table.names[column], wanted)
+    name = table.names[column]
+    better = header_like(name.removesuffix(unit).rstrip(" _") if name.endswith(unit) else name, wanted)
     if wanted == "1":
         return DataError(
             f"{place}, but the plant takes it without a unit: nobody knows whether it means these numbers or those in SI; "

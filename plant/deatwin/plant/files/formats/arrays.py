@@ -20,7 +20,7 @@ class ArrayTable(Table):
 
     Parameters
     ----------
-    path, sha256, headers, names, units, declared
+    path, sha256, headers, names, units, declared, said, wanted
         As in `Table`.
     columns : tuple of (n,) array
         The values, of any type; only those that are asked for must be numbers of one length.
