@@ -36,6 +36,7 @@ _FOLDED = 1.1
 interpolation leaves less than a half anyway."""
 _STAYS = 0.5  # of the rows: more stay than change
 _TOLD = 2000  # new rows tell the gain of the interpolation to 1 %
+_ROUNDED = 1e-6  # of a step: times of so little jitter are even but for their print
 _SAME = 1e-9  # of a step, for times that differ by rounding
 
 
@@ -71,7 +72,8 @@ class Resampling:
     @property
     def bandwidth(self) -> float:
         """Frequency at which a reading has lost 3 dB, Hz; the new Nyquist frequency where it has not lost that much."""
-        frequencies = np.linspace(0.0, 0.5 / self.sample_time, 257)
+        # Between rows that are finer than the old ones, interpolation leaves nothing at the old sampling rate.
+        frequencies = np.linspace(0.0, min(0.5 / self.sample_time, 1.0 / float(np.median(self.steps))), 257)
         gain = np.abs(self._interpolation(frequencies)) * low_pass_gain(self.factor, frequencies * self.sample_time)
         lost = gain < math.sqrt(0.5)
         return float(frequencies[np.argmax(lost)] if lost.any() else frequencies[-1])
@@ -81,11 +83,12 @@ class Resampling:
         """What is done to the samples, in one line."""
         steps = self.steps
         usual, spread = float(np.median(steps)), float(np.std(steps))
+        told = f"steps of {steps.min():.4g} to {steps.max():.4g} s (usually {usual:.4g} s, jitter {spread:.2g} s rms)"
+        told = told if spread > _ROUNDED * usual else f"even steps of {usual:.6g} s"
         thinned = f" after a low-pass filter, from {self.sample_time / self.factor:.4g} s" if self.factor > 1 else ""
         return (
-            f"from steps of {steps.min():.4g} to {steps.max():.4g} s (usually {usual:.4g} s, jitter {spread:.2g} s rms) onto "
-            f"an even clock of {self.sample_time:.6g} s{thinned}: readings are interpolated linearly and have lost 3 dB at "
-            f"{self.bandwidth:.3g} Hz (Nyquist frequency {0.5 / self.sample_time:.4g} Hz); commands are held"
+            f"from {told} onto an even clock of {self.sample_time:.6g} s{thinned}: readings are interpolated linearly and "
+            f"keep {self.bandwidth:.3g} Hz to 3 dB (Nyquist frequency {0.5 / self.sample_time:.4g} Hz); commands are held"
         )
 
     def readings(self, piece: int, values: Floats) -> Floats:

@@ -127,8 +127,8 @@ class GivenPlant:
         likes = units_like(rig.output_unit)
         also = f"; {', '.join(likes)} would do" if len(likes) > 1 else ""
         raise DataError(
-            f'{record.provenance.get("file", "recording")}: the column "{name}" gives no unit, and the plant takes it in '
-            f'{rig.output_unit}: write the unit behind its name, as in "{header_like(name, shown)}"{also}'
+            f'{record.provenance.get("file", "recording")}: the column "{name}" gives no unit, and the plant takes it '
+            f'in {rig.output_unit}: write the unit behind its name, as in "{header_like(name, shown)}"{also}'
         )
 
     def commands(self, file: str | Path) -> Recording:

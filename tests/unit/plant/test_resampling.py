@@ -68,7 +68,8 @@ def test_fewer_rows_keep_when_a_reading_is_taken(reading: ReadingTime) -> None:
     # The reading is the command of an integrator that began at zero: at the end of its hold, or at its start.
     command = np.sin(2 * np.pi * 0.5 * 0.002 * np.arange(10_000))
     area = 0.002 * np.cumsum(command)
-    record = Recording.from_arrays(command, area if reading is ReadingTime.END_OF_HOLD else area - 0.002 * command, 0.002)
+    taken = area if reading is ReadingTime.END_OF_HOLD else area - 0.002 * command
+    record = Recording.from_arrays(command, taken, 0.002)
     found = resample(record, 0.02, reading=reading)
     steps = np.diff(found.outputs[0]) / 0.02
     moved = found.inputs[0][1:] if reading is ReadingTime.END_OF_HOLD else found.inputs[0][:-1]

@@ -143,13 +143,18 @@ class _Source:
     passed_over: str
 
     def recording(
-        self, clock: Floats, sample_time: float, take: Mapping[str, Callable[[Floats], Floats]], about: Mapping[str, str]
+        self,
+        clock: Floats,
+        sample_time: float,
+        take: Mapping[str, Callable[[Floats], Floats]],
+        about: Mapping[str, str],
     ) -> Recording:
         """Return a recording of what is taken of each column by its role."""
         table, signals, rows = self.table, {}, {}
         for role, columns in self.roles.items():
             signals[role] = [table.signal(role, column) for column in columns]
-            rows[role] = np.reshape([take[role](self.numbers[column]) for column in columns], (len(columns), clock.size))
+            taken = [take[role](self.numbers[column]) for column in columns]
+            rows[role] = np.reshape(taken, (len(columns), clock.size))
         return Recording(
             inputs=rows["input"],
             outputs=rows["output"],
@@ -225,9 +230,9 @@ def _passed_over(table: Table, used: Sequence[int], times: int | None) -> str:
             even_pieces(found, str, allow_gaps=True)
         except DataError:
             return (
-                f'the stated sample time was taken; the column "{table.shown(column)}" was passed over, though it looks '
-                f"like times that are uneven, in steps of {steps.min():g} to {steps.max():g}: where it holds them, write "
-                "their unit behind its name"
+                f'the stated sample time was taken; the column "{table.shown(column)}" was passed over, though it '
+                f"looks like times that are uneven, in steps of {steps.min():g} to {steps.max():g}: where it holds them, "
+                "write their unit behind its name"
             )
     return ""
 

@@ -86,13 +86,15 @@ _POUND_FORCE = 4.4482216152605  # N, exactly 0.45359237 * 9.80665
 UNITS = {
     "": Unit(""),  # not known: values are taken as they are
     **_scaled("s", "mun"), "min": Unit("s", 60), "h": Unit("s", 3600),
-    **_scaled("V", "munk"), **_scaled("A", "munpk"), **_scaled("ohm", "mkM"), **_scaled("W", "muk"), **_scaled("J", "muk"),
+    **_scaled("V", "munk"), **_scaled("A", "munpk"), **_scaled("ohm", "mkM"),
+    **_scaled("W", "muk"), **_scaled("J", "muk"),
     **_scaled("m", "cmunk"),
     **_scaled("m/s", "cmuk"), "km/h": Unit("m/s", 1, 3.6), "m/min": Unit("m/s", 1, 60), "mm/min": Unit("m/s", 1, 6e4),
     **_scaled("m/s2", "cmu"), "gn": Unit("m/s2", 9.80665),
     **_scaled("rad", "mu"), "deg": Unit("rad", math.pi, 180), "rev": Unit("rad", 2 * math.pi),
     **_scaled("rad/s", "mu"), "deg/s": Unit("rad/s", math.pi, 180), "rpm": Unit("rad/s", math.pi, 30),
-    "rev/s": Unit("rad/s", 2 * math.pi), "deg/min": Unit("rad/s", math.pi, 10800), "deg/h": Unit("rad/s", math.pi, 648000),
+    "rev/s": Unit("rad/s", 2 * math.pi), "deg/min": Unit("rad/s", math.pi, 10800),
+    "deg/h": Unit("rad/s", math.pi, 648000),
     "rad/s2": Unit("rad/s2"), "deg/s2": Unit("rad/s2", math.pi, 180),
     **_scaled("Hz", "mkMG"), "1/s": Unit("1/s"), "1/min": Unit("1/s", 1, 60),
     "kg": Unit("kg"), "g": Unit("kg", 1, 1e3), "mg": Unit("kg", 1, 1e6), "ug": Unit("kg", 1, 1e9),
@@ -139,8 +141,9 @@ _OTHER_SPELLINGS = {
     product.replace(" ", ""): product for product in UNITS if " " in product  # Nm, mNm
 }  # fmt: skip
 _SIGNS = str.maketrans({
-    "µ": "u", "μ": "u", "∆": "Δ", "Ω": "ohm", "\u2126": "ohm", "·": " ", "⋅": " ", "∙": " ", "•": " ", "*": " ", "×": " ",
-    "²": "2", "³": "3", "⁻": "-", "¹": "1", "−": "-", "^": "", "{": "", "}": "", "℃": "°C", "(": " ", ")": " ", "_": " ",
+    "µ": "u", "μ": "u", "∆": "Δ", "Ω": "ohm", "\u2126": "ohm", "·": " ", "⋅": " ", "∙": " ", "•": " ", "*": " ",
+    "×": " ", "²": "2", "³": "3", "⁻": "-", "¹": "1", "−": "-", "^": "", "{": "", "}": "", "℃": "°C", "(": " ", ")": " ",
+    "_": " ",
 })  # fmt: skip
 
 

@@ -39,8 +39,8 @@ def in_units(table: Table, wanted: Mapping[int, str]) -> Table:
     """Return a table with columns in the units that are wanted instead of SI.
 
     A column that says exactly the wanted unit, whatever that is, is taken as it is; one in another known unit of the
-    same kind is converted. A column without a unit is left as it is. ``"1"`` wants numbers without a unit: a column in a
-    unit is taken where its numbers are the same in SI, else nobody knows which of the two are meant.
+    same kind is converted. A column without a unit is left as it is. ``"1"`` wants numbers without a unit: a column
+    in a unit is taken where its numbers are the same in SI, else nobody knows which of the two are meant.
 
     Parameters
     ----------
@@ -111,13 +111,13 @@ def _another_unit(table: Table, column: int, unit: str, wanted: str) -> DataErro
     better = header_like(name.removesuffix(unit).rstrip(" _") if name.endswith(unit) else name, wanted)
     if wanted == "1":
         return DataError(
-            f"{place}, but the plant takes it without a unit: nobody knows whether it means these numbers or those in SI; "
-            f'declare the unit in the plant, or, where these numbers are meant, call the column "{better}"'
+            f"{place}, but the plant takes it without a unit: nobody knows whether it means these numbers or those in "
+            f'SI; declare the unit in the plant, or, where these numbers are meant, call the column "{better}"'
         )
     likes = units_like(wanted)
     return DataError(
-        f"{place}, but the plant takes it in {wanted}{nearest(unit, likes)} (one of {', '.join(likes)} must stand behind "
-        f'its name, as in "{better}")'
+        f"{place}, but the plant takes it in {wanted}{nearest(unit, likes)} (one of {', '.join(likes)} must stand "
+        f'behind its name, as in "{better}")'
         if len(likes) > 1
         else f'{place}, but the plant takes it in {wanted}; where it is in that, call the column "{better}"'
     )

@@ -66,9 +66,12 @@ def test_temperatures_are_shifted_and_their_differences_are_not() -> None:
     [
         (spelt, unit)
         for unit, spellings in {
-            "N m": "Nm N·m N*m N.m N-m N⋅m Newton-meter", "mN m": "mNm mN·m mN*m", "m/s2": "m/s^2 m/s² m/s**2 m/s/s m·s⁻²",
-            "rad/s": "rad/sec rad·s⁻¹ rad*s^-1 rads/s", "deg/s": "°/s deg/sec", "rpm": "RPM rev/min r/min", "1/s": "s⁻¹ s^-1 /s",
-            "um": "µm μm", "uA": "µA μA", "C": "°C ℃ degC degree_Celsius", "ohm": "Ω Ohm", "kohm": "kΩ", "Hz": "hz Hertz",
+            "N m": "Nm N·m N*m N.m N-m N⋅m Newton-meter", "mN m": "mNm mN·m mN*m",
+            "m/s2": "m/s^2 m/s² m/s**2 m/s/s m·s⁻²",
+            "rad/s": "rad/sec rad·s⁻¹ rad*s^-1 rads/s", "deg/s": "°/s deg/sec", "rpm": "RPM rev/min r/min",
+            "1/s": "s⁻¹ s^-1 /s",
+            "um": "µm μm", "uA": "µA μA", "C": "°C ℃ degC degree_Celsius", "ohm": "Ω Ohm",
+            "kohm": "kΩ", "Hz": "hz Hertz",
         }.items()
         for spelt in spellings.split()
     ],
