@@ -83,12 +83,13 @@ class Resampling:
         """What is done to the samples, in one line."""
         steps = self.steps
         usual, spread = float(np.median(steps)), float(np.std(steps))
+        nyquist = 0.5 / self.sample_time
         told = f"steps of {steps.min():.4g} to {steps.max():.4g} s (usually {usual:.4g} s, jitter {spread:.2g} s rms)"
         told = told if spread > _ROUNDED * usual else f"even steps of {usual:.6g} s"
         thinned = f" after a low-pass filter, from {self.sample_time / self.factor:.4g} s" if self.factor > 1 else ""
         return (
-            f"from {told} onto an even clock of {self.sample_time:.6g} s{thinned}: readings are interpolated linearly and "
-            f"keep {self.bandwidth:.3g} Hz to 3 dB (Nyquist frequency {0.5 / self.sample_time:.4g} Hz); commands are held"
+            f"from {told} onto an even clock of {self.sample_time:.6g} s{thinned}: readings are interpolated "
+            f"linearly and keep {self.bandwidth:.3g} Hz to 3 dB (Nyquist frequency {nyquist:.4g} Hz); commands are held"
         )
 
     def readings(self, piece: int, values: Floats) -> Floats:

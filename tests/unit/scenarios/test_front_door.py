@@ -86,7 +86,7 @@ FILES = {
     "volts.csv": table("t,voltage,disp_V"),
     "extra.csv": table("time_s,command_V,displacement_mm,curent_uA"),
     "double.csv": table("time_s,command_V,command_V"),
-    "hole.csv": table(**{f"row_{k}": "" for k in range(20, 30)}),
+    "outage.csv": table(**{f"row_{k}": "" for k in range(20, 30)}),
     "ratio.csv": table("time_s,extension,stretch_mm"),
     "gap.csv": table(row_22="", row_23="", row_24=""),
     "constant.csv": HEADER + "".join(f"\n{0.02 * k:.2f},2.0,0.3" for k in range(40)),

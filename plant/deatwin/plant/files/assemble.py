@@ -230,9 +230,9 @@ def _passed_over(table: Table, used: Sequence[int], times: int | None) -> str:
             even_pieces(found, str, allow_gaps=True)
         except DataError:
             return (
-                f'the stated sample time was taken; the column "{table.shown(column)}" was passed over, though it '
-                f"looks like times that are uneven, in steps of {steps.min():g} to {steps.max():g}: where it holds them, "
-                "write their unit behind its name"
+                f'the stated sample time was taken; the column "{table.shown(column)}" was passed over, though '
+                f"it looks like times that are uneven, in steps of {steps.min():g} to {steps.max():g}: where it holds "
+                "them, write their unit behind its name"
             )
     return ""
 
