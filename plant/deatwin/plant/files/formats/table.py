@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.plant.errors import DataError, nearest
-from deatwin.plant.files.units import UNITS, Unit
+from deatwin.plant.files.units import UNITS, Unit, find_unit
 from deatwin.plant.intake import clipped
 
 __all__ = ["Declared", "Signal", "Table", "Timing"]
@@ -172,7 +172,11 @@ class Table(ABC):
         -------
         Unit
         """
-        return self.wanted.get(column, UNITS[self.units[column]])
+        known = self.units[column]
+        own = next((s.unit for s in self.declared.signals if s.header == self.headers[column]), "")
+        if known and find_unit(own) == known:  # a recording in a unit of its own, which is kept
+            return self.wanted.get(column, Unit(own))
+        return self.wanted.get(column, UNITS[known])
 
     def where(self, sample: int) -> str:
         """Return file and row of a sample, for an error text.
