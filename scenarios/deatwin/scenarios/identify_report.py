@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.narx.shown import shown_units
 from deatwin.plant.amplitudes import amplitude_unit, written_amplitude
 from deatwin.plant.recording import label
 from deatwin.scenarios.folder import ResultFolder
@@ -51,6 +52,8 @@ class Identified:
         Then the reason.
     complete : bool
         Whether the search for terms went to its end.
+    clocks : sequence of str
+        What was done to the sampling of the recordings.
     """
 
     model: NarxModel
@@ -59,6 +62,7 @@ class Identified:
     validation: Validation | None
     why_not: str = ""
     complete: bool = True
+    clocks: Sequence[str] = ()
 
     @property
     def scale(self) -> float:
@@ -119,6 +123,8 @@ def write_identified(found: Identified, folder: ResultFolder, record: RunRecord)
     )
     said = found.validation.status.value if found.validation is not None else f"no correlation tests: {found.why_not}"
     notes = [Note(title="What the residual says", paragraphs=[f"{said[:1].upper()}{said[1:]}."])]
+    if found.clocks:
+        notes.append(Note(title="Sampling", paragraphs=[f"{said}." for said in found.clocks]))
     if not found.complete:
         notes.append(Note(title="Interrupted", paragraphs=["The search for terms was stopped before its end."]))
     page = StoryPage(
@@ -212,9 +218,11 @@ def _rows(found: Identified, runs: Sequence[NarxResponse]) -> list[Row]:
 
 
 def _table(model: NarxModel) -> Table:
-    half = 1.96 * np.sqrt(np.maximum(model.theta_cov.diagonal(), 0.0))
+    shown = shown_units(model)
+    half = 1.96 * np.sqrt(np.maximum(model.theta_cov.diagonal(), 0.0)) * shown.factors
     rows = [
         [str(term), f"{value:.6g}", f"± {width:.3g}"]
-        for term, value, width in zip(model.terms, model.theta, half, strict=True)
+        for term, value, width in zip(model.terms, model.theta * shown.factors, half, strict=True)
     ]
-    return Table(title="The model", columns=["term", "parameter", "95 % interval"], rows=rows)
+    title = f"The model, {shown.legend}" if shown.legend else "The model"
+    return Table(title=title, columns=["term", "parameter", "95 % interval"], rows=rows)

@@ -18,6 +18,7 @@ __all__ = [
     "OutFolder",
     "OutputColumn",
     "Quiet",
+    "Resample",
     "RigSource",
     "SampleTime",
     "Seed",
@@ -65,6 +66,13 @@ SampleTime = Annotated[
     float | None,
     typer.Option("--dt", metavar="SECONDS", callback=_positive, help="Sample time of files that hold no times."),
 ]
+Resample = Annotated[
+    float | None,
+    typer.Option(
+        metavar="SECONDS", callback=_positive,
+        help="Bring samples at uneven times, or too many, onto an even clock of this sample time.",
+    ),
+]  # fmt: skip
 Experiments = Annotated[
     list[str] | None,
     typer.Option(

@@ -36,6 +36,12 @@ from deatwin.plant import Coupon, Plant
 def strip():
     return Plant(rig=Coupon(sample_time=0.1))
 
+class Ratio(Coupon):
+    output_unit = "1"
+
+def ratio():
+    return Plant(rig=Ratio(sample_time=0.1))
+
 def number():
     return 3
 
@@ -101,6 +107,8 @@ FILES = {
     "volts.csv": table("t,voltage,disp_V"),
     "extra.csv": table("time_s,command_V,displacement_mm,curent_uA"),
     "double.csv": table("time_s,command_V,command_V"),
+    "outage.csv": table(**{f"row_{k}": "" for k in range(20, 30)}),
+    "ratio.csv": table("time_s,extension,stretch_mm"),
     "gap.csv": table(row_22="", row_23="", row_24=""),
     "constant.csv": HEADER + "".join(f"\n{0.02 * k:.2f},2.0,0.3" for k in range(40)),
     "nan.csv": table(row_8="0.12,nan,0.3"),

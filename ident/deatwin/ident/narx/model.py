@@ -19,6 +19,7 @@ from deatwin.ident.narx.document import SCHEMA, fields_of, to_document
 from deatwin.ident.narx.free_run import free_run, innovations
 from deatwin.ident.narx.operating import Array, OperatingRange, read_only
 from deatwin.ident.narx.response import NarxResponse, ResponseStatus, divergence_limit
+from deatwin.ident.narx.shown import shown_units
 from deatwin.ident.narx.terms import Term, TermTable
 from deatwin.ident.narx.values import require_values
 from deatwin.ident.narx.written import by_equation, name_signals, written
@@ -251,7 +252,9 @@ class NarxModel:
             raise ModelError(f"{purpose} takes a model without noise terms; give its `deterministic` part")
 
     def __str__(self) -> str:
-        return written(self.terms, self.theta, self.equations, self.n_outputs)
+        shown = shown_units(self)
+        text = written(self.terms, self.theta * shown.factors, self.equations, self.n_outputs)
+        return f"{text}\n({shown.legend})" if shown.legend else text
 
     def predict(self, recording: Recording) -> NarxResponse:
         """Predict each sample one step ahead from the measured past.

@@ -5,29 +5,23 @@ from functools import partial
 
 from deatwin.plant.errors import DataError, nearest
 from deatwin.plant.files.formats.table import Table, is_place
-from deatwin.plant.files.timecolumns import USUAL_TIMES, holds_times, time_column
-from deatwin.plant.files.units import UNITS, split_unit, unknown_unit
+from deatwin.plant.files.timecolumns import holds_times, likely_times, time_column, times_options
+from deatwin.plant.files.units import UNITS, split_unit
+from deatwin.plant.files.usual import COLUMNS
+from deatwin.plant.files.wanted import in_units, require_known_units
 from deatwin.plant.intake import clipped
 
-__all__ = ["COLUMNS", "chosen_columns", "data_columns", "extra_columns", "usual_unit", "works"]
+__all__ = ["chosen_columns", "data_columns", "extra_columns", "works"]
 
-# The columns of a recording as deatwin writes them, by the name that each has inside.
-COLUMNS = {
-    "time": USUAL_TIMES,
-    "command": "command_V",
-    "displacement": "displacement_mm",
-    "film_voltage": "film_voltage_V",
-    "current": "current_uA",
-    "temperature": "temperature_C",
-    "force": "force_N",
-}
 _USUAL = {"input": "command", "output": "displacement"}
 _EXTRAS = ("film_voltage", "current", "temperature", "force")
 # A column that would be passed over is refused as a misspelling from this likeness on.
 _MISSPELT = 0.85
 
 
-def chosen_columns(table: Table, asked: Mapping[str, str | None]) -> dict[str, tuple[int, ...]]:
+def chosen_columns(
+    table: Table, asked: Mapping[str, str | None], units: Mapping[str, str | None]
+) -> dict[str, tuple[int, ...]]:
     """Return the columns of the inputs and the outputs.
 
     Parameters
@@ -36,6 +30,8 @@ def chosen_columns(table: Table, asked: Mapping[str, str | None]) -> dict[str, t
     asked : mapping of str to (str or None)
         What the user asked for as ``input``, ``output`` and ``time``, by header or by place; a role that is left
         out is not looked for.
+    units : mapping of str to (str or None)
+        The units in which ``input`` and ``output`` are wanted, where not in SI.
 
     Returns
     -------
@@ -45,8 +41,7 @@ def chosen_columns(table: Table, asked: Mapping[str, str | None]) -> dict[str, t
     Raises
     ------
     DataError
-        If there is no such column, its unit is not known, the usual one has a unit of another kind, or one column
-        would have two roles.
+        If there is no such column, the usual one has a unit of another kind, or one column would have two roles.
     """
     if table.nameless:
         _require_places(table, asked)
@@ -58,13 +53,13 @@ def chosen_columns(table: Table, asked: Mapping[str, str | None]) -> dict[str, t
             continue
         others = {column for other, columns in known.items() if other != role for column in columns}
         others |= {k for other, wanted in asked.items() if other != role for k in _headed(table, wanted)}
-        chosen[role] = data_columns(table, role, asked[role], busy=others)
+        chosen[role] = data_columns(table, role, asked[role], others, units.get(role))
     seen: dict[int, str] = {}
     times = asked.get("time")
     for role, columns in {**chosen, "time": known.get("time", ()) if times else ()}.items():
         for column in columns:
             if column in seen:
-                raise _twice(table, column, (seen[column], role), asked)
+                raise _twice(table, column, (seen[column], role), asked, units)
             seen[column] = role
     return chosen
 
@@ -86,14 +81,22 @@ def _headed(table: Table, wanted: str | None) -> list[int]:
     return [k for k, header in enumerate(table.headers) if header in headers or table.names[k] in headers]
 
 
-def _twice(table: Table, column: int, roles: tuple[str, str], asked: Mapping[str, str | None]) -> DataError:
+def _twice(
+    table: Table,
+    column: int,
+    roles: tuple[str, str],
+    asked: Mapping[str, str | None],
+    units: Mapping[str, str | None],
+) -> DataError:
     """Return the error of a column that has two roles, with another one for a role that was not asked for."""
     said = [f"named as {role}" if asked.get(role) else f"the usual {role}" for role in roles]
     free = [role for role in roles if not asked.get(role)] or [roles[1]]
     role, busy = free[0], {column, *_others(table, free[0], asked)}
-    fits = partial(holds_times, table, unit="") if role == "time" else partial(works, table)
+    fits = partial(holds_times, table) if role == "time" else partial(works, table, unit=units.get(role))
     other = next((k for k in range(len(table.headers)) if k not in busy and fits(k)), None)
-    hint = f": --{role}-column" if other is None else f', for example --{role}-column "{table.unmistakable(other)}"'
+    way = "" if other is None else f'--{role}-column "{table.unmistakable(other)}"'
+    way = times_options(table, other) if role == "time" and other is not None else way
+    hint = f", for example {way}" if way else f": --{role}-column"
     return DataError(
         f'{table.path}: the column "{table.shown(column)}" is {said[0]} and {said[1]}; name another one for the '
         f"{role}{hint}"
@@ -105,7 +108,7 @@ def _others(table: Table, role: str, asked: Mapping[str, str | None]) -> set[int
     return {k for other, wanted in asked.items() if other != role for k in _quietly(table, other, wanted)}
 
 
-def works(table: Table, column: int) -> bool:
+def works(table: Table, column: int, unit: str | None = None) -> bool:
     """Return whether a column can be an input or output: numbers, in a known unit or none.
 
     Parameters
@@ -113,20 +116,24 @@ def works(table: Table, column: int) -> bool:
     table : Table
     column : int
         Counted from 0.
+    unit : str, optional
+        In which it is wanted, where not in SI.
 
     Returns
     -------
     bool
     """
     try:
-        table.si([_with_unit(table, column)])
+        read = in_units(table, {} if unit is None else {column: unit})
+        require_known_units(read, [column])
+        read.si([column])
     except DataError:
         return False
     return True
 
 
 def data_columns(
-    table: Table, role: str, wanted: str | None, busy: Collection[int] = frozenset()
+    table: Table, role: str, wanted: str | None, busy: Collection[int] = frozenset(), unit: str | None = None
 ) -> tuple[int, ...]:
     """Return the columns of the inputs or the outputs.
 
@@ -140,6 +147,8 @@ def data_columns(
         the usual one, ``command`` or ``displacement``.
     busy : collection of int, optional
         Columns that have another role, which no error text may offer.
+    unit : str, optional
+        In which it is wanted, where not in SI.
 
     Returns
     -------
@@ -149,14 +158,14 @@ def data_columns(
     Raises
     ------
     DataError
-        If there is no such column, its unit is not known, or the usual one has a unit of another kind.
+        If there is no such column, or the usual one has a unit of another kind.
     """
 
     def offered(column: int) -> bool:
-        return column not in busy and works(table, column)
+        return column not in busy and works(table, column, unit)
 
     if wanted is not None:
-        return (_with_unit(table, table.column(wanted, offered)),)
+        return (table.column(wanted, offered),)
     if table.declared.signals:
         return table.columns_of(role)
     name = _USUAL[role]
@@ -179,45 +188,15 @@ def _require_places(table: Table, asked: Mapping[str, str | None]) -> None:
 def _no_header(table: Table, fault: str, roles: Collection[str]) -> DataError:
     """Return the error of a file without a header, with a way to name the columns of these roles."""
     columns = range(len(table.headers))
-    times = next((k for k in columns if holds_times(table, k, "")), None)
+    times = next(iter(likely_times(table, set())), None)
     places = [f"#{k + 1}" for k in columns if k != times and works(table, k)]
     pairs = [pair for pair in zip(("input", "output"), places, strict=False) if pair[0] in roles]
     said = [f'--{role}-column "{place}"' for role, place in pairs]
-    timed = "--dt SECONDS" if times is None else f'--time-column "#{times + 1}" (or --dt SECONDS)'
+    timed = "--dt SECONDS" if times is None else f"{times_options(table, times)} (or --dt SECONDS)"
     return DataError(
         f"{table.path}, row {table.row(0)}: no header, so {fault}; name the columns by their places, for example "
         f"{' '.join([*said, timed])}, or put a header above: time_s,command_V,displacement_mm"
     )
-
-
-def _with_unit(table: Table, column: int) -> int:
-    """Return a column unless what its header gives as its unit is none."""
-    if not table.units[column] and (said := unknown_unit(table.headers[column])):
-        known = [unit for unit in UNITS if unit]
-        raise DataError(
-            f'{table.path}: the column "{clipped(table.headers[column])}" is in "{clipped(said)}", which is no known '
-            f"unit{nearest(said, known)} (capitals count; known are {', '.join(known)})"
-        )
-    return column
-
-
-def usual_unit(name: str) -> str:
-    """Return the SI unit of a signal with one of deatwin's own names, an empty text for others.
-
-    Parameters
-    ----------
-    name : str
-
-    Returns
-    -------
-    str
-
-    Examples
-    --------
-    >>> usual_unit("temperature"), usual_unit("humidity")
-    ('K', '')
-    """
-    return UNITS[split_unit(COLUMNS[name])[1]].si if name in COLUMNS else ""
 
 
 def extra_columns(table: Table, taken: set[int]) -> list[int]:

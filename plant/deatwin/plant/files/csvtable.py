@@ -23,7 +23,7 @@ from deatwin.plant.files.csvtext import (
 )
 from deatwin.plant.files.formats.description import SCHEMA, read_description
 from deatwin.plant.files.formats.table import Declared, Table
-from deatwin.plant.files.units import UNITS, Unit, split_unit
+from deatwin.plant.files.units import Unit, split_unit
 from deatwin.plant.intake import COLUMNS, RECORDING_BYTES, ROWS, TEXT_BYTES, clipped, read_regular
 
 __all__ = [
@@ -42,7 +42,7 @@ class CsvTable(Table):
 
     Parameters
     ----------
-    path, sha256, headers, names, units, declared, nameless, scales
+    path, sha256, headers, names, units, declared, nameless, scales, said, wanted
         As in `Table`.
     lines : list of str
         The lines that hold samples.
@@ -66,7 +66,7 @@ class CsvTable(Table):
         return row[column] if column < len(row) else ""
 
     def si(self, columns: Sequence[int]) -> NDArray[np.float64]:
-        """Return columns as numbers in SI units, (len(columns), n).
+        """Return columns as numbers in SI units, or in those of `wanted`, (len(columns), n).
 
         Units are converted as decimal numbers, so that each value is the one nearest to what the text says: 0.1 mm
         is read as the literal 0.1e-3.
@@ -102,7 +102,7 @@ class CsvTable(Table):
     def _values(self, column: int, cells: list[str]) -> Sequence[float] | NDArray[np.float64]:
         """Return the numbers of a column in SI units, of times that are dates the seconds since the first."""
         scale = self.scales.get(column)
-        return scale.seconds(cells) if scale else _si(cells, UNITS[self.units[column]])
+        return scale.seconds(cells) if scale else _si(cells, self.unit(column))
 
     def _dated(self, column: int) -> bool:
         """Return whether a column holds dates."""
@@ -240,11 +240,12 @@ def table_of(numbered: Iterable[tuple[int, str]], name: str, sha256: str) -> Csv
     rows, lines = [row for row, _ in filled], [line for _, line in filled]
     layout = find_layout(lines, rows, name)
     if layout.head:
-        headers, units = names_and_units(list(layout.head), name)
+        headers, units, said = names_and_units(list(layout.head), name)
         names = [split_unit(header)[0] for header in headers]
     else:
         places = range(1, 1 + len(split_cells(lines[layout.first], layout.delimiter)))
-        headers, units, names = [f"#{k}" for k in places], ["" for _ in places], [f"column_{k}" for k in places]
+        headers, names = [f"#{k}" for k in places], [f"column_{k}" for k in places]
+        units = said = ["" for _ in places]
     if len(headers) > COLUMNS:
         raise DataError(f"{name}: it has {len(headers)} columns; at most {COLUMNS} can be read")
     rows, lines = rows[layout.first :], lines[layout.first :]
@@ -260,6 +261,7 @@ def table_of(numbered: Iterable[tuple[int, str]], name: str, sha256: str) -> Csv
         units=tuple(units),
         declared=declared,
         nameless=not layout.head,
+        said=tuple(said),
         lines=lines,
         rows=rows,
         delimiter=layout.delimiter,
@@ -311,6 +313,7 @@ def power_of_ten(unit: Unit) -> int | None:
 
     Examples
     --------
+    >>> from deatwin.plant.files.units import UNITS
     >>> power_of_ten(UNITS["mm"]), power_of_ten(UNITS["kV"]), power_of_ten(UNITS["min"]), power_of_ten(UNITS["C"])
     (-3, 3, None, None)
     """

@@ -10,7 +10,7 @@ from collections import Counter
 from dataclasses import dataclass
 
 from deatwin.plant.errors import DataError
-from deatwin.plant.files.units import find_unit, split_unit
+from deatwin.plant.files.units import find_unit, for_name, split_unit
 from deatwin.plant.intake import clipped
 
 __all__ = [
@@ -193,8 +193,8 @@ def is_date(cell: str) -> bool:
     return _DATE.fullmatch(cell) is not None
 
 
-def names_and_units(head: list[list[str]], path: str) -> tuple[list[str], list[str]]:
-    """Return headers and units from the header lines.
+def names_and_units(head: list[list[str]], path: str) -> tuple[list[str], list[str], list[str]]:
+    """Return headers and units from the header lines, and what the line of units says.
 
     Parameters
     ----------
@@ -206,8 +206,9 @@ def names_and_units(head: list[list[str]], path: str) -> tuple[list[str], list[s
 
     Returns
     -------
-    headers, units : list of str
-        For each column; a unit is a key of `deatwin.plant.files.units.UNITS` or an empty text.
+    headers, units, said : list of str
+        For each column; a unit is a key of `deatwin.plant.files.units.UNITS` or an empty text. What the line of units
+        says, in its own spelling; empty where it, or its cell, is missing.
 
     Raises
     ------
@@ -216,18 +217,20 @@ def names_and_units(head: list[list[str]], path: str) -> tuple[list[str], list[s
     """
     only_units = len(head) > 1 and len(head[-2]) >= len(head[-1]) and _are_units(head[-1])
     headers = head[-2] if only_units else head[-1]
-    units = [split_unit(header)[1] for header in headers]
+    names, units = (list(part) for part in zip(*map(split_unit, headers), strict=True))
+    said = ["" for _ in headers]
     if only_units:
         for k, cell in enumerate(head[-1]):
-            if units[k] and cell and find_unit(cell) != units[k]:
+            said[k] = cell
+            if units[k] and cell and units[k] not in (find_unit(cell), for_name(names[k], find_unit(cell))):
                 raise DataError(
                     f'{path}, column "{clipped(headers[k])}": its name says {units[k]}, the line below '
                     f"{clipped(cell)}; correct one"
                 )
-            units[k] = units[k] or find_unit(cell)
+            units[k] = units[k] or for_name(names[k], find_unit(cell))
     elif len(headers) > 1 and all(map(find_unit, headers)):  # units are all that the file has of names
         units = [find_unit(header) for header in headers]
-    return headers, units
+    return headers, units, said
 
 
 def _are_units(cells: list[str]) -> bool:

@@ -19,7 +19,9 @@ from deatwin.plant.files.formats.table import Table
 from deatwin.plant.files.formats.tdms import read_tdms, write_tdms
 from deatwin.plant.files.formats.xlsx import read_xlsx
 from deatwin.plant.files.replacing import replacing
+from deatwin.plant.files.wanted import in_units, require_known_units
 from deatwin.plant.recording import Experiment, Recording
+from deatwin.plant.rigs.base import ReadingTime
 from deatwin.plant.rigs.rigfile import RigFile
 
 __all__ = [
@@ -64,6 +66,10 @@ def read_recordings(
     time_column: str | None = None,
     allow_gaps: bool = False,
     dt: float | None = None,
+    resample: float | None = None,
+    reading: ReadingTime = ReadingTime.END_OF_HOLD,
+    input_unit: str | None = None,
+    output_unit: str | None = None,
     rig: RigFile | None = None,
 ) -> tuple[Recording, ...]:
     """Read the recordings of a file, in the format that the end of its name says.
@@ -85,6 +91,14 @@ def read_recordings(
         Split the record at its gaps and keep the clock. Else a gap is an error.
     dt : float, optional
         Sample time, s, for a file without times. Where it has times, they must keep it.
+    resample : float, optional
+        Bring the samples onto an even clock of this sample time, s, as `deatwin.plant.resample` does; for files whose
+        times are uneven, and for those sampled faster than is wanted.
+    reading : ReadingTime
+        When, within its row, a reading is taken; where `resample` keeps fewer rows, theirs are taken so too.
+    input_unit, output_unit : str, optional
+        The unit in which input and output are wanted, SI by default. A column that says exactly this is taken as it
+        is, another known unit of the same kind is converted; "1" wants numbers without a unit.
     rig : RigFile, optional
         Refuse commands far outside of this rig's range.
 
@@ -101,7 +115,10 @@ def read_recordings(
         outside of the rig's range; or a package that the format needs is not installed.
     """
     asked = {"input": input_column, "output": output_column, "time": time_column}
-    return _recordings(_table(path), asked, allow_gaps=allow_gaps, dt=dt, rig=rig)
+    units = {"input": input_unit, "output": output_unit}
+    return _recordings(
+        _table(path), asked, units, allow_gaps=allow_gaps, dt=dt, resample=resample, reading=reading, rig=rig
+    )
 
 
 def read_csv(
@@ -112,13 +129,17 @@ def read_csv(
     time_column: str | None = None,
     allow_gaps: bool = False,
     dt: float | None = None,
+    resample: float | None = None,
+    reading: ReadingTime = ReadingTime.END_OF_HOLD,
+    input_unit: str | None = None,
+    output_unit: str | None = None,
     rig: RigFile | None = None,
 ) -> tuple[Recording, ...]:
     """Read the recordings of a CSV file, whatever the end of its name.
 
     Parameters
     ----------
-    path, input_column, output_column, time_column, allow_gaps, dt, rig
+    path, input_column, output_column, time_column, allow_gaps, dt, resample, reading, input_unit, output_unit, rig
         As in `read_recordings`.
 
     Returns
@@ -131,7 +152,10 @@ def read_csv(
         As `read_recordings`.
     """
     asked = {"input": input_column, "output": output_column, "time": time_column}
-    return _recordings(read_table(path), asked, allow_gaps=allow_gaps, dt=dt, rig=rig)
+    units = {"input": input_unit, "output": output_unit}
+    return _recordings(
+        read_table(path), asked, units, allow_gaps=allow_gaps, dt=dt, resample=resample, reading=reading, rig=rig
+    )
 
 
 def read_commands(
@@ -140,13 +164,16 @@ def read_commands(
     input_column: str | None = None,
     time_column: str | None = None,
     dt: float | None = None,
+    resample: float | None = None,
+    reading: ReadingTime = ReadingTime.END_OF_HOLD,
+    input_unit: str | None = None,
     rig: RigFile | None = None,
 ) -> Recording:
     """Read the commands of a file; an output is neither needed nor looked at.
 
     Parameters
     ----------
-    path, input_column, time_column, dt, rig
+    path, input_column, time_column, dt, resample, reading, input_unit, rig
         As in `read_recordings`.
 
     Returns
@@ -159,7 +186,10 @@ def read_commands(
     DataError
         As `read_recordings`.
     """
-    return _recordings(_table(path), {"input": input_column, "time": time_column}, allow_gaps=False, dt=dt, rig=rig)[0]
+    asked, units = {"input": input_column, "time": time_column}, {"input": input_unit}
+    return _recordings(
+        _table(path), asked, units, allow_gaps=False, dt=dt, resample=resample, reading=reading, rig=rig
+    )[0]
 
 
 def read_recording(
@@ -169,13 +199,17 @@ def read_recording(
     output_column: str | None = None,
     time_column: str | None = None,
     dt: float | None = None,
+    resample: float | None = None,
+    reading: ReadingTime = ReadingTime.END_OF_HOLD,
+    input_unit: str | None = None,
+    output_unit: str | None = None,
     rig: RigFile | None = None,
 ) -> Recording:
     """Read one recording without gaps.
 
     Parameters
     ----------
-    path, input_column, output_column, time_column, dt, rig
+    path, input_column, output_column, time_column, dt, resample, reading, input_unit, output_unit, rig
         As in `read_recordings`.
 
     Returns
@@ -188,8 +222,9 @@ def read_recording(
         As `read_recordings`.
     """
     return read_recordings(
-        path, input_column=input_column, output_column=output_column, time_column=time_column, dt=dt, rig=rig
-    )[0]
+        path, input_column=input_column, output_column=output_column, time_column=time_column, dt=dt,
+        resample=resample, reading=reading, input_unit=input_unit, output_unit=output_unit, rig=rig,
+    )[0]  # fmt: skip
 
 
 def read_experiment(
@@ -200,6 +235,10 @@ def read_experiment(
     time_column: str | None = None,
     allow_gaps: bool = False,
     dt: float | None = None,
+    resample: float | None = None,
+    reading: ReadingTime = ReadingTime.END_OF_HOLD,
+    input_unit: str | None = None,
+    output_unit: str | None = None,
     rig: RigFile | None = None,
 ) -> Experiment:
     """Read the recordings of one experiment, which share one running clock.
@@ -209,7 +248,7 @@ def read_experiment(
     paths : iterable of (str or Path)
         The files, in any order. Those whose times are dates, and TDMS waveforms that say when they started
         (``wf_start_time``), are laid on the clock of the earliest.
-    input_column, output_column, time_column, allow_gaps, dt, rig
+    input_column, output_column, time_column, allow_gaps, dt, resample, reading, input_unit, output_unit, rig
         As in `read_recordings`, the same for all files.
 
     Returns
@@ -221,9 +260,16 @@ def read_experiment(
     DataError
         As `read_recordings` and `Experiment`.
     """
-    asked = {"input": input_column, "output": output_column, "time": time_column}
-    read = [_recordings(_table(path), asked, allow_gaps=allow_gaps, dt=dt, rig=rig) for path in paths]
-    return Experiment(recordings=on_one_clock([recording for recordings in read for recording in recordings]))
+    recordings = [
+        recording
+        for path in paths
+        for recording in read_recordings(
+            path, input_column=input_column, output_column=output_column, time_column=time_column,
+            allow_gaps=allow_gaps, dt=dt, resample=resample, reading=reading, input_unit=input_unit,
+            output_unit=output_unit, rig=rig,
+        )
+    ]  # fmt: skip
+    return Experiment(recordings=on_one_clock(recordings))
 
 
 def write_recording(path: str | Path, recording: Recording) -> None:
@@ -312,8 +358,22 @@ def _table(path: str | Path) -> Table:
 
 
 def _recordings(
-    table: Table, asked: Mapping[str, str | None], *, allow_gaps: bool, dt: float | None, rig: RigFile | None
+    table: Table,
+    asked: Mapping[str, str | None],
+    units: Mapping[str, str | None],
+    *,
+    allow_gaps: bool,
+    dt: float | None,
+    resample: float | None,
+    reading: ReadingTime,
+    rig: RigFile | None,
 ) -> tuple[Recording, ...]:
     """Return the recordings of a table, whose columns the user may have named."""
-    chosen = chosen_columns(table, asked)
-    return recordings_of(table, chosen, allow_gaps=allow_gaps, dt=dt, rig=rig, named_times=asked["time"])
+    chosen = chosen_columns(table, asked, units)
+    wanted = {column: unit for role, unit in units.items() if unit is not None for column in chosen[role]}
+    table = in_units(table, wanted)
+    require_known_units(table, [column for role in chosen if asked.get(role) is not None for column in chosen[role]])
+    return recordings_of(
+        table, chosen, allow_gaps=allow_gaps, dt=dt, resample=resample, reading=reading, rig=rig,
+        named_times=asked["time"],
+    )  # fmt: skip

@@ -8,12 +8,12 @@ from deatwin.plant.files.clock import even_pieces
 from deatwin.plant.files.formats.table import Table
 from deatwin.plant.files.times import TIME_UNITS, time_scale
 from deatwin.plant.files.units import UNITS, find_unit
+from deatwin.plant.files.usual import USUAL_TIMES
 from deatwin.plant.intake import clipped
+from deatwin.plant.resampling import resampling_options
 
-__all__ = ["USUAL_TIMES", "holds_times", "no_times", "time_column", "with_times"]
+__all__ = ["holds_times", "likely_times", "no_times", "time_column", "times_options", "with_times"]
 
-USUAL_TIMES = "time_s"
-"""The header of the times in the files that deatwin writes."""
 _TIME_NAMES = ("time", "t", "zeit", "temps", "时间")
 _STAMP_NAMES = ("ts", "timestamp", "datetime", "unixtime", "times", "seconds", "timesec", "elapsedtime")
 _LISTED = 5  # columns that an error text names
@@ -102,29 +102,73 @@ def _named_times(table: Table, taken: set[int], wanted: str) -> tuple[int, str]:
     return column, own or stated
 
 
-def holds_times(table: Table, column: int, unit: str) -> bool:
-    """Return whether a column can be the times: numbers or dates on an even clock, in no unit of another kind.
+def holds_times(table: Table, column: int, unit: str = "") -> bool:
+    """Return whether a column can be the times: increasing numbers or dates, in no unit of another kind.
 
     Parameters
     ----------
     table : Table
     column : int
         Counted from 0.
-    unit : str
-        What the user states as its unit; empty for none.
+    unit : str, optional
+        What the user states as its unit.
 
     Returns
     -------
     bool
     """
+    return _uneven(table, column, unit) is not None
+
+
+def likely_times(table: Table, taken: set[int]) -> list[int]:
+    """Return the columns that can be the times: those on an even clock, else those that can be brought onto one.
+
+    Parameters
+    ----------
+    table : Table
+    taken : set of int
+        Columns that are something else.
+
+    Returns
+    -------
+    list of int
+        Counted from 0.
+    """
+    ways = {k: way for k in range(len(table.headers)) if k not in taken and (way := _uneven(table, k)) is not None}
+    return [k for k, way in ways.items() if not way] or list(ways)
+
+
+def times_options(table: Table, column: int) -> str:
+    """Return the options of a command that take a column as the times.
+
+    Parameters
+    ----------
+    table : Table
+    column : int
+        Counted from 0; one for which `holds_times` is true.
+
+    Returns
+    -------
+    str
+    """
+    more = _uneven(table, column)
+    return f'--time-column "{table.unmistakable(column)}"{f" {more}" if more else ""}'
+
+
+def _uneven(table: Table, column: int, unit: str = "") -> str | None:
+    """Return the options that a column needs to be the times, empty where its clock is even; None where it cannot."""
     own = table.units[column]
     if UNITS[own].si not in ("", "s") or (own and unit and own != unit):
-        return False
+        return None
     try:
-        even_pieces(with_times(table, column, own or unit).si([column])[0], table.where, allow_gaps=False)
+        times = with_times(table, column, own or unit).si([column])[0]
     except DataError:
-        return False
-    return True
+        return None
+    try:
+        even_pieces(times, table.where, allow_gaps=False)
+    except DataError:
+        return resampling_options(times) or None
+    return ""
 
 
 def with_times(table: Table, column: int, unit: str) -> Table:
@@ -166,16 +210,16 @@ def no_times(table: Table, taken: set[int]) -> DataError:
     DataError
     """
     if table.nameless:
-        others = [k for k in range(len(table.headers)) if k not in taken and holds_times(table, k, "")]
-        example = f' "#{others[0] + 1}"' if others else " PLACE"
+        others = likely_times(table, taken)
+        example = times_options(table, others[0]) if others else "--time-column PLACE"
         return DataError(
             f"{table.path}, row {table.row(0)}: no header, so nothing says the times; name their column by its "
-            f"place (--time-column{example}), or give the sample time in seconds: --dt, in Python dt"
+            f"place ({example}), or give the sample time in seconds: --dt, in Python dt"
         )
-    likely = [k for k in range(len(table.headers)) if k not in taken and holds_times(table, k, "")]
-    named = f' "{table.unmistakable(likely[0])}"' if len(likely) == 1 else " NAME"
+    likely = likely_times(table, taken)
+    named = times_options(table, likely[0]) if len(likely) == 1 else "--time-column NAME"
     advice = (
-        f"the times need this name, or a unit: (s) behind or below their name; or name them: --time-column{named}; "
+        f"the times need this name, or a unit: (s) behind or below their name; or name them: {named}; "
         "for evenly sampled values without times give the sample time in seconds: --dt, in Python dt"
     )
     near = table.near(USUAL_TIMES, lambda column: column in likely)

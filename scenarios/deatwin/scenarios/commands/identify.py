@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING, Annotated, Any, TypedDict
 
 import typer
 
-from deatwin.scenarios.options import AllowGaps, InputColumn, Json, OutputColumn, Quiet, SampleTime, TimeColumn
+from deatwin.scenarios.options import (
+    AllowGaps,
+    InputColumn,
+    Json,
+    OutputColumn,
+    Quiet,
+    Resample,
+    SampleTime,
+    TimeColumn,
+)
 from deatwin.scenarios.voice import Voice, complain
 
 if TYPE_CHECKING:
@@ -54,6 +63,21 @@ MethodOption = Annotated[
 FirstInputLag = Annotated[
     int, typer.Option(min=0, help="First lag of the input: 0 where a reading ends its row, as on the rig, else 1.")
 ]
+
+
+def _decimation(value: str | None) -> str | None:
+    if value not in (None, "auto") and not (value.isascii() and value.isdigit() and int(value) > 0):
+        raise typer.BadParameter(f"{value} is neither auto nor a whole number of at least 1")
+    return value
+
+
+Decimation = Annotated[
+    str | None,
+    typer.Option(
+        "--decimate", metavar="auto|N", callback=_decimation,
+        help="Keep every N-th sample after a low-pass filter; auto chooses N by the output's correlation.",
+    ),
+]  # fmt: skip
 MaxTerms = Annotated[int, typer.Option(min=1, help="Largest number of terms (not for svb).")]
 
 
@@ -77,6 +101,8 @@ def identify(
     time_column: TimeColumn = None,
     allow_gaps: AllowGaps = False,
     dt: SampleTime = None,
+    resample: Resample = None,
+    decimation: Decimation = None,
     report: ReportFolder = None,
     as_json: Json = False,
     quiet: Quiet = False,
@@ -92,13 +118,17 @@ def identify(
 
     from deatwin.plant.checks import require_excitation
     from deatwin.plant.files import read_recordings
+    from deatwin.plant.rigs.base import ReadingTime
     from deatwin.scenarios.folder import ResultFolder, require_place
+    from deatwin.scenarios.given import clock_notes
     from deatwin.scenarios.provenance import RunRecord, hashes
+    from deatwin.scenarios.thinning import thinned
 
     if input_lags < first_input_lag:
         raise typer.BadParameter(
             f"the last lag, {input_lags}, lies before the first, {first_input_lag}", param_hint="--input-lags"
         )
+    reading = ReadingTime.START_OF_HOLD if first_input_lag else ReadingTime.END_OF_HOLD
     voice = Voice(as_json=as_json, quiet=quiet)
     require_place(out, recordings)
     with nullcontext() if report is None else ResultFolder(report) as folder:
@@ -106,10 +136,15 @@ def identify(
         read = partial(
             read_recordings,
             input_column=input_column, output_column=output_column, time_column=time_column,
-            allow_gaps=allow_gaps, dt=dt,
+            allow_gaps=allow_gaps, dt=dt, resample=resample, reading=reading,
         )  # fmt: skip
         records = [record for path in recordings for record in read(path)]
+        notes = clock_notes(records)
         require_excitation(records)
+        fewer = thinned(records, decimation, reading, held_out=HELD_OUT)
+        records, notes = fewer.records, [*notes, *fewer.notes]
+        for note in notes:
+            voice.say(note)
         lags: Candidates = {
             "output_lags": output_lags, "input_lags": range(first_input_lag, input_lags + 1), "degree": degree
         }  # fmt: skip
@@ -130,17 +165,20 @@ def identify(
             voice.say(identifier.status_.value)
         voice.say(f"model: {out}")
         if folder is not None:
-            _write_report(folder, record, model, method, [unseen for _, unseen in pieces], identifier.status_.ok)
+            _write_report(folder, record, model, method, [unseen for _, unseen in pieces], identifier.status_.ok, notes)
             voice.say(f"report: {folder.path / 'report.html'}")
         terms = {str(term): float(value) for term, value in zip(model.terms, model.theta, strict=True)}
-        voice.result({"out": str(out), "terms": terms, "complete": identifier.status_.ok, "unseen": errors})
+        voice.result({
+            "out": str(out), "terms": terms, "complete": identifier.status_.ok, "unseen": errors, "clocks": notes
+        })  # fmt: skip
         if not identifier.status_.ok:
             raise typer.Exit(130)
 
 
 def _write_report(
-    folder: ResultFolder, record: RunRecord, model: NarxModel, method: Method, unseen: list[Recording], complete: bool
-) -> None:
+    folder: ResultFolder, record: RunRecord, model: NarxModel, method: Method, unseen: list[Recording], complete: bool,
+    notes: list[str],
+) -> None:  # fmt: skip
     import json
 
     from deatwin.ident.narx import validate
@@ -153,8 +191,9 @@ def _write_report(
     except ModelError as error:
         why_not = str(error)
     found = Identified(
-        model=model, method=method.value, unseen=unseen, validation=validation, why_not=why_not, complete=complete
-    )
+        model=model, method=method.value, unseen=unseen, validation=validation, why_not=why_not, complete=complete,
+        clocks=notes,
+    )  # fmt: skip
     write_identified(found, folder, record)
     folder.remove_former(r"figures/\w+\.csv")
     folder.text("run.json", json.dumps(record.finished([*folder.written, "run.json"]), indent=1) + "\n")
@@ -174,9 +213,17 @@ def _identifier(method: Method, lags: Candidates, max_terms: int) -> NarxIdentif
 
 def _say(voice: Voice, model: NarxModel, errors: list[dict[str, Any]], labels: list[str]) -> None:
     """Terms with their intervals, and how the model does on what it has not seen."""
-    unit = f" {model.output_units[0]}" if model.output_units[0] else ""
-    for term, value, variance in zip(model.terms, model.theta, model.theta_cov.diagonal(), strict=True):
-        voice.say(f"{value:>14.6g} ± {1.96 * variance**0.5:<12.3g} {term}")
+    import numpy as np
+
+    from deatwin.ident.narx.shown import shown_units
+
+    unit = f" {model.output_units[0]}" if model.output_units[0] not in ("", "1") else ""
+    shown = shown_units(model)
+    half = 1.96 * np.sqrt(model.theta_cov.diagonal()) * shown.factors
+    for term, value, width in zip(model.terms, model.theta * shown.factors, half, strict=True):
+        voice.say(f"{value:>14.6g} ± {width:<12.3g} {term}")
+    if shown.legend:
+        voice.say(f"  ({shown.legend})")
     for label, error in zip(labels, errors, strict=True):
         free = f"{error['free_run']:.4g}{unit}" if error["finished"] else f"{error['free_run']:.4g}{unit} (diverged)"
         voice.say(f"{label}, unseen part: one step {error['one_step']:.4g}{unit} rms, free run {free} rms")

@@ -64,10 +64,20 @@ class TestNoHeader:
         advice = dict(re.findall(r'--(\w+)-column "(#\d)"', str(told.value)))
         check(read_recording(path, **{f"{role}_column": place for role, place in advice.items()}))
 
-    def test_uneven_times_are_not_advised(self, write) -> None:
-        path = write(*rows(lambda k: str(k**2)))
+    def test_a_column_that_does_not_increase_is_not_advised_as_times(self, write) -> None:
+        path = write(*rows(lambda k: str(k % 3)))
         with pytest.raises(DataError, match=r'no header.*--output-column "#2" --dt SECONDS'):
             read_recording(path)
+
+    def test_uneven_times_are_advised_with_a_clock_that_works(self, write) -> None:
+        path = write(*rows(lambda k: f"{0.02 * k + 0.004 * (k % 2):.3f}"))
+        with pytest.raises(DataError, match=r"row 1: no header") as told:
+            read_recording(path)
+        found = re.search(r'--time-column "(#\d)" --resample (\S+) ', str(told.value))
+        assert found
+        recording = read_recording(path, time_column=found[1], resample=float(found[2]), **BY_PLACE)
+        assert recording.sample_time == pytest.approx(0.02, rel=0.25)
+        assert "interpolated" in recording.provenance["resampled"]
 
     @pytest.mark.parametrize("header", ["time,1,2", "0.1;u;y"])
     def test_a_header_that_holds_numbers_is_no_sample(self, write, header: str) -> None:

@@ -17,10 +17,9 @@ import numpy as np
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.csvtable import CsvTable, read_bytes
 from deatwin.plant.files.csvtext import decode, is_number
-from deatwin.plant.files.formats.arrays import spelt_unit
 from deatwin.plant.files.formats.table import Declared, Timing
 from deatwin.plant.files.times import BEGAN, moment
-from deatwin.plant.files.units import split_unit
+from deatwin.plant.files.units import find_unit, for_name, split_unit
 from deatwin.plant.intake import COLUMNS, ROWS, TEXT_BYTES, clipped
 
 __all__ = ["read_lvm"]
@@ -167,7 +166,8 @@ def _table(segments: list[_Segment], separator: str, x_columns: str, path: str, 
             ]
     lines = lines if timing else _on_one_clock(segments, lines, separator)
     headers = [f"{name} {k}" if name == "X_Value" and k else name for k, name in enumerate(first.names)]
-    units = [_unit(first, k, path) for k in range(len(headers))]
+    said = _labels(first)
+    units = [_unit(header, label, path) for header, label in zip(headers, said, strict=True)]
     split = [split_unit(header)[0] for header in headers]
     if not timing:
         units[0], split[0] = "s", "time"
@@ -180,23 +180,27 @@ def _table(segments: list[_Segment], separator: str, x_columns: str, path: str, 
         names=tuple(split),
         units=tuple(units),
         declared=Declared(timing=timing, provenance={} if absolute else _began(first)),
+        said=said,
         lines=lines,
         rows=[row for segment in segments for row in segment.rows],
         delimiter=separator,
     )
 
 
-def _unit(segment: _Segment, column: int, path: str) -> str:
-    """Return the unit of a column, as its name or the header of its segment says."""
-    cells = segment.header.get("Y_Unit_Label", [])
-    label = cells[column - 1] if 0 < column <= len(cells) else ""
-    own, stated = split_unit(segment.names[column])[1], spelt_unit(label)
-    if own and stated and own != stated:
+def _labels(segment: _Segment) -> tuple[str, ...]:
+    """Return what the header of a segment says as the unit of each column; empty where it says nothing."""
+    cells = ["", *segment.header.get("Y_Unit_Label", [])]  # the first column holds the x values
+    return tuple(cells[k] if k < len(cells) else "" for k in range(len(segment.names)))
+
+
+def _unit(header: str, label: str, path: str) -> str:
+    """Return the unit of a column, as its name or its label says."""
+    (name, own), stated = split_unit(header), find_unit(label)
+    if own and stated and own not in (stated, for_name(name, stated)):
         raise DataError(
-            f'{path}, column "{clipped(segment.names[column])}": its name says {own}, its Y_Unit_Label {stated}; '
-            "correct one"
+            f'{path}, column "{clipped(header)}": its name says {own}, its Y_Unit_Label {stated}; correct one'
         )
-    return own or stated
+    return for_name(name, stated) or own
 
 
 def _began(segment: _Segment) -> dict[str, str]:

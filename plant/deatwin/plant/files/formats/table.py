@@ -3,14 +3,14 @@
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.plant.errors import DataError, nearest
 from deatwin.plant.files.times import TimeScale
-from deatwin.plant.files.units import UNITS
+from deatwin.plant.files.units import UNITS, Unit, find_unit
 from deatwin.plant.intake import clipped
 
 __all__ = ["Declared", "Signal", "Table", "Timing", "is_place"]
@@ -130,6 +130,10 @@ class Table(ABC):
         Whether the file has no header, so that the headers are places: ``#1``, ``#2``.
     scales : mapping of int to TimeScale
         How a column of times is read that does not hold plain numbers of its unit.
+    said : tuple of str
+        What the file says as the unit of each column beside its header, in its own spelling; empty where nothing is.
+    wanted : mapping of int to Unit
+        Columns that are wanted in another unit than SI, and the way there.
     """
 
     path: str
@@ -140,6 +144,8 @@ class Table(ABC):
     declared: Declared = Declared()
     nameless: bool = False
     scales: Mapping[int, TimeScale] = field(default_factory=dict)
+    said: tuple[str, ...] = ()
+    wanted: Mapping[int, Unit] = field(default_factory=dict)
 
     @abstractmethod
     def first(self, column: int) -> str:
@@ -173,7 +179,7 @@ class Table(ABC):
 
     @abstractmethod
     def si(self, columns: Sequence[int]) -> NDArray[np.float64]:
-        """Return columns as numbers in SI units.
+        """Return columns as numbers in SI units, or in those of `wanted`.
 
         Parameters
         ----------
@@ -189,6 +195,24 @@ class Table(ABC):
         DataError
             If a value of them is missing or not a finite number; the text names row and column.
         """
+
+    def unit(self, column: int) -> Unit:
+        """Return the unit of a column, which leads to the one in which it is wanted.
+
+        Parameters
+        ----------
+        column : int
+            Its number, counted from 0.
+
+        Returns
+        -------
+        Unit
+        """
+        known = self.units[column]
+        own = next((s.unit for s in self.declared.signals if s.header == self.headers[column]), "")
+        if known and find_unit(own) == known:  # a recording in a unit of its own, which is kept
+            return self.wanted.get(column, Unit(own))
+        return self.wanted.get(column, UNITS[known])
 
     def where(self, sample: int) -> str:
         """Return file and row of a sample, for an error text.
@@ -308,8 +332,8 @@ class Table(ABC):
         header = self.headers[column]
         for declared in self.declared.signals:
             if declared.header == header:
-                return declared
-        return Signal(role=role, name=self.names[column], unit=UNITS[self.units[column]].si, header=header)
+                return replace(declared, unit=self.wanted[column].si) if column in self.wanted else declared
+        return Signal(role=role, name=self.names[column], unit=self.unit(column).si, header=header)
 
     def listing(self) -> str:
         """Return the headers as one text, of many the first ones."""
