@@ -133,7 +133,7 @@ class GivenPlant:
         also = f"; {', '.join(likes)} would do" if len(likes) > 1 else ""
         raise DataError(
             f'{record.provenance.get("file", "recording")}: the column "{name}" gives no unit, and the plant takes it '
-            f'in {rig.output_unit}: write the unit behind its name, as in "{header_like(name, shown)}"{also}'
+            f'in {rig.output_unit}: it needs a header with the unit, as in "{header_like(name, shown)}"{also}'
         )
 
     def commands(self, file: str | Path) -> Recording:
