@@ -162,8 +162,7 @@ def read_split(path: Path) -> tuple[Recording, ...]:
     try:
         found = read_recordings(path, allow_gaps=True)
     except DeatwinError:
-        read_recordings(path, input_column="#2", output_column="#3", dt=0.02)
-        raise
+        return read_recordings(path, input_column="#2", output_column="#3", time_column="#1")
     read_experiment([path], allow_gaps=True)
     return found
 
@@ -237,11 +236,67 @@ def written(ending: str, save: Callable[[Path], None]) -> bytes:
 
 @cache
 def csv_seeds() -> tuple[bytes, ...]:
-    """Plain, described, with units in a line of their own, with decimal commas, in other encodings."""
+    """Plain, described, with units in a line of their own, decimal commas, blanks, dates, in other encodings."""
     described = written(".csv", lambda path: write_recording(path, recording()))
     units = "Zeit;command;displacement\n(s);(mV);(µm)\n0,00;1,5;2\n0,02;2,5;2\n0,04;1,5;3\n"
     quoted = '"time_s","command_V","displacement_mm"\n"0.00","1","2"\n"0.02","1.5","2"\n"0.04","1","2"\n'
-    return (CSV.encode(), described, units.encode(), units.encode("latin-1"), CSV.encode("utf-16"), quoted.encode())
+    nameless = "".join(f" {0.02 * k:.2e}  {k % 3}.0\t{k % 2}\n" for k in range(5))
+    blanks = f"# time_s command_V displacement_mm\n{nameless}"
+    dates = "time,command_V,displacement_mm\n" + "".join(f"2024-05-01T12:00:0{k}Z,{k % 3},1\n" for k in range(5))
+    unix = "timestamp,command_V,displacement_mm\n" + "".join(f"{1759181382000 + 20 * k},{k % 3},1\n" for k in range(5))
+    texts = (CSV, units, quoted, blanks, nameless, dates, unix)
+    return (described, units.encode("latin-1"), CSV.encode("utf-16"), *(text.encode() for text in texts))
+
+
+def lvm_text(separator: str, decimal: str, x_columns: str) -> str:
+    """A LabVIEW measurement of two segments, as NI's specification of the format has it."""
+    apart = [""] if x_columns == "Multi" else []
+
+    def row(tag: str, first: str, second: str) -> str:
+        return separator.join([tag, first, *apart, second, ""])
+
+    about = {
+        "LabVIEW Measurement": "", "Writer_Version": "2", "Reader_Version": "2",
+        "Separator": {"\t": "Tab", ",": "Comma"}[separator], "Decimal_Separator": decimal, "Multi_Headings": "Yes",
+        "X_Columns": x_columns, "Time_Pref": "Relative", "Date": "2024/05/01", "Time": f"12:00:00{decimal}25",
+        "***End_of_Header***": "",
+    }  # fmt: skip
+    lines = [f"{tag}{separator}{value}" for tag, value in about.items()]
+    for second in (0, 1):
+        lines += ["", row("Channels", "2", ""), row("Samples", "5", "5"), row("Date", "2024/05/01", "2024/05/01")]
+        lines.append(row("Time", *[f"12:00:0{second}{decimal}2500000000000000000"] * 2))
+        lines += [row("Y_Unit_Label", "Volts", "mm"), row("X_Dimension", "Time", "Time")]
+        lines += [row("X0", *["0.0".replace(".", decimal)] * 2), row("Delta_X", *["0.2".replace(".", decimal)] * 2)]
+        names = ["X_Value", "command", *["X_Value"] * len(apart), "displacement", "Comment"]
+        lines += ["***End_of_Header***", separator.join(names)]
+        for k in range(5):
+            x, u, y = (f"{value:.4f}".replace(".", decimal) for value in (0.2 * k, second + 0.5 * k, 0.25 * k))
+            x = "" if x_columns == "No" else x
+            lines.append(separator.join([x, u, *[x] * len(apart), y, *(['a "note"'] if k == 0 else [])]))
+    return "\r\n".join(lines)
+
+
+@cache
+def lvm_seeds() -> tuple[bytes, ...]:
+    """Each way to hold x values."""
+    ways = (("\t", ".", "No"), ("\t", ",", "One"), (",", ".", "Multi"))
+    return tuple(lvm_text(*way).encode() for way in ways)
+
+
+@cache
+def xlsx_seeds() -> tuple[bytes, ...]:
+    """A workbook with dates."""
+    from datetime import datetime, timedelta
+
+    import openpyxl
+
+    book = openpyxl.Workbook()
+    book.active.append(["time", "command_V", "displacement_mm"])
+    for k in range(6):
+        book.active.append([datetime(2024, 5, 1) + timedelta(milliseconds=100 * k), 1.5 * k, k % 2])
+    stream = io.BytesIO()
+    book.save(stream)
+    return (stream.getvalue(),)
 
 
 @cache
@@ -400,6 +455,8 @@ def table(ending: str, seeds: Callable[[], tuple[bytes, ...]]) -> Kind:
 
 RECORDINGS: Mapping[str, Kind] = {
     "csv": table(".csv", csv_seeds),
+    "lvm": table(".lvm", lvm_seeds),
+    "xlsx": table(".xlsx", xlsx_seeds),
     "mat": table(".mat", mat_seeds),
     "mat73": table(".mat", mat73_seeds),
     "tdms": table(".tdms", tdms_seeds),

@@ -25,8 +25,8 @@ from deatwin.plant.schemacheck import shape_fault, shipped_schema
 FUZZ = Path(__file__).parents[1] / "fuzz"
 MODULES = ("readers", "mutations", "studies")
 KINDS = (
-    "csv", "mat", "mat73", "tdms", "netcdf", "netcdf4", "rig", "plant", "narx", "linear", "diagnosis", "check",
-    "theta", "validation", "controller",
+    "csv", "lvm", "xlsx", "mat", "mat73", "tdms", "netcdf", "netcdf4", "rig", "plant", "narx", "linear",
+    "diagnosis", "check", "theta", "validation", "controller",
     "sweep seal", "study seal", "study key", "case", "control-check", "control-story",
     "concealed-physics", "concealed-physics-long", "scenarios", "story", "story run", "shown run", "former run",
     "public csv", "public mat", "public hdf5", "pull",
@@ -37,11 +37,12 @@ STUDIES = (
     "concealed-physics-long", "scenarios", "story", "story run", "shown run", "former run",
 )  # fmt: skip
 """JSON that studies keep."""
-BINARY = ("mat", "mat73", "tdms", "netcdf", "netcdf4", "case", "public mat", "public hdf5", "pull")
+BINARY = ("xlsx", "mat", "mat73", "tdms", "netcdf", "netcdf4", "case", "public mat", "public hdf5", "pull")
 """No text."""
 NEEDS = {
     "public hdf5": ["h5py"],
-    "mat73": ["h5py"], "tdms": ["nptdms"], "netcdf": ["xarray"], "netcdf4": ["xarray", "h5netcdf", "h5py"],
+    "xlsx": ["openpyxl"], "mat73": ["h5py"], "tdms": ["nptdms"],
+    "netcdf": ["xarray"], "netcdf4": ["xarray", "h5netcdf", "h5py"],
 }  # fmt: skip
 bounded = settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 json_values = st.recursive(

@@ -49,6 +49,7 @@ from deatwin.plant.model import Plant
 from deatwin.plant.model_error import Discrepancy
 from deatwin.plant.parameters import Parameter, ParameterSet, Scale
 from deatwin.plant.recording import Experiment, Recording
+from deatwin.plant.resampling import resample
 from deatwin.plant.rigs.base import ReadingTime, Rig, StartProcedure
 from deatwin.plant.rigs.bow_tie import BowTie
 from deatwin.plant.rigs.coupon import Coupon
@@ -134,5 +135,6 @@ __all__ = [
     "read_experiment",
     "read_recording",
     "read_rig",
+    "resample",
     "thesis_plant",
 ]

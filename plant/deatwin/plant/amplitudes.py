@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-__all__ = ["UNITS", "amplitude_unit", "written_amplitude"]
+__all__ = ["UNITS", "amount", "amplitude_unit", "axis_label", "reported_size", "written_amplitude"]
 
-UNITS: Mapping[str, tuple[str, float]] = {"m": ("um", 1e-6)}
-"""Units in which amplitudes are reported, with their SI size; others are reported in SI."""
+UNITS: Mapping[str, tuple[str, float]] = {"m": ("um", 1e-6), "1": ("", 1.0)}
+"""Units in which amplitudes are reported, with their SI size; others are reported in SI, a pure number without one."""
 
 
 def amplitude_unit(output_unit: str) -> tuple[str, float]:
@@ -41,3 +41,64 @@ def written_amplitude(output_unit: str) -> tuple[str, float]:
     """
     name, size = amplitude_unit(output_unit)
     return ("µm" if name == "um" else name), size
+
+
+def amount(number: str, unit: str) -> str:
+    """A number with its unit; without one where it is pure or its unit is not known.
+
+    Parameters
+    ----------
+    number : str
+        As it is to be written.
+    unit : str
+        ``"1"`` and an empty text are none.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> amount("2.6", "V"), amount("2.6", "1")
+    ('2.6 V', '2.6')
+    """
+    return number if unit in ("", "1") else f"{number} {unit}"
+
+
+def axis_label(name: str, unit: str) -> str:
+    """What an axis shows, with its unit in brackets if it has one.
+
+    Parameters
+    ----------
+    name : str
+        The quantity.
+    unit : str
+        ``"1"`` and an empty text are none.
+
+    Returns
+    -------
+    str
+    """
+    return name if unit in ("", "1") else f"{name} ({unit})"
+
+
+def reported_size(reported: str, output_unit: str) -> float:
+    """Size of the unit in which a result states amplitudes, in that of the readings.
+
+    Parameters
+    ----------
+    reported : str
+        As `amplitude_unit` gave it.
+    output_unit : str
+        Of the recording; what is no metre is reported as it is read.
+
+    Returns
+    -------
+    float
+
+    Examples
+    --------
+    >>> reported_size("um", "m"), reported_size("um", "um"), reported_size("rpm", "rpm")
+    (1e-06, 1.0, 1.0)
+    """
+    return 1.0 if reported == output_unit else dict(UNITS.values()).get(reported, 1.0)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deatwin.plant.errors import DataError
-from deatwin.plant.files.columns import usual_unit
+from deatwin.plant.files.usual import usual_unit
 
 # Two clocks that drift apart by less than this share of a sample over a record count as one.
 _CLOCK_TOLERANCE = 0.1

@@ -13,6 +13,7 @@ from deatwin.ident.frequency.output_responses.excitation import TestSignal
 from deatwin.ident.frequency.output_responses.powers import AMPLIFICATION
 from deatwin.ident.frequency.output_responses.result import Nofrf, NofrfStatus
 from deatwin.ident.narx import Reliance
+from deatwin.plant.amplitudes import amount
 from deatwin.scenarios.folder import ResultFolder
 from deatwin.scenarios.frequency_responses import Responses, columns_of, first_columns, symbol_of, written
 from deatwin.scenarios.provenance import RunRecord
@@ -102,7 +103,7 @@ def _drawings(found: Responses, folder: ResultFolder) -> Iterator[Drawing]:
     from deatwin.ident.frequency.drawing import bode
 
     point, unit = float(found.first.point.operating_input[0]), found.model.input_units[0]
-    at = f"About {point:.4g} {unit}".rstrip()
+    at = f"About {amount(f'{point:.4g}', unit)}"
     with draw((7.4, 5.2)) as figure:
         panels = figure.subplots(2, 1, sharex=True)
         bode(found.first, panels)
@@ -166,7 +167,7 @@ def _page(found: Responses, drawings: list[Drawing]) -> StoryPage:
     messages = list(found.lines)
     point, unit = found.first.point, found.model.input_units[0]
     orders = "order 1" if len(found.gfrfs) == 1 else f"orders 1 to {len(found.gfrfs)}"
-    about = f"{point.operating_input[0]:.4g} {unit}".rstrip()
+    about = amount(f"{point.operating_input[0]:.4g}", unit)
     ranges = Table(
         title="Where each order of the output can have energy", columns=["order", "Hz"],
         rows=[[str(n), written(bands)] for n, bands in enumerate(found.ranges_Hz, start=1)],

@@ -20,6 +20,7 @@ from deatwin.ident.frequency.output_responses.ranges import output_frequencies
 from deatwin.ident.frequency.output_responses.result import Nofrf, NofrfStatus, NofrfWarning
 from deatwin.ident.frequency.uncertainty.propagate import Propagated, UncertaintyStatus, UncertaintyWarning, propagate
 from deatwin.ident.narx import NarxModel, Reliance
+from deatwin.plant.amplitudes import amount
 from deatwin.plant.errors import ModelError
 
 __all__ = ["Responses", "columns_of", "first_columns", "respond", "symbol_of", "written"]
@@ -117,17 +118,17 @@ class Responses:
         """What there is to say, in lines."""
         point, unit = self.first.point, self.model.input_units[0]
         yield from self.caveats
-        yield f"operating input {point.operating_input[0]:.4g} {unit}".rstrip() + f": {self.first.status.value}"
+        yield f"operating input {amount(f'{point.operating_input[0]:.4g}', unit)}: {self.first.status.value}"
         if point.outputs.size > 1:
             others = ", ".join(
                 f"{y:.4g} ({'stable' if stable else 'unstable'})"
                 for y, stable in zip(point.outputs, point.stable, strict=True)
             )
-            yield f"equilibria {others} {self.model.output_units[0]}".rstrip() + f"; {point.output:.4g} is taken"
+            yield f"equilibria {amount(others, self.model.output_units[0])}; {point.output:.4g} is taken"
         if self.beyond_training is not None:
             low, high = self.beyond_training
             yield (
-                f"the operating input lies outside the training inputs, {low:.4g} to {high:.4g} {unit}".rstrip()
+                "the operating input lies outside the training inputs, " + amount(f"{low:.4g} to {high:.4g}", unit)
                 + ": the responses are the model's extrapolation, and their bands do not tell of that"
             )
         if self.extrapolated:
@@ -149,7 +150,7 @@ class Responses:
                 yield f"{symbol_of(response)}: {law.advice}"
         if self.nofrfs is not None and self.signal is not None:
             yield (
-                f"NOFRFs: {self.nofrfs.status.value}; levels up to {self.signal.amplitude:.4g} {unit}".rstrip()
+                f"NOFRFs: {self.nofrfs.status.value}; levels up to {amount(f'{self.signal.amplitude:.4g}', unit)}"
                 + f", {self.nofrfs.highest} orders fitted, condition {self.nofrfs.condition:.3g}"
             )
             yield from _truncated(self.nofrfs)

@@ -9,14 +9,15 @@ from pathlib import Path
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.errors import DataError
 from deatwin.plant.files import read_commands, read_experiment
-from deatwin.plant.files.columns import COLUMNS
 from deatwin.plant.files.units import UNITS, split_unit
-from deatwin.plant.recording import Experiment, Recording
+from deatwin.plant.files.usual import COLUMNS, usual_unit
+from deatwin.plant.files.wanted import header_like, units_like
+from deatwin.plant.recording import Experiment, Recording, label
 from deatwin.plant.rigs.base import Rig
 from deatwin.plant.rigs.rigfile import RigFile, read_rig
 from deatwin.plant.sources import load_plant
 
-__all__ = ["GivenPlant", "reading_column"]
+__all__ = ["GivenPlant", "clock_notes", "reading_column"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -35,6 +36,10 @@ class GivenPlant:
         Columns asked for; by default those with the names of the plant's own signals.
     dt : float or None
         Sample time of files that hold no times, s.
+    time_column : str or None
+        Column of the times that was asked for.
+    resample : float or None
+        Sample time onto which recordings are brought, s.
     """
 
     source: str
@@ -43,6 +48,8 @@ class GivenPlant:
     input_column: str | None
     output_column: str | None
     dt: float | None = None
+    time_column: str | None = None
+    resample: float | None = None
 
     @classmethod
     def load(
@@ -52,6 +59,8 @@ class GivenPlant:
         input_column: str | None = None,
         output_column: str | None = None,
         dt: float | None = None,
+        time_column: str | None = None,
+        resample: float | None = None,
     ) -> GivenPlant:
         """Load the plant.
 
@@ -59,7 +68,7 @@ class GivenPlant:
         ----------
         source : str
             As in the class.
-        input_column, output_column, dt : optional
+        input_column, output_column, dt, time_column, resample : optional
             As in the class.
 
         Returns
@@ -77,9 +86,11 @@ class GivenPlant:
             source=source,
             model=model,
             described=read_rig(source) if source.endswith(".toml") else None,
-            input_column=input_column or _own_column(rig.input_name),
-            output_column=output_column or _own_column(rig.output_name),
+            input_column=input_column or _own_column(rig.input_name, rig.input_unit),
+            output_column=output_column or _own_column(rig.output_name, rig.output_unit),
             dt=dt,
+            time_column=time_column,
+            resample=resample,
         )
 
     def experiment(self, files: Iterable[str | Path], *, allow_gaps: bool = False) -> Experiment:
@@ -99,11 +110,13 @@ class GivenPlant:
         Raises
         ------
         DataError
-            If they cannot be read, or the readings are in no unit of the rig's.
+            If they cannot be read, or are in other units than the rig takes.
         """
+        rig = self.model.plant.rig
         read = read_experiment(
-            files, input_column=self.input_column, output_column=self.output_column, allow_gaps=allow_gaps,
-            dt=self.dt, rig=self.described,
+            files, input_column=self.input_column, output_column=self.output_column, time_column=self.time_column,
+            allow_gaps=allow_gaps, dt=self.dt, resample=self.resample, reading=rig.reading,
+            input_unit=rig.input_unit, output_unit=rig.output_unit, rig=self.described,
         )  # fmt: skip
         for record in read.recordings:
             self._require_unit(record)
@@ -112,12 +125,15 @@ class GivenPlant:
     def _require_unit(self, record: Recording) -> None:
         """A reading in mm without its unit would be taken for one in m."""
         rig, unit, name = self.model.plant.rig, record.output_units[0], record.output_names[0]
-        if rig.output_unit in ("", "1") or unit == rig.output_unit:
+        if unit or rig.output_unit in ("", "1"):
             return
-        usual = split_unit(COLUMNS.get(rig.output_name, f"{rig.output_name}_{rig.output_unit}"))[1]
+        usual = usual_unit(rig.output_name) == rig.output_unit
+        shown = split_unit(COLUMNS[rig.output_name])[1] if usual else rig.output_unit
+        likes = units_like(rig.output_unit)
+        also = f"; {', '.join(likes)} would do" if len(likes) > 1 else ""
         raise DataError(
-            f'{record.provenance.get("file", "recording")}: the column "{name}" has the unit {unit or "(none)"}; it '
-            f'must be one like {usual}: write the unit behind its name, as in "{name}_{usual}"'
+            f'{record.provenance.get("file", "recording")}: the column "{name}" gives no unit, and the plant takes it '
+            f'in {rig.output_unit}: it needs a header with the unit, as in "{header_like(name, shown)}"{also}'
         )
 
     def commands(self, file: str | Path) -> Recording:
@@ -132,11 +148,15 @@ class GivenPlant:
         -------
         Recording
         """
-        return read_commands(file, input_column=self.input_column, dt=self.dt, rig=self.described)
+        rig = self.model.plant.rig
+        return read_commands(
+            file, input_column=self.input_column, time_column=self.time_column, dt=self.dt, resample=self.resample,
+            reading=rig.reading, input_unit=rig.input_unit, rig=self.described,
+        )  # fmt: skip
 
 
 def reading_column(rig: Rig) -> tuple[str, float]:
-    """Column header for a rig's readings, and how many of its units one SI unit is.
+    """Column header for a rig's readings, and how many of its units one of the rig's is.
 
     Parameters
     ----------
@@ -148,11 +168,34 @@ def reading_column(rig: Rig) -> tuple[str, float]:
     tuple of str and float
         For example ``("displacement_mm", 1000.0)``.
     """
-    header = COLUMNS.get(rig.output_name, f"{rig.output_name}_{rig.output_unit}")
-    unit = UNITS.get(split_unit(header)[1], UNITS[""])
-    return header, unit.denominator / unit.numerator
+    name, unit = rig.output_name, rig.output_unit
+    if usual_unit(name) != unit:  # of another kind, or in the rig's own unit
+        return (name if unit in ("", "1") else f"{name}_{unit}"), 1.0
+    shown = UNITS[split_unit(COLUMNS[name])[1]]
+    return COLUMNS[name], shown.denominator / shown.numerator
 
 
-def _own_column(name: str) -> str | None:
-    """A signal that recordings do not usually have is looked for under its own name."""
-    return None if name in ("command", "displacement") else name
+def _own_column(name: str, unit: str) -> str | None:
+    """A signal that recordings do not usually have, or not in this unit, is looked for under its own name."""
+    return None if name in ("command", "displacement") and usual_unit(name) == unit else name
+
+
+def clock_notes(records: Iterable[Recording]) -> list[str]:
+    """What was done to the clocks of recordings, a sentence each.
+
+    Parameters
+    ----------
+    records : iterable of Recording
+        As they were read.
+
+    Returns
+    -------
+    list of str
+        Empty where the files' own clocks are kept.
+    """
+    return [
+        f"{label(record)}: {said}"
+        for record in records
+        for key in ("resampled", "clock")
+        if (said := record.provenance.get(key))
+    ]

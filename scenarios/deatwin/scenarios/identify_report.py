@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.narx.shown import shown_units
 from deatwin.plant.amplitudes import amplitude_unit, written_amplitude
 from deatwin.plant.recording import label
 from deatwin.scenarios.folder import ResultFolder
@@ -53,6 +54,8 @@ class Identified:
         Whether the search for terms went to its end.
     notes : tuple of str
         What is to be known about the fit.
+    clocks : sequence of str
+        What was done to the sampling of the recordings.
     """
 
     model: NarxModel
@@ -62,6 +65,7 @@ class Identified:
     why_not: str = ""
     complete: bool = True
     notes: tuple[str, ...] = ()
+    clocks: Sequence[str] = ()
 
     @property
     def scale(self) -> float:
@@ -147,6 +151,8 @@ def write_identified(found: Identified, folder: ResultFolder, record: RunRecord)
     more = [] if unstable is None else unstable.sentences(found.model.output_units)
     paragraphs = [f"{text[:1].upper()}{text[1:]}." for text in (said, *more)]
     notes = [Note(title="What the residual says", paragraphs=paragraphs)]
+    if found.clocks:
+        notes.append(Note(title="Sampling", paragraphs=[f"{said}." for said in found.clocks]))
     if not found.complete:
         notes.append(Note(title="Interrupted", paragraphs=["The search for terms was stopped before its end."]))
     if found.notes:
@@ -244,12 +250,14 @@ def _rows(found: Identified, runs: Sequence[NarxResponse]) -> list[Row]:
 
 
 def _table(model: NarxModel) -> Table:
+    from deatwin.ident.narx.names import symbols_of
     from deatwin.ident.narx.written import origins
 
-    half = 1.96 * np.sqrt(np.maximum(model.theta_cov.diagonal(), 0.0))
+    shown, symbols = shown_units(model), symbols_of(model.input_names, model.output_names)
+    half = 1.96 * np.sqrt(np.maximum(model.theta_cov.diagonal(), 0.0)) * shown.factors
     rows = [
-        [str(term), f"{value:.6g}", f"± {width:.3g}"]
-        for term, value, width in zip(model.terms, model.theta, half, strict=True)
+        [term.written(symbols), f"{value:.6g}", f"± {width:.3g}"]
+        for term, value, width in zip(model.terms, model.theta * shown.factors, half, strict=True)
     ]
-    title = f"The model{origins(model)}".replace("\n", ", ")
+    title = f"The model{origins(model)}".replace("\n", ", ") + (f", {shown.legend}" if shown.legend else "")
     return Table(title=title, columns=["term", "parameter", "95 % interval"], rows=rows)

@@ -18,9 +18,11 @@ __all__ = [
     "OutFolder",
     "OutputColumn",
     "Quiet",
+    "Resample",
     "RigSource",
     "SampleTime",
     "Seed",
+    "TimeColumn",
     "complete_effects",
     "fold_experiments",
     "unfold_experiment",
@@ -41,6 +43,10 @@ OutputColumn = Annotated[
     str | None,
     typer.Option(metavar="NAME", help="Header of the output column, or its place."),
 ]
+TimeColumn = Annotated[
+    str | None,
+    typer.Option(metavar="NAME[=UNIT]", help="Header of the column of times, or its place; =ms states its unit."),
+]
 AllowGaps = Annotated[bool, typer.Option("--allow-gaps", help="Split a record at its gaps and keep the clock.")]
 
 
@@ -60,6 +66,13 @@ SampleTime = Annotated[
     float | None,
     typer.Option("--dt", metavar="SECONDS", callback=_positive, help="Sample time of files that hold no times."),
 ]
+Resample = Annotated[
+    float | None,
+    typer.Option(
+        metavar="SECONDS", callback=_positive,
+        help="Bring samples at uneven times, or too many, onto an even clock of this sample time.",
+    ),
+]  # fmt: skip
 Experiments = Annotated[
     list[str] | None,
     typer.Option(

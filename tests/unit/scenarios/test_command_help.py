@@ -28,7 +28,7 @@ PROGRAM = "import sys; from deatwin.scenarios.cli import main; sys.exit(main())"
 SHARED = {
     "quiet": options.Quiet, "as_json": options.Json, "jobs": options.Jobs, "seed": options.Seed,
     "allow_gaps": options.AllowGaps, "dt": options.SampleTime, "input_column": options.InputColumn,
-    "output_column": options.OutputColumn,
+    "output_column": options.OutputColumn, "time_column": options.TimeColumn,
 }  # fmt: skip
 COLOUR = re.compile(r"\x1b\[[0-9;]*(?:3[0-7]|9[0-7]|38;[0-9;]+)m")
 

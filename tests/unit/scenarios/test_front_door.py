@@ -36,6 +36,12 @@ from deatwin.plant import Coupon, Plant
 def strip():
     return Plant(rig=Coupon(sample_time=0.1))
 
+class Ratio(Coupon):
+    output_unit = "1"
+
+def ratio():
+    return Plant(rig=Ratio(sample_time=0.1))
+
 def number():
     return 3
 
@@ -62,6 +68,27 @@ def decimals(*rows: str, header: str = "time_s;command_V") -> str:
     return "\n".join([header, *rows]) + "\n"
 
 
+def stamped(form: str) -> str:
+    """Samples at whole seconds of a minute."""
+    return "".join(f"{form.format(k)},{2 + math.sin(k):.4f},0.3\n" for k in range(10))
+
+
+LVM = """\
+LabVIEW Measurement\t
+Separator\tTab
+Decimal_Separator\t.
+X_Columns\tNo
+***End_of_Header***\t
+Channels\t2\t\t
+Y_Unit_Label\tV\tmm\t
+X_Dimension\tTime\tTime\t
+X0\t0.0\t0.0\t
+Delta_X\t0.02\t0.02\t
+***End_of_Header***\t\t\t
+X_Value\tcommand\tdisplacement\tComment
+\t1.0\t0.5
+\t2.0\t0.6
+"""
 DESCRIPTION = '# deatwin/recording/1 {"schema": "%s", "sample_time": 0.02, "signals": [], "provenance": {}}\n' + table()
 DATED = (
     '# deatwin/recording/1 {"schema": "deatwin/recording/1", "sample_time": 0.02, "signals": '
@@ -80,6 +107,8 @@ FILES = {
     "volts.csv": table("t,voltage,disp_V"),
     "extra.csv": table("time_s,command_V,displacement_mm,curent_uA"),
     "double.csv": table("time_s,command_V,command_V"),
+    "outage.csv": table(**{f"row_{k}": "" for k in range(20, 30)}),
+    "ratio.csv": table("time_s,extension,stretch_mm"),
     "gap.csv": table(row_22="", row_23="", row_24=""),
     "constant.csv": HEADER + "".join(f"\n{0.02 * k:.2f},2.0,0.3" for k in range(40)),
     "nan.csv": table(row_8="0.12,nan,0.3"),
@@ -94,7 +123,25 @@ FILES = {
     "one.csv": table(samples=1),
     "header.csv": HEADER + "\n",
     "headless.csv": table().partition("\n")[2],
-    "blanks.csv": table().replace(",", " "),
+    "blanks.csv": table("time_s,command_V").replace(",", " "),
+    "holes.dat": table(row_8="0.12,0.3").replace(",", " "),
+    "numbers.csv": table("time,1,2"),
+    "clocks.csv": table("time,t,command_V"),
+    "naive.csv": table("time,command_V,displacement_mm", samples=0) + stamped("2024-05-01 12:00:0{}"),
+    "zoned.csv": table("time,command_V,displacement_mm", samples=0) + stamped("2024-05-01T13:00:0{}Z"),
+    "dates.csv": table("time,command_V,displacement_mm", samples=0) + stamped("2024-05-01 12:00:0{}") + "soon,1,2\n",
+    "good.lvm": LVM,
+    "fake.lvm": table(),
+    "bar.lvm": LVM.replace("Tab", "Bar"),
+    "frequency.lvm": LVM.replace("Time\tTime\t", "Frequency\tFrequency\t"),
+    "labels.lvm": LVM.replace("\tcommand\t", "\tcommand_mV\t"),
+    "steps.lvm": LVM.replace("Delta_X\t0.02", "Delta_X\t0.01"),
+    "others.lvm": LVM + LVM.partition("***End_of_Header***")[2].replace("displacement", "force"),
+    "multi.lvm": LVM.replace("X_Columns\tNo", "X_Columns\tMulti")
+    .replace("command\tdis", "command\tX_Value\tdis")
+    .replace("\n\t", "\n0.1\t").replace("\t1.0\t", "\t1.0\t0.2\t"),
+    "old.xls": "not a recording",
+    "fake.xlsx": "not a recording",
     "nameless.csv": table("time_s,command_V"),
     "blank.csv": "",
     "film.csv": HEADER + "".join(f"\n{0.02 * k:.2f},{2000 + k},0.3" for k in range(40)),
@@ -194,6 +241,10 @@ NOT_FROM_THE_COMMAND_LINE = {
     "evidence.py: there is no block": "as above",
     "documents.py: numbers, texts and lists; at most": "a file of 60 MB; test_intake.py makes it",
     "arrays.py: columns; at most": "as of a CSV",
+    "lvm.py: columns; at most": "as of a CSV",
+    "lvm.py: lines; at most": "as of a CSV",
+    "xlsx.py: sheets hold cells": "a workbook, which test_files_xlsx.py makes",
+    "xlsx.py: unpacks to": "as above",
     "unpacked.py: more entries of a cell or struct": "no library writes such a file; test_intake.py does",
     "unpacked.py: no element can be of type": "no library writes such a file; test_readers_fuzzed.py does",
     "apart.py: .*: .*": "what crashes a library today need not tomorrow; test_apart.py makes it",

@@ -16,7 +16,7 @@ from deatwin.control.checking.verdict import Finding, worst
 from deatwin.control.controllers.base import Controller
 from deatwin.control.loop.closed_loop import ClosedLoop
 from deatwin.control.loop.predicted import PredictedLoop
-from deatwin.plant.amplitudes import written_amplitude
+from deatwin.plant.amplitudes import amount, written_amplitude
 from deatwin.plant.documents import read_document, write_document
 from deatwin.plant.drawing import axes_or_new
 
@@ -94,7 +94,7 @@ class Check:
         if not points:
             return ""
         low, high = (f"{point:.3g}" for point in (min(points), max(points)))
-        return f" at inputs of {low if low == high else f'{low} to {high}'} {self.operating.input_unit}".rstrip()
+        return " at inputs of " + amount(low if low == high else f"{low} to {high}", self.operating.input_unit)
 
     @property
     def least_margins(self) -> dict[str, float]:
@@ -119,7 +119,7 @@ class Check:
         )  # fmt: skip
         return (
             f"{self.verdict.value}: the {tuned.name} controller with a closed-loop time of "
-            f"{tuned.closed_loop_time:.2g} s at {f'{at.input:.3g} {at.input_unit}'.rstrip()} (crossover there "
+            f"{tuned.closed_loop_time:.2g} s at {amount(f'{at.input:.3g}', at.input_unit)} (crossover there "
             f"{self.margins.crossover_Hz:.2g} Hz; at worst {margins}): {self.reason}.{self._warned}"
         )
 

@@ -15,6 +15,7 @@ from deatwin.control.controllers.base import Controller, require_factor
 from deatwin.control.controllers.law import Law
 from deatwin.control.controllers.linear import LinearController
 from deatwin.control.errors import ControlError
+from deatwin.plant.amplitudes import amount
 from deatwin.plant.datasets import dataset
 from deatwin.plant.drawing import axes_or_new
 
@@ -77,8 +78,8 @@ class StaticCurve:
         if not (np.all(steps > 0.0) or np.all(steps < 0.0)):
             turn = int(np.argmax(np.sign(steps) != np.sign(steps[0])))
             raise ControlError(
-                f"the static curve turns at {self.inputs[turn]:.4g} {self.input_unit}: it cannot be inverted there; "
-                "choose a range of the command on one side of it"
+                f"the static curve turns at {amount(f'{self.inputs[turn]:.4g}', self.input_unit)}: it cannot be "
+                "inverted there; choose a range of the command on one side of it"
             )
 
     def to_xarray(self) -> Any:

@@ -25,6 +25,7 @@ from deatwin.ident.narx.covariance import transformed
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.operating import OperatingRange
 from deatwin.ident.narx.terms import Term, Variable
+from deatwin.plant.amplitudes import amount
 from deatwin.plant.errors import ModelError
 
 Array = NDArray[np.float64]
@@ -89,7 +90,7 @@ def equilibrium(model: NarxModel, operating_input: ArrayLike | None = None) -> E
     target = operating_input_of(model, operating_input)
     roots = _real_equilibria(model, target)
     if roots.size == 0:
-        inputs = ", ".join(f"{value:.6g} {unit}".strip() for value, unit in zip(target, model.input_units, strict=True))
+        inputs = ", ".join(amount(f"{value:.6g}", unit) for value, unit in zip(target, model.input_units, strict=True))
         raise ModelError(f"the model has no real equilibrium at the input {inputs}; its free run cannot settle there")
     poles = [poles_of(*feedback(model, levels(model, target, float(output)))) for output in roots]
     stable = np.array([bool(np.all(np.abs(p) < 1.0)) for p in poles])
@@ -265,7 +266,7 @@ def _shifted_range(model: NarxModel, point: Equilibrium) -> OperatingRange | Non
 
 def _written(model: NarxModel, point: Equilibrium) -> str:
     values, units = (*point.operating_input, point.output), (*model.input_units, *model.output_units)
-    return ", ".join(f"{value:.9g} {unit}".strip() for value, unit in zip(values, units, strict=True))
+    return ", ".join(amount(f"{value:.9g}", unit) for value, unit in zip(values, units, strict=True))
 
 
 def expand(term: Term, inputs: Array, output: Any) -> Iterator[tuple[Term, Any, Any]]:

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any, Self
 
 from deatwin.ident.mismatch.evidence import Evidence
 from deatwin.ident.mismatch.layout import draw_residuals
-from deatwin.ident.mismatch.prefixes import prefixed
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.documents import read_document, write_document
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError
+from deatwin.plant.prefixes import prefixed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

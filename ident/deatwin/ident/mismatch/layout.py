@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from deatwin.plant.files.units import UNITS
+from deatwin.plant.amplitudes import reported_size
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -68,7 +68,7 @@ def laid_out(evidence: Evidence, unit: str) -> tuple[Stretch, ...]:
     tuple of Stretch
         One for each record. One experiment keeps its clock; several are drawn one after another.
     """
-    known = UNITS.get(unit, UNITS[""])
+    size = reported_size(unit, evidence.experiments[0].recordings[0].output_units[0])
     many = len(evidence.experiments) > 1
     space = SPACE * sum(e.end - e.start for e in evidence.experiments)
     found: list[Stretch] = []
@@ -76,15 +76,15 @@ def laid_out(evidence: Evidence, unit: str) -> tuple[Stretch, ...]:
     for number, experiment in enumerate(evidence.experiments):
         offset = shift - experiment.start if many else 0.0
         for place, record in enumerate(experiment.recordings):
-            amended = None if evidence.amended is None else known.from_si(evidence.amended[number][place])
+            amended = None if evidence.amended is None else evidence.amended[number][place] / size
             found.append(
                 Stretch(
                     experiment=number + 1,
                     clock=record.timepts,
                     axis=record.timepts + offset,
                     command=record.inputs[0],
-                    measured=known.from_si(record.outputs[0]),
-                    base=known.from_si(evidence.base[number][place]),
+                    measured=record.outputs[0] / size,
+                    base=evidence.base[number][place] / size,
                     amended=amended,
                     unseen=evidence.unseen[number][place],
                     sample_time=record.sample_time,

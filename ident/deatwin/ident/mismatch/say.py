@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from deatwin.ident.mismatch.diagnosis import Cause, Diagnosis, Interval, Verdict
-from deatwin.ident.mismatch.prefixes import resolving
 from deatwin.plant.effects.catalogue import effect_named
+from deatwin.plant.prefixes import resolving
 
 __all__ = ["number", "risk", "say"]
 

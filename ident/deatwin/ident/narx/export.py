@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.terms import Term
+from deatwin.ident.narx.written import written
 from deatwin.plant.errors import ModelError
 from deatwin.plant.export.sampled import SampledSource, Signal, comment, filled, number, require_identifier, table
 
@@ -149,7 +150,7 @@ def _head(model: NarxModel, inputs: tuple[Signal, ...], outputs: tuple[Signal, .
     ]  # fmt: skip
     return comment([
         f"NARX model, a sample of {model.sample_time:g} s a call.",
-        *str(model).splitlines(),
+        *written(model.terms, model.theta, model.equations, model.n_outputs).splitlines(),
         *(f"u[{k}]: {signal}" for k, signal in enumerate(inputs)),
         *(f"y[{k}]: {signal}" for k, signal in enumerate(outputs)),
         *ranges,

@@ -21,6 +21,7 @@ from deatwin.ident.narx.free_run import free_run, innovations
 from deatwin.ident.narx.horizon import require_steps, steps_ahead
 from deatwin.ident.narx.operating import Array, OperatingRange, read_only
 from deatwin.ident.narx.response import NarxResponse, ResponseStatus, divergence_limit
+from deatwin.ident.narx.shown import shown_units
 from deatwin.ident.narx.terms import Term, TermTable
 from deatwin.ident.narx.values import require_terms, require_values
 from deatwin.ident.narx.written import by_equation, name_signals, origins, written
@@ -244,7 +245,9 @@ class NarxModel:
             raise ModelError(f"{purpose} takes a model without noise terms; give its `deterministic` part")
 
     def __str__(self) -> str:
-        return written(self.terms, self.theta, self.equations, self.input_names, self.output_names) + origins(self)
+        shown = shown_units(self)
+        text = written(self.terms, self.theta * shown.factors, self.equations, self.input_names, self.output_names)
+        return text + origins(self) + (f"\n({shown.legend})" if shown.legend else "")
 
     def about_origin(self, inputs: Array, outputs: Array) -> tuple[Array, Array]:
         """Return inputs and outputs less their origins: the signals that the terms are made of.

@@ -1,22 +1,37 @@
 """From the table of a file to recordings: which clock, which pieces, which signals."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+import logging
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.plant.checks import check_command_range, check_motion
+from deatwin.plant.decimation import decimate
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.clock import Piece, even_pieces
-from deatwin.plant.files.columns import extra_columns, no_times, time_column
+from deatwin.plant.files.columns import extra_columns
 from deatwin.plant.files.formats.description import all_provenance
-from deatwin.plant.files.formats.table import Table, Timing
+from deatwin.plant.files.formats.table import Signal, Table, Timing
 from deatwin.plant.files.formats.tdms import STARTED
+from deatwin.plant.files.timecolumns import no_times, time_column, with_times
+from deatwin.plant.files.times import BEGAN, moment
+from deatwin.plant.files.units import UNITS
+from deatwin.plant.files.usual import USUAL_TIMES
 from deatwin.plant.recording import Recording, label
+from deatwin.plant.resampling import Resampling, plan_resampling
+from deatwin.plant.rigs.base import ReadingTime
 from deatwin.plant.rigs.rigfile import RigFile
 
+logger = logging.getLogger(__name__)
+
 __all__ = ["on_one_clock", "recordings_of"]
+
+Floats = NDArray[np.float64]
+_LIKE_TIMES = re.compile("(?i)time|stamp|clock|millis|zeit|temps|^t$|^ts$")
 
 
 def recordings_of(
@@ -25,7 +40,10 @@ def recordings_of(
     *,
     allow_gaps: bool,
     dt: float | None,
+    resample: float | None,
+    reading: ReadingTime,
     rig: RigFile | None,
+    named_times: str | None = None,
 ) -> tuple[Recording, ...]:
     """Return the recordings of a table.
 
@@ -39,8 +57,14 @@ def recordings_of(
         Split the record at its gaps. Else a gap is an error.
     dt : float or None
         Sample time, s, that the user states.
+    resample : float or None
+        Sample time, s, of the even clock onto which the samples are to be brought.
+    reading : ReadingTime
+        When, within its row, a reading is taken.
     rig : RigFile or None
         Refuse commands far outside of this rig's range.
+    named_times : str, optional
+        The column of the times that the user asks for.
 
     Returns
     -------
@@ -53,27 +77,46 @@ def recordings_of(
     """
     taken = [column for columns in chosen.values() for column in columns]
     declared = [column for role in ("input", "output", "extra") for column in table.columns_of(role)]
-    times = time_column(table, {*taken, *declared})
+    needed = dt is None and table.timing(taken or declared) is None
+    times, unit = time_column(table, {*taken, *declared}, named_times, needed=needed)
+    if times is not None:
+        table = with_times(table, times, unit)
+        _tell_size(table, times, unit)
     roles = {**chosen, "extra": tuple(extra_columns(table, {*taken, *([] if times is None else [times])}))}
     used = [column for columns in roles.values() for column in columns]
     stated = _stated(table, used, dt)
     wanted = list(dict.fromkeys([*used, *([] if times is None else [times])]))  # one column may have two roles
     numbers = dict(zip(wanted, table.si(wanted), strict=True))
-    if times is not None:
-        sample_time, pieces = even_pieces(
-            numbers[times], table.where, allow_gaps=allow_gaps, stated=stated.sample_time if stated else None
-        )
-    elif stated:
-        sample_time = stated.sample_time
-        pieces = [Piece.even(len(numbers[used[0]]), sample_time, stated.start)]
-    else:
-        raise no_times(table)
-    recordings = tuple(_recording(table, roles, numbers, piece, sample_time) for piece in pieces)
+    if times is None and stated is None:
+        raise no_times(table, set(used))
+    told = None if times is None else numbers[times]
+    source = _Source(table=table, roles=roles, numbers=numbers, passed_over=_passed_over(table, used, times))
+    try:
+        recordings = _recordings(source, told, stated, allow_gaps=allow_gaps, resample=resample, reading=reading)
+    except DataError as error:
+        if times is None or unit or table.scales or table.headers[times] == USUAL_TIMES:
+            raise
+        raise DataError(f"{error}; {_taken_in_seconds(table, times)}") from None
     if rig is not None:
         for recording in recordings:
             check_command_range(recording, rig.drive)
             check_motion(recording, rig.film)
     return recordings
+
+
+def _tell_size(table: Table, times: int, unit: str) -> None:
+    """Say which unit the size of Unix times told, where nothing else does."""
+    if not unit and (scale := table.scales.get(times)) and not scale.dates:
+        logger.warning(
+            '%s: the column "%s" holds %s, as their size says; its clock starts at %s',
+            table.path, table.shown(times), scale.said, scale.began.isoformat(),
+        )  # fmt: skip
+
+
+def _taken_in_seconds(table: Table, times: int) -> str:
+    """Return how to state the unit of times for which nothing states it."""
+    header = table.unmistakable(times)
+    return f'where the column "{table.shown(times)}" is not in seconds, state its unit: --time-column "{header}=ms"'
 
 
 def on_one_clock(recordings: Sequence[Recording]) -> tuple[Recording, ...]:
@@ -90,25 +133,25 @@ def on_one_clock(recordings: Sequence[Recording]) -> tuple[Recording, ...]:
         The same ones where not all have a date or the date is one; else shifted, the earliest date in their
         provenance as ``clock_began``.
     """
-    dates = [recording.provenance.get(STARTED) for recording in recordings]
+    dates = [recording.provenance.get(STARTED, recording.provenance.get(BEGAN)) for recording in recordings]
     if None in dates or len(set(dates)) < 2:
         return tuple(recordings)
+    files = " and ".join(label(recording) for recording in recordings)
     try:
-        began = np.array(dates, dtype="datetime64[us]")
-        if np.isnat(began).any():
-            raise ValueError("no date")
+        began = [moment(str(date)) for date in dates]
     except ValueError:
-        files = " and ".join(label(recording) for recording in recordings)
         raise DataError(f"{files}: their {STARTED} are no dates; give the recordings one running clock") from None
-    shifts = (began - began.min()) / np.timedelta64(1, "s")
+    if len({date.tzinfo for date in began}) > 1:
+        raise DataError(f"{files}: some of their dates have an offset from UTC and others have none; give all the same")
+    first = min(began)
     return tuple(
         replace(
             recording,
-            start=recording.start + float(shift),
+            start=recording.start + (date - first).total_seconds(),
             provenance={key: value for key, value in recording.provenance.items() if key != STARTED}
-            | {"clock_began": str(began.min())},
+            | {BEGAN: first.isoformat()},
         )
-        for recording, shift in zip(recordings, shifts, strict=True)
+        for recording, date in zip(recordings, began, strict=True)
     )
 
 
@@ -124,41 +167,128 @@ def _stated(table: Table, used: list[int], dt: float | None) -> Timing | None:
     return stated or (Timing(sample_time=dt) if dt is not None else None)
 
 
-def _recording(
-    table: Table,
-    roles: Mapping[str, tuple[int, ...]],
-    numbers: Mapping[int, NDArray[np.float64]],
-    piece: Piece,
-    sample_time: float,
-) -> Recording:
-    """Return the recording of one piece of a table, whose columns `numbers` holds in SI units."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Source:
+    """The columns of a table that become signals, by role, and their numbers."""
 
-    def rows(role: str) -> NDArray[np.float64]:
-        channels = [piece.take(numbers[column]) for column in roles[role]]
-        return np.reshape(channels, (len(channels), len(piece.clock)))
+    table: Table
+    roles: Mapping[str, tuple[int, ...]]
+    numbers: Mapping[int, Floats]
+    passed_over: str
 
-    signals = {role: [table.signal(role, column) for column in columns] for role, columns in roles.items()}
-    return Recording(
-        inputs=rows("input"),
-        outputs=rows("output"),
-        sample_time=sample_time,
-        start=float(piece.clock[0]),
-        input_names=tuple(signal.name for signal in signals["input"]),
-        input_units=tuple(signal.unit for signal in signals["input"]),
-        output_names=tuple(signal.name for signal in signals["output"]),
-        output_units=tuple(signal.unit for signal in signals["output"]),
-        extras={signal.name: row for signal, row in zip(signals["extra"], rows("extra"), strict=True)},
-        extra_units={signal.name: signal.unit for signal in signals["extra"]},
-        provenance=_provenance(table, piece),
-    )
+    def recording(
+        self,
+        clock: Floats,
+        sample_time: float,
+        take: Mapping[str, Callable[[Floats], Floats]],
+        about: Mapping[str, str],
+    ) -> Recording:
+        """Return a recording of what is taken of each column by its role."""
+        signals, rows = self._signals(), {}
+        for role, columns in self.roles.items():
+            taken = [take[role](self.numbers[column]) for column in columns]
+            rows[role] = np.reshape(taken, (len(columns), clock.size))
+        return Recording(
+            inputs=rows["input"],
+            outputs=rows["output"],
+            sample_time=sample_time,
+            start=float(clock[0]),
+            input_names=tuple(signal.name for signal in signals["input"]),
+            input_units=tuple(signal.unit for signal in signals["input"]),
+            output_names=tuple(signal.name for signal in signals["output"]),
+            output_units=tuple(signal.unit for signal in signals["output"]),
+            extras={signal.name: row for signal, row in zip(signals["extra"], rows["extra"], strict=True)},
+            extra_units={signal.name: signal.unit for signal in signals["extra"]},
+            provenance=all_provenance(about, self.table.declared.provenance),
+        )
+
+    def _signals(self) -> dict[str, list[Signal]]:
+        """Return the signals of each role."""
+        table = self.table
+        signals = {role: [table.signal(role, column) for column in columns] for role, columns in self.roles.items()}
+        shared = {signal.name for signal in signals["input"]} & {signal.name for signal in signals["output"]}
+        if shared and not table.declared.signals:  # two columns of one quantity: their units tell them apart
+            for role in ("input", "output"):
+                signals[role] = [replace(signal, name=signal.header) for signal in signals[role]]
+        return signals
+
+    def origin(self, first: int, last: int) -> dict[str, str]:
+        """Return where the rows from one up to another come from."""
+        table = self.table
+        rows = f"{table.row(first)}-{table.row(last - 1)}"
+        clock = {"clock": self.passed_over} if self.passed_over else {}
+        for scale in table.scales.values():
+            clock |= {"times": scale.said, BEGAN: scale.began.isoformat()}
+        return {"file": table.path, "sha256": table.sha256, "rows": rows, **clock}
 
 
-def _provenance(table: Table, piece: Piece) -> dict[str, str]:
-    """Return where the samples of a piece come from."""
-    own = {
-        "file": table.path,
-        "sha256": table.sha256,
-        "rows": f"{table.row(piece.first)}-{table.row(piece.last - 1)}",
-    }
-    resampled = {"resampled": "linear, from times off the even clock"} if piece.interpolated else {}
-    return all_provenance(own | resampled, table.declared.provenance)
+def _recordings(
+    source: _Source, told: Floats | None, stated: Timing | None, *, allow_gaps: bool, resample: float | None,
+    reading: ReadingTime,
+) -> tuple[Recording, ...]:  # fmt: skip
+    """Return the recordings of the rows at the times that a file tells, or on the clock that is stated."""
+    table, samples = source.table, len(next(iter(source.numbers.values())))
+    step, start = (stated.sample_time, stated.start) if stated else (0.0, 0.0)
+    if resample is not None and not (stated.agrees(resample) if told is None and stated else _is_even(told, resample)):
+        timepts = start + step * np.arange(samples, dtype=np.float64) if told is None else told
+        return _resampled(source, plan_resampling(timepts, resample, table.where, allow_gaps=allow_gaps), reading)
+    if told is None:
+        pieces = [Piece.even(samples, step, start)]
+    else:
+        step, pieces = even_pieces(
+            told, table.where, allow_gaps=allow_gaps, stated=stated.sample_time if stated else None
+        )
+    return tuple(
+        source.recording(
+            piece.clock, step, dict.fromkeys(source.roles, piece.take),
+            source.origin(piece.first, piece.last)
+            | ({"resampled": "linear, from times off the even clock"} if piece.interpolated else {}),
+        )
+        for piece in pieces
+    )  # fmt: skip
+
+
+def _resampled(source: _Source, plan: Resampling, reading: ReadingTime) -> tuple[Recording, ...]:
+    """Return the recordings of rows that are brought onto an even clock."""
+    made = []
+    for piece, (clock, rows) in enumerate(zip(plan.clocks, plan.rows, strict=True)):
+        readings, commands = partial(plan.readings, piece), partial(plan.commands, piece)
+        take = {"input": commands, "output": readings, "extra": readings}
+        about = source.origin(*rows) | {"resampled": plan.sentence}
+        fine = source.recording(clock, plan.sample_time / plan.factor, take, about)
+        made.append(decimate(fine, plan.factor, reading=reading))
+    return tuple(made)
+
+
+def _passed_over(table: Table, used: Sequence[int], times: int | None) -> str:
+    """Return what is to be said of uneven times in a column that no unit tells to be times; else an empty text."""
+    named = [
+        k for k, name in enumerate(table.names)
+        if k not in used and _LIKE_TIMES.search(name) and UNITS[table.units[k]].si in ("", "s")
+    ]  # fmt: skip
+    for column in named if times is None else []:
+        try:
+            found = table.si([column])[0]
+        except DataError:
+            continue
+        steps = np.diff(found)
+        if not (steps.size and (steps > 0.0).all()):
+            continue
+        try:
+            even_pieces(found, str, allow_gaps=True)
+        except DataError:
+            return (
+                f'the stated sample time was taken; the column "{table.shown(column)}" was passed over, though '
+                f"it looks like times that are uneven, in steps of {steps.min():g} to {steps.max():g}: where it holds "
+                f'them, name it: --time-column "{table.unmistakable(column)}{"" if table.units[column] else "=ms"}"'
+            )
+    return ""
+
+
+def _is_even(told: Floats | None, sample_time: float) -> bool:
+    """Return whether times keep an even clock already."""
+    try:
+        kept, _ = even_pieces(np.empty(0) if told is None else told, str, allow_gaps=True)
+    except DataError:
+        return False
+    return Timing(sample_time=kept).agrees(sample_time)

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.plant.errors import DataError
+from deatwin.plant.resampling import resampling_options
 
 __all__ = ["Piece", "even_pieces"]
 
@@ -222,7 +223,7 @@ def _sample_time(
         )
     raise DataError(
         f"{where(sample)}: uneven sampling: time {timepts[sample]:g} s is {late[sample]:.3g} s off "
-        f"the even clock of {fitted:g} s (tolerance {tolerance:.2g} s); resample the record evenly"
+        f"the even clock of {fitted:g} s (tolerance {tolerance:.2g} s); {_advice(timepts, fitted)}"
     )
 
 
@@ -252,5 +253,13 @@ def _odd_step(
     step = timepts[sample] - timepts[sample - 1]
     return DataError(
         f"{where(sample)}: uneven sampling: time {timepts[sample]:g} s is {step:g} s after the row before, "
-        f"where {usual:g} s is usual (tolerance {2.0 * tolerance:.2g} s); resample the record evenly"
+        f"where {usual:g} s is usual (tolerance {2.0 * tolerance:.2g} s); {_advice(timepts, usual)}"
     )
+
+
+def _advice(timepts: Floats, usual: float) -> str:
+    """Return how to go on with uneven times."""
+    if not (options := resampling_options(timepts, usual)):
+        return "resample the record evenly"
+    step, gaps = options.split()[1], ", allow_gaps=True" if "--allow-gaps" in options else ""
+    return f"resample the record onto an even clock: {options}, in Python resample={step}{gaps}"

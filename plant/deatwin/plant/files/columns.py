@@ -1,30 +1,140 @@
-"""Which column of a table is the time, the input, the output and the further channels."""
+"""Which column of a table is the input, the output and the further channels."""
+
+from collections.abc import Callable, Collection, Mapping
+from functools import partial
 
 from deatwin.plant.errors import DataError, nearest
-from deatwin.plant.files.formats.table import Table
-from deatwin.plant.files.units import UNITS, split_unit, unknown_unit
+from deatwin.plant.files.formats.table import Table, is_place
+from deatwin.plant.files.timecolumns import holds_times, likely_times, time_column, times_options
+from deatwin.plant.files.units import UNITS, split_unit
+from deatwin.plant.files.usual import COLUMNS
+from deatwin.plant.files.wanted import in_units, require_known_units
 from deatwin.plant.intake import clipped
 
-__all__ = ["COLUMNS", "data_columns", "extra_columns", "no_times", "time_column", "usual_unit"]
+__all__ = ["chosen_columns", "data_columns", "extra_columns", "works"]
 
-# The columns of a recording as deatwin writes them, by the name that each has inside.
-COLUMNS = {
-    "time": "time_s",
-    "command": "command_V",
-    "displacement": "displacement_mm",
-    "film_voltage": "film_voltage_V",
-    "current": "current_uA",
-    "temperature": "temperature_C",
-    "force": "force_N",
-}
 _USUAL = {"input": "command", "output": "displacement"}
 _EXTRAS = ("film_voltage", "current", "temperature", "force")
 # A column that would be passed over is refused as a misspelling from this likeness on.
 _MISSPELT = 0.85
-_TIME_NAMES = ("time", "t", "zeit", "temps", "时间")
 
 
-def data_columns(table: Table, role: str, wanted: str | None) -> tuple[int, ...]:
+def chosen_columns(
+    table: Table, asked: Mapping[str, str | None], units: Mapping[str, str | None]
+) -> dict[str, tuple[int, ...]]:
+    """Return the columns of the inputs and the outputs.
+
+    Parameters
+    ----------
+    table : Table
+    asked : mapping of str to (str or None)
+        What the user asked for as ``input``, ``output`` and ``time``, by header or by place; a role that is left
+        out is not looked for.
+    units : mapping of str to (str or None)
+        The units in which ``input`` and ``output`` are wanted, where not in SI.
+
+    Returns
+    -------
+    dict of str to tuple of int
+        Of ``input`` and ``output``, counted from 0; no column has two roles.
+
+    Raises
+    ------
+    DataError
+        If there is no such column, the usual one has a unit of another kind, or one column would have two roles.
+    """
+    if table.nameless:
+        _require_places(table, asked)
+    known = {role: _quietly(table, role, wanted) for role, wanted in asked.items()}
+    chosen: dict[str, tuple[int, ...]] = {}
+    for role in ("input", "output"):
+        if role not in asked:
+            chosen[role] = ()
+            continue
+        others = {column for other, columns in known.items() if other != role for column in columns}
+        others |= {k for other, wanted in asked.items() if other != role for k in _headed(table, wanted)}
+        chosen[role] = data_columns(table, role, asked[role], others, units.get(role))
+    seen: dict[int, str] = {}
+    times = asked.get("time")
+    for role, columns in {**chosen, "time": known.get("time", ()) if times else ()}.items():
+        for column in columns:
+            if column in seen:
+                raise _twice(table, column, (seen[column], role), asked, units)
+            seen[column] = role
+    return chosen
+
+
+def _quietly(table: Table, role: str, wanted: str | None) -> tuple[int, ...]:
+    """Return the columns of a role, none where they cannot be told."""
+    try:
+        if role == "time":
+            column, _ = time_column(table, set(), wanted)
+            return () if column is None else (column,)
+        return data_columns(table, role, wanted)
+    except DataError:
+        return ()
+
+
+def _headed(table: Table, wanted: str | None) -> list[int]:
+    """Return the columns that the user named for a role, whether they fit it or not."""
+    headers = {wanted, (wanted or "").rpartition("=")[0]}
+    return [k for k, header in enumerate(table.headers) if header in headers or table.names[k] in headers]
+
+
+def _twice(
+    table: Table,
+    column: int,
+    roles: tuple[str, str],
+    asked: Mapping[str, str | None],
+    units: Mapping[str, str | None],
+) -> DataError:
+    """Return the error of a column that has two roles, with another one for a role that was not asked for."""
+    said = [f"named as {role}" if asked.get(role) else f"the usual {role}" for role in roles]
+    free = [role for role in roles if not asked.get(role)] or [roles[1]]
+    role, busy = free[0], {column, *_others(table, free[0], asked)}
+    fits = partial(holds_times, table) if role == "time" else partial(works, table, unit=units.get(role))
+    other = next((k for k in range(len(table.headers)) if k not in busy and fits(k)), None)
+    way = "" if other is None else f'--{role}-column "{table.unmistakable(other)}"'
+    way = times_options(table, other) if role == "time" and other is not None else way
+    hint = f", for example {way}" if way else f": --{role}-column"
+    return DataError(
+        f'{table.path}: the column "{table.shown(column)}" is {said[0]} and {said[1]}; name another one for the '
+        f"{role}{hint}"
+    )
+
+
+def _others(table: Table, role: str, asked: Mapping[str, str | None]) -> set[int]:
+    """Return the columns of all roles but one."""
+    return {k for other, wanted in asked.items() if other != role for k in _quietly(table, other, wanted)}
+
+
+def works(table: Table, column: int, unit: str | None = None) -> bool:
+    """Return whether a column can be an input or output: numbers, in a known unit or none.
+
+    Parameters
+    ----------
+    table : Table
+    column : int
+        Counted from 0.
+    unit : str, optional
+        In which it is wanted, where not in SI.
+
+    Returns
+    -------
+    bool
+    """
+    try:
+        read = in_units(table, {} if unit is None else {column: unit})
+        require_known_units(read, [column])
+        read.si([column])
+    except DataError:
+        return False
+    return True
+
+
+def data_columns(
+    table: Table, role: str, wanted: str | None, busy: Collection[int] = frozenset(), unit: str | None = None
+) -> tuple[int, ...]:
     """Return the columns of the inputs or the outputs.
 
     Parameters
@@ -35,6 +145,10 @@ def data_columns(table: Table, role: str, wanted: str | None) -> tuple[int, ...]
     wanted : str, optional
         The column that the user asked for, by header or by place. Else those that the file declares count, else
         the usual one, ``command`` or ``displacement``.
+    busy : collection of int, optional
+        Columns that have another role, which no error text may offer.
+    unit : str, optional
+        In which it is wanted, where not in SI.
 
     Returns
     -------
@@ -44,90 +158,45 @@ def data_columns(table: Table, role: str, wanted: str | None) -> tuple[int, ...]
     Raises
     ------
     DataError
-        If there is no such column, its unit is not known, or the usual one has a unit of another kind.
+        If there is no such column, or the usual one has a unit of another kind.
     """
+
+    def offered(column: int) -> bool:
+        return column not in busy and works(table, column, unit)
+
     if wanted is not None:
-        return (_with_unit(table, table.column(wanted)),)
+        return (table.column(wanted, offered),)
     if table.declared.signals:
         return table.columns_of(role)
     name = _USUAL[role]
     column = _usual_column(table, name)
     if column is None:
-        raise _no_column(table, name, f"rename it, or name the one to use: --{role}-column")
+        raise _no_column(table, name, f"rename it, or name the one to use: --{role}-column", offered)
     return (column,)
 
 
-def _with_unit(table: Table, column: int) -> int:
-    """Return a column unless what its header gives as its unit is none."""
-    if not table.units[column] and (said := unknown_unit(table.headers[column])):
-        known = [unit for unit in UNITS if unit]
-        raise DataError(
-            f'{table.path}: the column "{clipped(table.headers[column])}" is in "{clipped(said)}", which is no known '
-            f"unit{nearest(said, known)} (capitals count; known are {', '.join(known)})"
-        )
-    return column
+def _require_places(table: Table, asked: Mapping[str, str | None]) -> None:
+    """Refuse a file without a header whose columns the user does not name by their places."""
+    places = {role: (wanted or "").partition("=")[0] for role, wanted in asked.items()}
+    missing = [role for role in ("input", "output") if role in asked and not places[role]]
+    wrong = [name for name in places.values() if name and not is_place(name)]
+    if wrong or missing:
+        fault = f'no column "{clipped(wrong[0])}"' if wrong else f"no column is named as the {missing[0]}"
+        raise _no_header(table, fault, asked)
 
 
-def usual_unit(name: str) -> str:
-    """Return the SI unit of a signal with one of deatwin's own names, an empty text for others.
-
-    Parameters
-    ----------
-    name : str
-
-    Returns
-    -------
-    str
-
-    Examples
-    --------
-    >>> usual_unit("temperature"), usual_unit("humidity")
-    ('K', '')
-    """
-    return UNITS[split_unit(COLUMNS[name])[1]].si if name in COLUMNS else ""
-
-
-def time_column(table: Table, taken: set[int]) -> int | None:
-    """Return the column of the times: the one with the usual name, else the first with a unit of time.
-
-    Parameters
-    ----------
-    table : Table
-    taken : set of int
-        Columns that are something else.
-
-    Returns
-    -------
-    int or None
-        Counted from 0; None where there is none.
-    """
-    free = [column for column in range(len(table.headers)) if column not in taken]
-    timed = [column for column in free if UNITS[table.units[column]].si == "s"]
-    # A column named time without a unit is in seconds.
-    named = [
-        column
-        for column in free
-        if table.names[column].lower() in _TIME_NAMES and (column in timed or not table.units[column])
-    ]
-    return next(iter(named or timed), None)
-
-
-def no_times(table: Table) -> DataError:
-    """Return the error of a file that says nothing about its times.
-
-    Parameters
-    ----------
-    table : Table
-
-    Returns
-    -------
-    DataError
-    """
-    advice = (
-        "the times need this name, or a unit: (s) behind or below their name; "
-        "for evenly sampled values without times give the sample time in seconds: --dt, in Python dt"
+def _no_header(table: Table, fault: str, roles: Collection[str]) -> DataError:
+    """Return the error of a file without a header, with a way to name the columns of these roles."""
+    columns = range(len(table.headers))
+    times = next(iter(likely_times(table, set())), None)
+    places = [f"#{k + 1}" for k in columns if k != times and works(table, k)]
+    pairs = [pair for pair in zip(("input", "output"), places, strict=False) if pair[0] in roles]
+    said = [f'--{role}-column "{place}"' for role, place in pairs]
+    timed = "--dt SECONDS" if times is None else f"{times_options(table, times)} (or --dt SECONDS)"
+    return DataError(
+        f"{table.path}, row {table.row(0)}: no header, so {fault}; name the columns by their places, for example "
+        f"{' '.join([*said, timed])}, or put a header above: time_s,command_V,displacement_mm"
     )
-    return _no_column(table, "time", advice)
 
 
 def extra_columns(table: Table, taken: set[int]) -> list[int]:
@@ -151,34 +220,47 @@ def extra_columns(table: Table, taken: set[int]) -> list[int]:
     """
     if table.declared.signals:
         return [column for column in table.columns_of("extra") if column not in taken]
-    found = {name: column for name in _EXTRAS if (column := _usual_column(table, name)) is not None}
-    absent = [COLUMNS[name] for name in _EXTRAS if name not in found]
-    for column, header in enumerate(table.headers):
-        if column in taken or table.names[column] in COLUMNS:
-            continue
-        if hint := nearest(header, absent, likeness=_MISSPELT):
-            raise DataError(f'{table.path}: unknown column "{clipped(header)}"{hint}')
-    return [column for column in found.values() if column not in taken]
+    found = {name: column for name in _EXTRAS if (column := _usual_column(table, name, taken)) is not None}
+    # In a file whose columns had to be named, a name like a usual one is no misspelling.
+    if all(table.names[column] in COLUMNS for column in taken):
+        absent = [COLUMNS[name] for name in _EXTRAS if name not in found]
+        for column, header in enumerate(table.headers):
+            if column in taken or table.names[column] in COLUMNS:
+                continue
+            if hint := nearest(header, absent, likeness=_MISSPELT):
+                raise DataError(f'{table.path}: unknown column "{clipped(header)}"{hint}')
+    return list(found.values())
 
 
-def _usual_column(table: Table, name: str) -> int | None:
-    """Return the column with one of deatwin's own names and a unit of the right kind, or None."""
-    if name not in table.names:
+def _usual_column(table: Table, name: str, taken: Collection[int] = frozenset()) -> int | None:
+    """Return the column with one of deatwin's own names and a unit of the right kind, or None.
+
+    Of several it is the one with the usual header, else the only one of the right kind. Further channels that
+    cannot be told apart are left out: nobody asked for them.
+    """
+    usual, right = COLUMNS[name], split_unit(COLUMNS[name])[1]
+    named = [column for column in range(len(table.names)) if table.names[column] == name]
+    if set(taken).intersection(named):
+        return None  # the quantity has its role already
+    fitting = [column for column in named if UNITS[table.units[column]].si == UNITS[right].si]
+    exact = [column for column in fitting if table.headers[column] == usual]
+    best = exact if len(exact) == 1 else fitting
+    if len(best) == 1:
+        return best[0]
+    if not named or (taken and len(named) > 1):
         return None
-    column = table.column(name)
-    unit, right = table.units[column], split_unit(COLUMNS[name])[1]
-    if UNITS[unit].si != UNITS[right].si:
-        raise DataError(
-            f'{table.path}: the column "{table.shown(column)}" has the unit {unit or "(none)"}; '
-            f'it must be one like {right}, as in "{COLUMNS[name]}"'
-        )
-    return column
+    if len(named) > 1:
+        return table.column(name)  # its error says how to name one
+    unit = table.units[named[0]]
+    raise DataError(
+        f'{table.path}: the column "{table.shown(named[0])}" has the unit {unit or "(none)"}; '
+        f'it must be one like {right}, as in "{usual}"'
+    )
 
 
-def _no_column(table: Table, name: str, advice: str) -> DataError:
-    """Return the error of a column that is missing."""
+def _no_column(table: Table, name: str, advice: str, works: Callable[[int], bool]) -> DataError:
+    """Return the error of a column that is missing; one that works instead may be offered."""
     usual = COLUMNS[name]
     return DataError(
-        f'{table.path}: no column "{usual}"; the file has {table.listing()}'
-        f"{nearest(usual, table.headers)} ({advice})"
+        f'{table.path}: no column "{usual}"; the file has {table.listing()}{table.near(usual, works)} ({advice})'
     )

@@ -3,7 +3,7 @@
 import csv
 import hashlib
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from decimal import Context, Decimal
 from pathlib import Path
@@ -12,13 +12,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.plant.errors import DataError, nearest
-from deatwin.plant.files.csvtext import decode, find_layout, is_number, names_and_units, split_cells
+from deatwin.plant.files.csvtext import (
+    BLANKS,
+    decode,
+    find_layout,
+    is_comment,
+    is_number,
+    names_and_units,
+    split_cells,
+)
 from deatwin.plant.files.formats.description import SCHEMA, read_description
 from deatwin.plant.files.formats.table import Declared, Table
-from deatwin.plant.files.units import UNITS, Unit, split_unit
+from deatwin.plant.files.units import Unit, split_unit
 from deatwin.plant.intake import COLUMNS, RECORDING_BYTES, ROWS, TEXT_BYTES, clipped, read_regular
 
-__all__ = ["DESCRIPTION", "EXACT", "CsvTable", "decimal_relation", "power_of_ten", "read_bytes", "read_table", "reader"]
+__all__ = [
+    "DESCRIPTION", "EXACT", "CsvTable", "decimal_relation", "power_of_ten", "read_bytes", "read_table", "reader",
+    "table_of",
+]  # fmt: skip
 
 DESCRIPTION = f"# {SCHEMA} "  # begins the line above the header that holds a description, if any
 EXACT = Context(prec=800)  # decimal digits: enough for the sum of any two floats
@@ -31,14 +42,14 @@ class CsvTable(Table):
 
     Parameters
     ----------
-    path, sha256, headers, names, units, declared
+    path, sha256, headers, names, units, declared, nameless, scales, said, wanted
         As in `Table`.
     lines : list of str
         The lines that hold samples.
     rows : list of int
         The number of each in the file, as an editor shows it; the first line is 1.
     delimiter : str
-        Comma, semicolon, tab or bar.
+        Comma, semicolon, tab or bar; a blank stands for any run of blanks and tabs.
     """
 
     lines: list[str]
@@ -49,8 +60,13 @@ class CsvTable(Table):
         """Return the row of a sample in the file, as an editor shows it."""
         return self.rows[sample]
 
+    def first(self, column: int) -> str:
+        """Return the first cell of a column, as the file has it; empty where there is none."""
+        row = split_cells(self.lines[0], self.delimiter)
+        return row[column] if column < len(row) else ""
+
     def si(self, columns: Sequence[int]) -> NDArray[np.float64]:
-        """Return columns as numbers in SI units, (len(columns), n).
+        """Return columns as numbers in SI units, or in those of `wanted`, (len(columns), n).
 
         Units are converted as decimal numbers, so that each value is the one nearest to what the text says: 0.1 mm
         is read as the literal 0.1e-3.
@@ -71,19 +87,38 @@ class CsvTable(Table):
             texts = [[row[column] for row in rows] for column in columns]
         except IndexError:
             raise self._bad_cell(columns) from None
-        texts = self._with_decimal_points(columns, texts)
+        plain = [k for k, column in enumerate(columns) if not self._dated(column)]
+        numbers = self._with_decimal_points([columns[k] for k in plain], [texts[k] for k in plain])
+        for k, cells in zip(plain, numbers, strict=True):
+            texts[k] = cells
         try:
-            values = np.array(
-                [_si(cells, UNITS[self.units[column]]) for column, cells in zip(columns, texts, strict=True)]
-            )
-        except (ValueError, ArithmeticError):  # the latter where a number is beyond decimal ones
+            values = np.array([self._values(column, cells) for column, cells in zip(columns, texts, strict=True)])
+        except (ValueError, TypeError, ArithmeticError):  # a number beyond decimal ones is of the last kind
             raise self._bad_cell(columns) from None
         if not np.isfinite(values).all():
             raise self._bad_cell(columns)
         return values
 
+    def _values(self, column: int, cells: list[str]) -> Sequence[float] | NDArray[np.float64]:
+        """Return the numbers of a column in SI units, of times that are dates the seconds since the first."""
+        scale = self.scales.get(column)
+        return scale.seconds(cells) if scale else _si(cells, self.unit(column))
+
+    def _dated(self, column: int) -> bool:
+        """Return whether a column holds dates."""
+        return column in self.scales and self.scales[column].dates
+
     def _cells(self) -> list[list[str]]:
-        """Return the cells of all rows; none has more than the header."""
+        """Return the cells of all rows; none has more than the header, and between blanks none has fewer."""
+        if self.delimiter == BLANKS:
+            rows = [split_cells(line, BLANKS) if '"' in line else line.split() for line in self.lines]
+            for sample, row in enumerate(rows):
+                if len(row) != len(self.headers):
+                    raise DataError(
+                        f"{self.where(sample)}: {len(row)} cells between blanks, where there are "
+                        f"{len(self.headers)} columns"
+                    )
+            return rows
         if any('"' in line for line in self.lines):
             try:
                 rows = list(csv.reader(self.lines, delimiter=self.delimiter, skipinitialspace=True))
@@ -133,6 +168,10 @@ class CsvTable(Table):
                 cell = row[column] if column < len(row) else ""
                 if not cell:
                     return DataError(f"{place}: the cell is empty; it must be a number")
+                if column in self.scales and (fault := self.scales[column].fault(cell)):
+                    return DataError(f"{place}: {fault}")
+                if self._dated(column):
+                    continue
                 if not is_number(cell.replace(",", ".")):
                     return DataError(f'{place}: "{clipped(cell)}" is not a number')
                 if not np.isfinite(float(cell.replace(",", "."))):
@@ -144,9 +183,10 @@ def read_table(path: str | Path) -> CsvTable:
     """Read a CSV file.
 
     The encoding may be UTF-8, UTF-16 with its mark at the start, GBK, or Latin-1; the delimiter comma,
-    semicolon, tab or bar (with the last three also a decimal comma); cells may be quoted. Blank lines are passed
-    over. Of several header lines the last holds the names, unless it holds nothing but units: then the one
-    above does.
+    semicolon, tab, bar or blanks (with the last four also a decimal comma); cells may be quoted. Blank lines are
+    passed over, and comments below the header (``#``, ``%``, ``//``). Of several header lines the last holds the
+    names, unless it holds nothing but units: then the one above does; a comment may be the header. Without a
+    header, columns are known by their places.
 
     Parameters
     ----------
@@ -160,12 +200,36 @@ def read_table(path: str | Path) -> CsvTable:
     Raises
     ------
     DataError
-        If the file is missing, empty, not text, without header or samples, or its delimiter is not certain.
+        If the file is missing, empty, not text, without samples, or its delimiter is not certain.
     """
     content, name = read_bytes(path, TEXT_BYTES), str(path)
     if (count := max(content.count(b"\n"), content.count(b"\r"))) > ROWS:
         raise DataError(f"{name}: it has {count} lines; at most {ROWS} can be read: split it, or give NetCDF or TDMS")
-    filled = [(row, line) for row, line in enumerate(decode(content, name).splitlines(), 1) if line.strip()]
+    return table_of(enumerate(decode(content, name).splitlines(), 1), name, hashlib.sha256(content).hexdigest())
+
+
+def table_of(numbered: Iterable[tuple[int, str]], name: str, sha256: str) -> CsvTable:
+    """Return the table that lines of text hold.
+
+    Parameters
+    ----------
+    numbered : iterable of (int, str)
+        Each line with its number in the file.
+    name : str
+        The file, for error texts.
+    sha256 : str
+        Hash of its bytes.
+
+    Returns
+    -------
+    CsvTable
+
+    Raises
+    ------
+    DataError
+        As `read_table`.
+    """
+    filled = [(row, line) for row, line in numbered if line.strip()]
     declared = Declared()
     if filled and filled[0][1].startswith(DESCRIPTION):
         declared = read_description(filled.pop(0)[1].removeprefix(DESCRIPTION), name)
@@ -175,19 +239,31 @@ def read_table(path: str | Path) -> CsvTable:
         )
     rows, lines = [row for row, _ in filled], [line for _, line in filled]
     layout = find_layout(lines, rows, name)
-    head = [split_cells(line, layout.delimiter) for line in lines[: layout.first]]
-    headers, units = names_and_units(head, name)
+    if layout.head:
+        headers, units, said = names_and_units(list(layout.head), name)
+        names = [split_unit(header)[0] for header in headers]
+    else:
+        places = range(1, 1 + len(split_cells(lines[layout.first], layout.delimiter)))
+        headers, names = [f"#{k}" for k in places], [f"column_{k}" for k in places]
+        units = said = ["" for _ in places]
     if len(headers) > COLUMNS:
         raise DataError(f"{name}: it has {len(headers)} columns; at most {COLUMNS} can be read")
+    rows, lines = rows[layout.first :], lines[layout.first :]
+    whole = "".join(lines)  # it is quick to see that none of a million lines has such a mark
+    if any(mark in whole for mark in ("#", "%", "//")):
+        kept = [k for k, line in enumerate(lines) if not is_comment(line)]
+        rows, lines = [rows[k] for k in kept], [lines[k] for k in kept]
     return CsvTable(
         path=name,
-        sha256=hashlib.sha256(content).hexdigest(),
+        sha256=sha256,
         headers=tuple(headers),
-        names=tuple(split_unit(header)[0] for header in headers),
+        names=tuple(names),
         units=tuple(units),
         declared=declared,
-        lines=lines[layout.first :],
-        rows=rows[layout.first :],
+        nameless=not layout.head,
+        said=tuple(said),
+        lines=lines,
+        rows=rows,
         delimiter=layout.delimiter,
     )
 
@@ -215,7 +291,9 @@ def read_bytes(path: str | Path, limit: int = RECORDING_BYTES) -> bytes:
         return read_regular(path, limit, lambda fault: DataError(f"{path}: {fault}"))
     except FileNotFoundError:
         folder = Path(path).parent
-        beside = [entry.name for entry in folder.iterdir()] if folder.is_dir() else []
+        ending = Path(path).suffix.lower()
+        found = folder.iterdir() if folder.is_dir() else ()
+        beside = [entry.name for entry in found if entry.is_file() and entry.suffix.lower() == ending]
         # Stricter than usual: equal endings are no likeness.
         raise DataError(f"{path}: no such file{nearest(Path(path).name, beside, likeness=0.8)}") from None
     except OSError as error:
@@ -235,6 +313,7 @@ def power_of_ten(unit: Unit) -> int | None:
 
     Examples
     --------
+    >>> from deatwin.plant.files.units import UNITS
     >>> power_of_ten(UNITS["mm"]), power_of_ten(UNITS["kV"]), power_of_ten(UNITS["min"]), power_of_ten(UNITS["C"])
     (-3, 3, None, None)
     """

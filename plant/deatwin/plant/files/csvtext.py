@@ -10,15 +10,22 @@ from collections import Counter
 from dataclasses import dataclass
 
 from deatwin.plant.errors import DataError
-from deatwin.plant.files.units import find_unit, split_unit
+from deatwin.plant.files.units import find_unit, for_name, split_unit
 from deatwin.plant.intake import clipped
 
-__all__ = ["Layout", "decode", "find_layout", "is_number", "names_and_units", "split_cells"]
+__all__ = [
+    "BLANKS", "Layout", "decode", "find_layout", "is_comment", "is_date", "is_number", "names_and_units", "split_cells",
+]  # fmt: skip
 
 _WANTED = "time_s,command_V,displacement_mm"
 _DELIMITERS = {"\t": "tab", ";": "semicolon", "|": "bar", ",": "comma"}
+BLANKS = " "  # as a delimiter: any run of blanks and tabs
 _HEAD = 1000  # lines at most before the samples
 _LIKE_SAMPLES = 3  # lines that hold numbers follow a header, where there are so many
+_COMMENT = re.compile(r"\s*(?:#+|%+|//+)[ \t]*")
+_BEFORE_UNIT = re.compile(r"\s+(?![(\[])(?![^(]*\))(?![^\[]*\])")  # no blank before or in brackets
+_FAR_APART = re.compile(r"\s{2,}|\t")
+_DATE = re.compile(r"\d{4}[-/]\d\d?[-/]\d\d?([T ]\d.*)?")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,13 +35,16 @@ class Layout:
     Parameters
     ----------
     delimiter : str
-        Tab, semicolon, bar or comma.
+        Tab, semicolon, bar or comma; a blank stands for any run of blanks and tabs.
     first : int
         Which of the lines is the first that holds samples.
+    head : tuple of (list of str)
+        The cells of the lines above, of which the last holds the names; empty where the file has no header.
     """
 
     delimiter: str
     first: int
+    head: tuple[list[str], ...] = ()
 
 
 def decode(content: bytes, path: str) -> str:
@@ -101,9 +111,29 @@ def find_layout(lines: list[str], rows: list[int], path: str) -> Layout:
             f"{path}, row {rows[starts[fitting[0]] or 0]}: the columns may be delimited by "
             f"{' or '.join(_DELIMITERS[mark] for mark in fitting)}; use only one of them"
         )
-    if not fitting:
-        raise _no_layout(lines, rows, marks[0], path)
-    return Layout(delimiter=fitting[0], first=starts[fitting[0]] or 0)
+    if (not fitting or _blanks_too(lines, fitting[0], starts[fitting[0]] or 0)) and (
+        start := _first_sample(lines, BLANKS, 1)
+    ):
+        return _named(lines, BLANKS, start)
+    if fitting:
+        return _named(lines, fitting[0], starts[fitting[0]] or 0)
+    if layout := _nameless(lines):
+        return layout
+    raise _no_layout(lines, rows, marks[0], path)
+
+
+def is_comment(line: str) -> bool:
+    """Return whether a line begins as comments do, with ``#``, ``%`` or ``//``.
+
+    Parameters
+    ----------
+    line : str
+
+    Returns
+    -------
+    bool
+    """
+    return _COMMENT.match(line) is not None
 
 
 def split_cells(line: str, delimiter: str) -> list[str]:
@@ -118,6 +148,10 @@ def split_cells(line: str, delimiter: str) -> list[str]:
     -------
     list of str
     """
+    if delimiter == BLANKS:
+        if '"' not in line:
+            return line.split()
+        line = line.strip().replace("\t", BLANKS)
     try:
         cells = [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))]
     except csv.Error:  # a cell too long for the reader, which no number and no name is
@@ -145,8 +179,22 @@ def is_number(cell: str) -> bool:
     return "_" not in cell  # Python's own mark between thousands
 
 
-def names_and_units(head: list[list[str]], path: str) -> tuple[list[str], list[str]]:
-    """Return headers and units from the header lines.
+def is_date(cell: str) -> bool:
+    """Return whether a cell begins as a date of ISO 8601 does: year, month, day.
+
+    Parameters
+    ----------
+    cell : str
+
+    Returns
+    -------
+    bool
+    """
+    return _DATE.fullmatch(cell) is not None
+
+
+def names_and_units(head: list[list[str]], path: str) -> tuple[list[str], list[str], list[str]]:
+    """Return headers and units from the header lines, and what the line of units says.
 
     Parameters
     ----------
@@ -158,8 +206,9 @@ def names_and_units(head: list[list[str]], path: str) -> tuple[list[str], list[s
 
     Returns
     -------
-    headers, units : list of str
-        For each column; a unit is a key of `deatwin.plant.files.units.UNITS` or an empty text.
+    headers, units, said : list of str
+        For each column; a unit is a key of `deatwin.plant.files.units.UNITS` or an empty text. What the line of units
+        says, in its own spelling; empty where it, or its cell, is missing.
 
     Raises
     ------
@@ -168,16 +217,20 @@ def names_and_units(head: list[list[str]], path: str) -> tuple[list[str], list[s
     """
     only_units = len(head) > 1 and len(head[-2]) >= len(head[-1]) and _are_units(head[-1])
     headers = head[-2] if only_units else head[-1]
-    units = [split_unit(header)[1] for header in headers]
+    names, units = (list(part) for part in zip(*map(split_unit, headers), strict=True))
+    said = ["" for _ in headers]
     if only_units:
         for k, cell in enumerate(head[-1]):
-            if units[k] and cell and find_unit(cell) != units[k]:
+            said[k] = cell
+            if units[k] and cell and units[k] not in (find_unit(cell), for_name(names[k], find_unit(cell))):
                 raise DataError(
                     f'{path}, column "{clipped(headers[k])}": its name says {units[k]}, the line below '
                     f"{clipped(cell)}; correct one"
                 )
-            units[k] = units[k] or find_unit(cell)
-    return headers, units
+            units[k] = units[k] or for_name(names[k], find_unit(cell))
+    elif len(headers) > 1 and all(map(find_unit, headers)):  # units are all that the file has of names
+        units = [find_unit(header) for header in headers]
+    return headers, units, said
 
 
 def _are_units(cells: list[str]) -> bool:
@@ -203,45 +256,131 @@ def _width(lines: list[str], delimiter: str) -> int:
 def _first_sample(lines: list[str], delimiter: str, width: int) -> int | None:
     """Return the first line of samples: numbers, no more cells than in the line before, which has no number."""
     cells = [split_cells(line, delimiter) for line in lines[:_HEAD]]
-    numeric = [_holds_number(row) for row in cells]
+    numeric = [_is_sample(line, row) for line, row in zip(lines, cells, strict=False)]
     for k in range(1, len(cells)):
-        header = cells[k - 1]
-        follow = numeric[k : k + _LIKE_SAMPLES]
-        if not numeric[k - 1] and all(follow) and width <= len(header) >= len(cells[k]):
+        follow = cells[k : k + _LIKE_SAMPLES]
+        if numeric[k - 1] or not all(numeric[k : k + _LIKE_SAMPLES]):
+            continue
+        header = _header_cells(lines[k - 1], delimiter, len(cells[k]))
+        # Between blanks no cell can be empty.
+        even = delimiter != BLANKS or ({len(row) for row in follow} == {len(header)} and len(header) > 1)
+        if even and width <= len(header) >= len(cells[k]):
             return k
     return None
 
 
+def _named(lines: list[str], delimiter: str, first: int) -> Layout:
+    """Return the layout of a file with a header."""
+    width = len(split_cells(lines[first], delimiter))
+    # Above a line of units names may be numbers, as those of an oscilloscope's channels are.
+    above = lines[max(first - 2, 0) : first]
+    names = [_header_cells(line, delimiter, width) or split_cells(line, delimiter) for line in above]
+    return Layout(delimiter=delimiter, first=first, head=tuple(names))
+
+
+def _header_cells(line: str, delimiter: str, width: int) -> list[str]:
+    """Return the cells of a line that may be a header, if possible as many as the samples have.
+
+    A mark of a comment before the names is none of them. Between blanks a name may hold some itself: before its
+    unit in brackets, or where the names are further apart. No name is a number.
+    """
+    bare = _COMMENT.sub("", line, count=1)
+    ways = [split_cells(bare, delimiter)] if is_comment(line) else []
+    ways = [cells for cells in ways if cells[0]]  # else the mark is a name, such as # for the number
+    ways.append(split_cells(line, delimiter))
+    if delimiter == BLANKS:
+        ways += [apart.split(bare.strip()) for apart in (_BEFORE_UNIT, _FAR_APART)]
+    ways = [cells for cells in ways if not _holds_number(cells)] or [[]]
+    return next((cells for cells in ways if len(cells) == width), ways[0])
+
+
+def _blanks_too(lines: list[str], delimiter: str, first: int) -> bool:
+    """Return whether the columns of a table with tabs are parted by blanks as well."""
+    cells = split_cells(lines[first], delimiter)
+    return delimiter == "\t" and any(len(parts := cell.split()) > 1 and all(map(_is_value, parts)) for cell in cells)
+
+
+def _nameless(lines: list[str]) -> Layout | None:
+    """Return the layout of a file whose first line is a sample as the next ones are, or None.
+
+    One delimiter must part these lines into the same number of cells, each a number, a date, or a text where the
+    others have one, too.
+    """
+    first = next((k for k, line in enumerate(lines[:_HEAD]) if not is_comment(line)), 0)
+    found = []
+    for delimiter in (*_DELIMITERS, BLANKS):
+        rows = [split_cells(line, delimiter) for line in lines[first : first + 1 + _LIKE_SAMPLES]]
+        kinds = [{_kind(cell) for cell in column} - {""} for column in zip(*rows, strict=False)]
+        alike = len({len(row) for row in rows}) == 1 and all(len(kind) < 2 and kind <= _KINDS for kind in kinds)
+        cut = delimiter == "," and _is_cut(lines[first : first + _HEAD], rows)
+        if alike and {"number"} in kinds and not cut:
+            found.append((len(kinds), Layout(delimiter=delimiter, first=first)))
+    # A single column has no delimiter, and any one fits; beside a tab, blanks count for nothing.
+    several = [layout for width, layout in found if width > 1]
+    marked = [layout for layout in several if layout.delimiter != BLANKS] or several
+    return marked[0] if len(marked) == 1 else found[0][1] if found and not several else None
+
+
+def _is_cut(lines: list[str], rows: list[list[str]]) -> bool:
+    """Return whether commas part the digits of numbers: some cells begin with a zero, and nothing has a point."""
+    return any(re.match(r"0\d", cell) for row in rows for cell in row) and not any("." in line for line in lines)
+
+
+_KINDS = frozenset({"number", "date", "text"})
+
+
+def _kind(cell: str) -> str:
+    """Return what a cell holds: nothing, a number, a date, a text, or a mixture of numbers and marks."""
+    if not cell or _is_value(cell):
+        return "number" if cell else ""
+    if is_date(cell):
+        return "date"
+    return "text" if re.search(r"[^\W\d_]", cell) and not any(map(_is_value, cell.split())) else "mixture"
+
+
+def _is_value(cell: str) -> bool:
+    """Return whether a cell is a number, with decimal point or comma."""
+    return is_number(cell) or is_number(cell.replace(",", "."))
+
+
+def _is_sample(line: str, cells: list[str]) -> bool:
+    """Return whether a line is a sample; what is commented out is none."""
+    return _holds_number(cells) and not is_comment(line)
+
+
 def _holds_number(cells: list[str]) -> bool:
     """Return whether a line holds a number, which no header line does; a comma may be its decimal sign."""
-    return any(is_number(cell) or is_number(cell.replace(",", ".")) for cell in cells)
+    return any(map(_is_value, cells))
 
 
 def _no_layout(lines: list[str], rows: list[int], delimiter: str, path: str) -> DataError:
     """Return the error of a file in which no header belongs to the samples."""
     cells = [split_cells(line, delimiter) for line in lines[:_HEAD]]
-    numeric = [_holds_number(row) for row in cells]
+    numeric = [_is_sample(line, row) for line, row in zip(lines, cells, strict=False)]
     if not any(numeric):
-        blanks = next((k for k, line in enumerate(lines[:_HEAD]) if _holds_number(line.split())), None)
+        blanks = next((k for k, line in enumerate(lines[:_HEAD]) if _is_sample(line, line.split())), None)
         if blanks is None:
             return DataError(f"{path}: a header but no samples")
-        return DataError(
-            f"{path}, row {rows[blanks]}: no delimiter between the numbers; "
-            f"delimit the columns by {', '.join(_DELIMITERS.values())}"
-        )
+        delimiter, cells = BLANKS, [split_cells(line, BLANKS) for line in lines[:_HEAD]]
+        numeric = [_is_sample(line, row) for line, row in zip(lines, cells, strict=False)]
     if numeric[0]:
-        return DataError(
-            f"{path}, row {rows[0]}: no header; the first line must name the columns, for example {_WANTED}"
-        )
-    width = _width(lines, delimiter)
+        advice = f"the first line must name the columns, and no name is a number; for example {_WANTED}"
+        if delimiter == "," and _is_cut(lines, cells):
+            advice = "a comma is not delimiter and decimal sign at once: delimit by semicolon or tab"
+        return DataError(f"{path}, row {rows[0]}: no header; {advice}")
+    width = _width(lines, delimiter) if delimiter != BLANKS else 0
     before = [k for k in range(1, len(cells)) if numeric[k] and not numeric[k - 1]]
     k = next((k for k in before if len(cells[k]) >= width), before[-1])
+    header = _header_cells(lines[k - 1], delimiter, len(cells[k]))
     advice = (
         "; a comma is not delimiter and decimal sign at once: delimit by semicolon or tab"
-        if delimiter == "," and len(cells[k]) > len(cells[k - 1])
+        if delimiter == "," and len(cells[k]) > len(header)
+        else "; each column needs a name of one word"
+        if delimiter == BLANKS
         else "; each column needs a name"
     )
+    by = _DELIMITERS.get(delimiter, "blanks")
     return DataError(
-        f"{path}, row {rows[k]}: {len(cells[k])} cells by {_DELIMITERS[delimiter]}, "
-        f"but the header in row {rows[k - 1]} has {len(cells[k - 1])}{advice}"
+        f"{path}, row {rows[k]}: {len(cells[k])} cells by {by}, but the header in row {rows[k - 1]} has "
+        f"{len(header)}{advice}"
     )

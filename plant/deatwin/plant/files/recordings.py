@@ -9,15 +9,19 @@ from numpy.typing import ArrayLike
 
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.assemble import on_one_clock, recordings_of
-from deatwin.plant.files.columns import data_columns
+from deatwin.plant.files.columns import chosen_columns
 from deatwin.plant.files.csvtable import read_table
 from deatwin.plant.files.csvwrite import csv_text
+from deatwin.plant.files.formats.lvm import read_lvm
 from deatwin.plant.files.formats.mat import read_mat, write_mat
 from deatwin.plant.files.formats.netcdf import read_netcdf, write_netcdf
 from deatwin.plant.files.formats.table import Table
 from deatwin.plant.files.formats.tdms import read_tdms, write_tdms
+from deatwin.plant.files.formats.xlsx import read_xlsx
 from deatwin.plant.files.replacing import replacing
+from deatwin.plant.files.wanted import in_units, require_known_units
 from deatwin.plant.recording import Experiment, Recording
+from deatwin.plant.rigs.base import ReadingTime
 from deatwin.plant.rigs.rigfile import RigFile
 
 __all__ = [
@@ -38,6 +42,10 @@ _READERS: dict[str, Callable[[str | Path], Table]] = {
     ".csv": read_table,
     ".txt": read_table,
     ".tsv": read_table,
+    ".dat": read_table,
+    ".asc": read_table,
+    ".lvm": read_lvm,
+    ".xlsx": read_xlsx,
     ".mat": read_mat,
     ".tdms": read_tdms,
     ".nc": read_netcdf,
@@ -55,8 +63,13 @@ def read_recordings(
     *,
     input_column: str | None = None,
     output_column: str | None = None,
+    time_column: str | None = None,
     allow_gaps: bool = False,
     dt: float | None = None,
+    resample: float | None = None,
+    reading: ReadingTime = ReadingTime.END_OF_HOLD,
+    input_unit: str | None = None,
+    output_unit: str | None = None,
     rig: RigFile | None = None,
 ) -> tuple[Recording, ...]:
     """Read the recordings of a file, in the format that the end of its name says.
@@ -69,10 +82,23 @@ def read_recordings(
         Header of the input and the output, or the place, ``"#2"`` for the second column; by default what the
         file declares, else the columns ``command`` and ``displacement``. A unit may stand in the header, in a
         line below it, or in an attribute; values without a known unit are taken as they are.
+    time_column : str, optional
+        Header of the times, or the place; by default the column called ``time`` or the like, else the one with a
+        unit of time. The unit is that of the header, or stands behind an equals sign, ``"Timestamp=ms"``; else it
+        is the second. Dates of ISO 8601 and Unix times, whose size tells their unit, put the zero of the clock at
+        the first sample; the provenance holds its date as ``clock_began``.
     allow_gaps : bool, default False
         Split the record at its gaps and keep the clock. Else a gap is an error.
     dt : float, optional
         Sample time, s, for a file without times. Where it has times, they must keep it.
+    resample : float, optional
+        Bring the samples onto an even clock of this sample time, s, as `deatwin.plant.resample` does; for files whose
+        times are uneven, and for those sampled faster than is wanted.
+    reading : ReadingTime
+        When, within its row, a reading is taken; where `resample` keeps fewer rows, theirs are taken so too.
+    input_unit, output_unit : str, optional
+        The unit in which input and output are wanted, SI by default. A column that says exactly this is taken as it
+        is, another known unit of the same kind is converted; "1" wants numbers without a unit.
     rig : RigFile, optional
         Refuse commands far outside of this rig's range.
 
@@ -88,7 +114,11 @@ def read_recordings(
         value that is not a number, times that do not increase, a gap or uneven sampling, or commands far
         outside of the rig's range; or a package that the format needs is not installed.
     """
-    return _recordings(_table(path), input_column, output_column, allow_gaps=allow_gaps, dt=dt, rig=rig)
+    asked = {"input": input_column, "output": output_column, "time": time_column}
+    units = {"input": input_unit, "output": output_unit}
+    return _recordings(
+        _table(path), asked, units, allow_gaps=allow_gaps, dt=dt, resample=resample, reading=reading, rig=rig
+    )
 
 
 def read_csv(
@@ -96,15 +126,20 @@ def read_csv(
     *,
     input_column: str | None = None,
     output_column: str | None = None,
+    time_column: str | None = None,
     allow_gaps: bool = False,
     dt: float | None = None,
+    resample: float | None = None,
+    reading: ReadingTime = ReadingTime.END_OF_HOLD,
+    input_unit: str | None = None,
+    output_unit: str | None = None,
     rig: RigFile | None = None,
 ) -> tuple[Recording, ...]:
     """Read the recordings of a CSV file, whatever the end of its name.
 
     Parameters
     ----------
-    path, input_column, output_column, allow_gaps, dt, rig
+    path, input_column, output_column, time_column, allow_gaps, dt, resample, reading, input_unit, output_unit, rig
         As in `read_recordings`.
 
     Returns
@@ -116,21 +151,29 @@ def read_csv(
     DataError
         As `read_recordings`.
     """
-    return _recordings(read_table(path), input_column, output_column, allow_gaps=allow_gaps, dt=dt, rig=rig)
+    asked = {"input": input_column, "output": output_column, "time": time_column}
+    units = {"input": input_unit, "output": output_unit}
+    return _recordings(
+        read_table(path), asked, units, allow_gaps=allow_gaps, dt=dt, resample=resample, reading=reading, rig=rig
+    )
 
 
 def read_commands(
     path: str | Path,
     *,
     input_column: str | None = None,
+    time_column: str | None = None,
     dt: float | None = None,
+    resample: float | None = None,
+    reading: ReadingTime = ReadingTime.END_OF_HOLD,
+    input_unit: str | None = None,
     rig: RigFile | None = None,
 ) -> Recording:
     """Read the commands of a file; an output is neither needed nor looked at.
 
     Parameters
     ----------
-    path, input_column, dt, rig
+    path, input_column, time_column, dt, resample, reading, input_unit, rig
         As in `read_recordings`.
 
     Returns
@@ -143,9 +186,10 @@ def read_commands(
     DataError
         As `read_recordings`.
     """
-    table = _table(path)
-    chosen = {"input": data_columns(table, "input", input_column), "output": ()}
-    return recordings_of(table, chosen, allow_gaps=False, dt=dt, rig=rig)[0]
+    asked, units = {"input": input_column, "time": time_column}, {"input": input_unit}
+    return _recordings(
+        _table(path), asked, units, allow_gaps=False, dt=dt, resample=resample, reading=reading, rig=rig
+    )[0]
 
 
 def read_recording(
@@ -153,14 +197,19 @@ def read_recording(
     *,
     input_column: str | None = None,
     output_column: str | None = None,
+    time_column: str | None = None,
     dt: float | None = None,
+    resample: float | None = None,
+    reading: ReadingTime = ReadingTime.END_OF_HOLD,
+    input_unit: str | None = None,
+    output_unit: str | None = None,
     rig: RigFile | None = None,
 ) -> Recording:
     """Read one recording without gaps.
 
     Parameters
     ----------
-    path, input_column, output_column, dt, rig
+    path, input_column, output_column, time_column, dt, resample, reading, input_unit, output_unit, rig
         As in `read_recordings`.
 
     Returns
@@ -172,7 +221,10 @@ def read_recording(
     DataError
         As `read_recordings`.
     """
-    return read_recordings(path, input_column=input_column, output_column=output_column, dt=dt, rig=rig)[0]
+    return read_recordings(
+        path, input_column=input_column, output_column=output_column, time_column=time_column, dt=dt,
+        resample=resample, reading=reading, input_unit=input_unit, output_unit=output_unit, rig=rig,
+    )[0]  # fmt: skip
 
 
 def read_experiment(
@@ -180,8 +232,13 @@ def read_experiment(
     *,
     input_column: str | None = None,
     output_column: str | None = None,
+    time_column: str | None = None,
     allow_gaps: bool = False,
     dt: float | None = None,
+    resample: float | None = None,
+    reading: ReadingTime = ReadingTime.END_OF_HOLD,
+    input_unit: str | None = None,
+    output_unit: str | None = None,
     rig: RigFile | None = None,
 ) -> Experiment:
     """Read the recordings of one experiment, which share one running clock.
@@ -189,9 +246,9 @@ def read_experiment(
     Parameters
     ----------
     paths : iterable of (str or Path)
-        The files, in any order. TDMS waveforms that say when they started (``wf_start_time``) are laid on the
-        clock of the earliest.
-    input_column, output_column, allow_gaps, dt, rig
+        The files, in any order. Those whose times are dates, and TDMS waveforms that say when they started
+        (``wf_start_time``), are laid on the clock of the earliest.
+    input_column, output_column, time_column, allow_gaps, dt, resample, reading, input_unit, output_unit, rig
         As in `read_recordings`, the same for all files.
 
     Returns
@@ -207,9 +264,11 @@ def read_experiment(
         recording
         for path in paths
         for recording in read_recordings(
-            path, input_column=input_column, output_column=output_column, allow_gaps=allow_gaps, dt=dt, rig=rig
+            path, input_column=input_column, output_column=output_column, time_column=time_column,
+            allow_gaps=allow_gaps, dt=dt, resample=resample, reading=reading, input_unit=input_unit,
+            output_unit=output_unit, rig=rig,
         )
-    ]
+    ]  # fmt: skip
     return Experiment(recordings=on_one_clock(recordings))
 
 
@@ -286,6 +345,8 @@ def _write_text(path: Path, text: str) -> None:
 def _by_ending(path: str | Path, ways: Mapping[str, Way], verb: str) -> Way:
     """Return how a file's format is read or written."""
     ending = Path(path).suffix.lower()
+    if ending == ".xls" and verb == "read":
+        raise DataError(f'{path}: files ".xls" cannot be read; save the sheet as .xlsx or .csv')
     if ending not in ways:
         raise DataError(f'{path}: files "{ending}" cannot be {verb}; known are {", ".join(ways)}')
     return ways[ending]
@@ -298,18 +359,21 @@ def _table(path: str | Path) -> Table:
 
 def _recordings(
     table: Table,
-    input_column: str | None,
-    output_column: str | None,
+    asked: Mapping[str, str | None],
+    units: Mapping[str, str | None],
     *,
     allow_gaps: bool,
     dt: float | None,
+    resample: float | None,
+    reading: ReadingTime,
     rig: RigFile | None,
 ) -> tuple[Recording, ...]:
     """Return the recordings of a table, whose columns the user may have named."""
-    chosen = {
-        "input": data_columns(table, "input", input_column),
-        "output": data_columns(table, "output", output_column),
-    }
-    if shared := set(chosen["input"]) & set(chosen["output"]):
-        raise DataError(f'{table.path}: the column "{table.shown(min(shared))}" is named as input and as output')
-    return recordings_of(table, chosen, allow_gaps=allow_gaps, dt=dt, rig=rig)
+    chosen = chosen_columns(table, asked, units)
+    wanted = {column: unit for role, unit in units.items() if unit is not None for column in chosen[role]}
+    table = in_units(table, wanted)
+    require_known_units(table, [column for role in chosen if asked.get(role) is not None for column in chosen[role]])
+    return recordings_of(
+        table, chosen, allow_gaps=allow_gaps, dt=dt, resample=resample, reading=reading, rig=rig,
+        named_times=asked["time"],
+    )  # fmt: skip

@@ -1,10 +1,20 @@
-"""Units of file columns, and their way to SI and back."""
+"""Units of file columns, and their way to SI and back.
 
+Factors are definitions: the pound-force is 0.45359237 kg times 9.80665 m/s2, the inch 0.0254 m, a turn 2 pi rad.
+A temperature in degrees Celsius is shifted to kelvin, a temperature difference is not: it is told by its name, as
+``dT``, ``temperature rise``, or by its unit, as ``delta_degC``. ``g`` is the gram, and behind the name of an
+acceleration standard gravity.
+"""
+
+import math
 import re
+from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
+__all__ = ["UNITS", "Unit", "find_unit", "for_name", "same_kind", "split_unit", "unknown_unit", "without_unit"]
 
 
 @dataclass(frozen=True)
@@ -12,6 +22,15 @@ class Unit:
     """A unit of a file: ``SI value = (value + shift) * numerator / denominator``.
 
     Two whole numbers instead of one factor: 35 / 1000 is the float nearest to 0.035, and 35 * 1e-3 is not.
+
+    Parameters
+    ----------
+    si : str
+        The SI unit of the same kind, or the one that is wanted instead.
+    numerator, denominator : float
+        Their quotient is the factor.
+    shift : float
+        Added before it; of degrees Celsius.
     """
 
     si: str
@@ -27,56 +46,110 @@ class Unit:
         """Return values of any shape, given in the unit `si`, in this unit."""
         return values * self.denominator / self.numerator - self.shift
 
+    @property
+    def is_si(self) -> bool:
+        """Whether values in this unit are the same numbers in the unit `si`."""
+        return self.numerator == self.denominator and self.shift == 0.0
 
+    def onto(self, wanted: "Unit", name: str) -> "Unit":
+        """Return the unit that leads from this one to another of its kind.
+
+        Parameters
+        ----------
+        wanted : Unit
+            Where its own `to_si` ends is not SI but this unit.
+        name : str
+            What the wanted unit is called; the `si` of the result.
+
+        Returns
+        -------
+        Unit
+        """
+        numerator, denominator = self.numerator * wanted.denominator, self.denominator * wanted.numerator
+        return Unit(name, numerator, denominator, self.shift - wanted.shift * (denominator / numerator))
+
+
+_POWERS = {"p": -12, "n": -9, "u": -6, "m": -3, "c": -2, "h": 2, "k": 3, "M": 6, "G": 9}
+
+
+def _scaled(si: str, prefixes: str, symbol: str = "", size: float = 1.0) -> dict[str, Unit]:
+    """Return a unit, and it with prefixes; the prefix stands before the first symbol of a product or quotient."""
+    symbol = symbol or si
+    found = {symbol: Unit(si, size)}
+    for prefix in prefixes:
+        power = 10.0 ** abs(_POWERS[prefix])
+        found[prefix + symbol] = Unit(si, size, power) if _POWERS[prefix] < 0 else Unit(si, size * power)
+    return found
+
+
+_POUND_FORCE = 4.4482216152605  # N, exactly 0.45359237 * 9.80665
 UNITS = {
     "": Unit(""),  # not known: values are taken as they are
-    "s": Unit("s"),
-    "ms": Unit("s", 1, 1e3),
-    "us": Unit("s", 1, 1e6),
-    "min": Unit("s", 60),
-    "h": Unit("s", 3600),
-    "V": Unit("V"),
-    "mV": Unit("V", 1, 1e3),
-    "kV": Unit("V", 1e3),
-    "m": Unit("m"),
-    "cm": Unit("m", 1, 1e2),
-    "mm": Unit("m", 1, 1e3),
-    "um": Unit("m", 1, 1e6),
-    "nm": Unit("m", 1, 1e9),
-    "A": Unit("A"),
-    "mA": Unit("A", 1, 1e3),
-    "uA": Unit("A", 1, 1e6),
-    "nA": Unit("A", 1, 1e9),
-    "N": Unit("N"),
-    "mN": Unit("N", 1, 1e3),
-    "kN": Unit("N", 1e3),
-    "K": Unit("K"),
-    "C": Unit("K", shift=273.15),
-    "Pa": Unit("Pa"),
-    "kPa": Unit("Pa", 1e3),
-    "MPa": Unit("Pa", 1e6),
-}
+    **_scaled("s", "mun"), "min": Unit("s", 60), "h": Unit("s", 3600),
+    **_scaled("V", "munk"), **_scaled("A", "munpk"), **_scaled("ohm", "mkM"),
+    **_scaled("W", "muk"), **_scaled("J", "muk"),
+    **_scaled("m", "cmunk"),
+    **_scaled("m/s", "cmuk"), "km/h": Unit("m/s", 1, 3.6), "m/min": Unit("m/s", 1, 60), "mm/min": Unit("m/s", 1, 6e4),
+    **_scaled("m/s2", "cmu"), "gn": Unit("m/s2", 9.80665),
+    **_scaled("rad", "mu"), "deg": Unit("rad", math.pi, 180), "rev": Unit("rad", 2 * math.pi),
+    **_scaled("rad/s", "mu"), "deg/s": Unit("rad/s", math.pi, 180), "rpm": Unit("rad/s", math.pi, 30),
+    "rev/s": Unit("rad/s", 2 * math.pi), "deg/min": Unit("rad/s", math.pi, 10800),
+    "deg/h": Unit("rad/s", math.pi, 648000),
+    "rad/s2": Unit("rad/s2"), "deg/s2": Unit("rad/s2", math.pi, 180),
+    **_scaled("Hz", "mkMG"), "1/s": Unit("1/s"), "1/min": Unit("1/s", 1, 60),
+    "kg": Unit("kg"), "g": Unit("kg", 1, 1e3), "mg": Unit("kg", 1, 1e6), "ug": Unit("kg", 1, 1e9),
+    **_scaled("N", "munkM"), "lbf": Unit("N", _POUND_FORCE),
+    **_scaled("N m", "munkM"), "N cm": Unit("N m", 1, 1e2), "N mm": Unit("N m", 1, 1e3), "mN mm": Unit("N m", 1, 1e6),
+    **_scaled("N/m", "muk"), "N/mm": Unit("N/m", 1e3),
+    **_scaled("Pa", "muhkMG"), **_scaled("Pa", "mk", "bar", 1e5), "psi": Unit("Pa", _POUND_FORCE, 0.00064516),
+    **_scaled("V/m", "kM"), "V/mm": Unit("V/m", 1e3), "kV/mm": Unit("V/m", 1e6), "V/um": Unit("V/m", 1e6),
+    **_scaled("K", "m"), "C": Unit("K", shift=273.15), "Δ°C": Unit("K"),
+    "%": Unit("1", 1, 1e2),
+}  # fmt: skip
+_SAME_KIND = {"Hz": "1/s"}
 _LOWERED = {name.lower() for name in UNITS}
-_IN_BRACKETS = re.compile(r"(.+?)\s*(\([^()]*\)|\[[^\[\]]*\])")
+_IN_BRACKETS = re.compile(r"(.+?)[\s/]*(\([^()]*\)|\[[^\[\]]*\])")
+_RATE = re.compile(r"(.+?)_((?:m?rad|deg|rev|[kcmu]?m)_(?:per_)?(?:s2?|min|h))")
 _LAST_PART = re.compile(r"(.+?)\s*_([^_]+)")
-_IN_WORDS = re.compile(r"(.+?)\s+in\s+(\S+)")
-_DIVIDED = re.compile(r"([^\W\d]\w*)\s*/\s*([^\s/]+)")
-_FORMS = (_IN_BRACKETS, _LAST_PART, _IN_WORDS, _DIVIDED)
+_IN_WORDS = re.compile(r"(.+?)\s+in\s+(\S.*)")
+_DIVIDED = re.compile(r"([^\W\d]\w*)\s*/\s*(\([^()]*\)|\[[^\[\]]*\]|[^\s/]+)")
+_FORMS = (_IN_BRACKETS, _RATE, _LAST_PART, _IN_WORDS, _DIVIDED)
 """How a header may give its unit, as the second group."""
-_NO_QUANTITIES = frozenset({"kg", "g", "rad", "deg", "counts"})
-"""Before a stroke these begin a unit, as in ``rad/m``."""
-_PREFIXES = {"": "", "nano": "n", "micro": "u", "milli": "m", "centi": "c", "kilo": "k", "mega": "M"}
+_NO_QUANTITIES = frozenset({"counts"})
+"""Before a stroke these begin a unit that is not known, as in ``counts/s``."""
+_DIFFERENCE = re.compile(r"(?i:[Δ∆]|delta|diff|d_?t(?![a-z])|.*(difference|rise|increase)\b)")
+_ACCELERATION = re.compile(r"(?i:.*acc(?![a-z])|.*accel|a(_?[xyz])?$)")
+_PREFIXES = {"": "", "pico": "p", "nano": "n", "micro": "u", "milli": "m", "centi": "c", "hecto": "h", "kilo": "k",
+             "mega": "M", "giga": "G"}  # fmt: skip
 _WORDS = {"second": "s", "volt": "V", "metre": "m", "meter": "m", "ampere": "A", "amp": "A", "newton": "N",
-          "kelvin": "K", "pascal": "Pa"}  # fmt: skip
-_SPELLED_OUT = {"micron": "um", "minute": "min", "hour": "h", "celsius": "C"} | {
+          "kelvin": "K", "pascal": "Pa", "radian": "rad", "hertz": "Hz", "gram": "g", "bar": "bar", "watt": "W",
+          "joule": "J", "ohm": "ohm"}  # fmt: skip
+_SPELLED_OUT = {
+    "micron": "um", "minute": "min", "hour": "h", "celsius": "C", "degree": "deg", "revolution": "rev",
+    "percent": "%", "sec": "s", "msec": "ms", "usec": "us",
+    # Without a prefix their capitals tell nothing.
+    "deg": "deg", "rad": "rad", "rev": "rev", "rpm": "rpm", "psi": "psi", "hz": "Hz",
+} | {
     prefix + word: short + unit
     for prefix, short in _PREFIXES.items() for word, unit in _WORDS.items() if short + unit in UNITS
 }  # fmt: skip
-_OTHER_SPELLINGS = {"µ": "u", "μ": "u", "°C": "C", "℃": "C", "degC": "C", "sec": "s"}
+_OTHER_SPELLINGS = {
+    "deg C": "C", "degC": "C", "°C": "C", "℃": "C", "Δ C": "Δ°C", "delta C": "Δ°C", "delta K": "K", "ΔK": "K",
+    "°": "deg", "rev/min": "rpm", "r/min": "rpm", "U/min": "rpm", "tr/min": "rpm", "rps": "rev/s", "/s": "1/s",
+    "/min": "1/min", "g0": "gn", "g_n": "gn", "cps": "Hz", "bar g": "bar", "pct": "%",
+} | {
+    product.replace(" ", ""): product for product in UNITS if " " in product  # Nm, mNm
+}  # fmt: skip
+_SIGNS = str.maketrans({
+    "µ": "u", "μ": "u", "∆": "Δ", "Ω": "ohm", "\u2126": "ohm", "·": " ", "⋅": " ", "∙": " ", "•": " ", "*": " ",
+    "×": " ", "²": "2", "³": "3", "⁻": "-", "¹": "1", "−": "-", "^": "", "{": "", "}": "",
+    "℃": "°C", "(": " ", ")": " ",
+    "_": " ",
+})  # fmt: skip
 
 
 def find_unit(text: str) -> str:
-    """Return the unit that a cell such as ``(mm)``, ``[µm]``, ``s`` or ``(Volts)`` names.
+    """Return the unit that a cell such as ``(mm)``, ``[µm]``, ``s``, ``N·m``, ``m s^-2`` or ``(Volts)`` names.
 
     Parameters
     ----------
@@ -90,17 +163,45 @@ def find_unit(text: str) -> str:
 
     Examples
     --------
-    >>> find_unit("(mm)"), find_unit("[µm]"), find_unit("(Volts)"), find_unit("force")
-    ('mm', 'um', 'V', '')
+    >>> find_unit("(mm)"), find_unit("[µm]"), find_unit("(Volts)"), find_unit("N·m"), find_unit("force")
+    ('mm', 'um', 'V', 'N m', '')
     """
     bare = text.strip()
     if bare[:1] + bare[-1:] in ("()", "[]"):
         bare = bare[1:-1].strip()
-    if (word := bare.lower()) in _SPELLED_OUT or (word := word.removesuffix("s")) in _SPELLED_OUT:
-        return _SPELLED_OUT[word]
-    for spelling, usual in _OTHER_SPELLINGS.items():
-        bare = bare.replace(spelling, usual)
-    return bare if bare in UNITS else ""
+    if bare in UNITS:
+        return bare
+    plain = re.sub(r"(?<=[A-Za-z])[.-](?=[A-Za-z])", " ", bare.replace("**", "").translate(_SIGNS))
+    above, *below = re.split(r"\s*/\s*|\s+per\s+", plain.strip())
+    symbols: Counter[str] = Counter()
+    for sign, factors in ((1, above.split()), *((-1, part.split()) for part in below)):
+        for factor in factors:
+            symbol, power = _factor(factor)
+            symbols[symbol] += sign * power
+    return _known(symbols)
+
+
+def _factor(text: str) -> tuple[str, int]:
+    """Return symbol and power of one factor of a unit."""
+    match = re.fullmatch(r"([^\d-]+)(-?\d)", text)
+    symbol, power = (match[1], int(match[2])) if match else (text, 1)
+    word = symbol.lower()
+    found = _SPELLED_OUT.get(word) or _SPELLED_OUT.get(word.removesuffix("s"))
+    return found or _OTHER_SPELLINGS.get(symbol, symbol), power
+
+
+def _known(symbols: Counter[str]) -> str:
+    """Return the key of a unit that is given as the powers of its symbols; an empty text where it is none."""
+    del symbols["1"]
+
+    def product(sign: int) -> str:
+        factors = [(symbol, sign * power) for symbol, power in symbols.items() if sign * power > 0]
+        return " ".join(symbol if power == 1 else f"{symbol}{power}" for symbol, power in factors)
+
+    above, below = product(1), product(-1)
+    whole = above if not below else f"{above or '1'}/{below}"
+    whole = _OTHER_SPELLINGS.get(whole, whole)
+    return whole if whole in UNITS else ""
 
 
 def split_unit(header: str) -> tuple[str, str]:
@@ -126,9 +227,83 @@ def split_unit(header: str) -> tuple[str, str]:
     """
     for form in _FORMS:
         match = form.fullmatch(header)
-        if match and (unit := find_unit(match[2])) and not (form is _DIVIDED and _is_rate(match[1], unit)):
-            return match[1], unit
+        if not match:
+            continue
+        unit = find_unit(re.sub("_(per_)?", "/", match[2]) if form is _RATE else match[2])
+        if unit and not (form is _DIVIDED and _is_rate(match[1], unit)):
+            return match[1], for_name(match[1], unit)
     return header, ""
+
+
+def for_name(name: str, unit: str) -> str:
+    """Return the unit that is meant behind a name, where the name decides between two.
+
+    Parameters
+    ----------
+    name : str
+        Of a column, without its unit.
+    unit : str
+        A key of `UNITS`.
+
+    Returns
+    -------
+    str
+        A key of `UNITS`: that of a temperature difference or of standard gravity, else the one given.
+
+    Examples
+    --------
+    >>> for_name("temperature", "C"), for_name("temperature rise", "C"), for_name("accel_x", "g"), for_name("mass", "g")
+    ('C', 'Δ°C', 'gn', 'g')
+    """
+    if unit == "C" and _DIFFERENCE.match(name):
+        return "Δ°C"
+    return "gn" if unit == "g" and _ACCELERATION.match(name) else unit
+
+
+def same_kind(first: str, second: str) -> bool:
+    """Return whether two SI units measure the same kind of quantity, so that numbers in one are numbers in the other.
+
+    Parameters
+    ----------
+    first, second : str
+        Values of `Unit.si`.
+
+    Returns
+    -------
+    bool
+
+    Examples
+    --------
+    >>> same_kind("Hz", "1/s"), same_kind("Hz", "rad/s")
+    (True, False)
+    """
+    return _SAME_KIND.get(first, first) == _SAME_KIND.get(second, second)
+
+
+def without_unit(header: str, unit: str) -> str:
+    """Return the name in a header that gives exactly this unit, known or not; an empty text where it does not.
+
+    Parameters
+    ----------
+    header : str
+        Of a column.
+    unit : str
+        As a rig spells it.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> without_unit("speed (widgets/h)", "widgets/h"), without_unit("speed_rpm", "rpm"), without_unit("speed_1", "1")
+    ('speed', 'speed', '')
+    """
+    own = re.escape(unit)
+    forms = [rf"(.+?)\s*(?:\(\s*{own}\s*\)|\[\s*{own}\s*\])"]
+    if unit not in ("", "1"):  # speed_1 is the first of several speeds
+        forms += [rf"(.+?)\s*_{own}", rf"(.+?)\s+in\s+{own}"]
+    return next((match[1] for form in forms if (match := re.fullmatch(form, header))), "")
 
 
 def unknown_unit(header: str) -> str:
@@ -146,8 +321,8 @@ def unknown_unit(header: str) -> str:
 
     Examples
     --------
-    >>> unknown_unit("command_MV"), unknown_unit("U (%)"), unknown_unit("U_cmd"), unknown_unit("x (left)")
-    ('MV', '%', '', '')
+    >>> unknown_unit("command_MV"), unknown_unit("U (%FS)"), unknown_unit("U_cmd"), unknown_unit("x (left)")
+    ('MV', '%FS', '', '')
     """
     for form in _FORMS:
         if match := form.fullmatch(header):
@@ -160,4 +335,4 @@ def unknown_unit(header: str) -> str:
 def _is_rate(before: str, unit: str) -> bool:
     """Whether what stands before a stroke belongs to a unit; ``t/s`` is a time, any other ``/s`` a rate."""
     rate = UNITS[unit].si == "s" and before.lower() not in ("t", "time")
-    return rate or before in UNITS or before in _NO_QUANTITIES
+    return rate or bool(find_unit(before)) or before in _NO_QUANTITIES

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from deatwin.control.checking.rows import MarginRow
 from deatwin.control.checking.specification import Limit
 from deatwin.control.controllers.base import Controller
+from deatwin.plant.amplitudes import amount
 from deatwin.scenarios.check_report.loops import Loops
 from deatwin.scenarios.check_report.run_figures import Columns
 from deatwin.scenarios.check_report.view import AFTER, BEFORE, INK, MARK, View, header
@@ -226,7 +227,7 @@ def draw_nyquist(view: View, controller: Controller) -> tuple[Drawing, Columns]:
         axes.set(xlim=(-_REACH, 0.8), ylim=(-_REACH, 0.8), xlabel="real part of L", ylabel="imaginary part of L")
         axes.set_aspect("equal")
         beside.legend(*axes.get_legend_handles_labels(), loc="upper left", markerscale=1)
-        at_input = f"{controller.operating_input:.4g} {view.check.operating.input_unit}".rstrip()
+        at_input = amount(f"{controller.operating_input:.4g}", view.check.operating.input_unit)
         caption = f"The loop L = controller times model at {at_input}, as far as |L| is not large."
         if loops.band is not None:
             caption += " Ellipses: its simultaneous 95 % band, from the covariance of the model's parameters."

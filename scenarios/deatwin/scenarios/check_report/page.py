@@ -97,7 +97,8 @@ def _drawn(view: View) -> list[tuple[Drawing, Columns]]:
 
 def _tiles(view: View) -> list[Tile]:
     check, at = view.check, view.check.operating
-    tiles = [Tile(name="operating input", value=three_digits(at.input), unit=at.input_unit)]
+    input_unit = "" if at.input_unit == "1" else at.input_unit
+    tiles = [Tile(name="operating input", value=three_digits(at.input), unit=input_unit)]
     if at.output is not None:
         tiles.append(Tile(name="output there", value=three_digits(at.output / view.size), unit=view.shown_unit))
     if check.controller is None or check.margins is None:

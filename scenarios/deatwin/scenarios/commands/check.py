@@ -18,8 +18,10 @@ from deatwin.scenarios.options import (
     OutFolder,
     OutputColumn,
     Quiet,
+    Resample,
     SampleTime,
     Seed,
+    TimeColumn,
 )
 from deatwin.scenarios.voice import Voice, complain
 
@@ -104,8 +106,10 @@ def check(
     rival: Rivals = None,
     input_column: InputColumn = None,
     output_column: OutputColumn = None,
+    time_column: TimeColumn = None,
     allow_gaps: AllowGaps = False,
     dt: SampleTime = None,
+    resample: Resample = None,
     jobs: Jobs = -1,
     seed: Seed = 0,
     as_json: Json = False,
@@ -125,16 +129,22 @@ def check(
     from deatwin.scenarios.check_report.gains import written_gains
     from deatwin.scenarios.checking import CheckTask, load_rivals, rival_files
     from deatwin.scenarios.folder import ResultFolder
-    from deatwin.scenarios.given import GivenPlant
+    from deatwin.scenarios.given import GivenPlant, clock_notes
 
     voice = Voice(as_json=as_json, quiet=quiet)
     narx = NarxModel.load(model).deterministic
-    given = GivenPlant.load(plant, input_column=input_column, output_column=output_column, dt=dt)
+    given = GivenPlant.load(
+        plant, input_column=input_column, output_column=output_column, time_column=time_column, dt=dt,
+        resample=resample,
+    )  # fmt: skip
     rivals = rival_files(plant, diagnosis, rival or [])
+    record = None if recording is None else _longest(given, recording, allow_gaps)
+    for note in clock_notes([] if record is None else [record]):
+        voice.say(note)
     task = CheckTask(
         model=narx, plant=given.model, design=design, closed_loop_time=closed_loop_time,
         operating_input=operating_input, operating_range=operating_range,
-        recording=None if recording is None else _longest(given, recording, allow_gaps), rivals=load_rivals(rivals),
+        recording=record, rivals=load_rivals(rivals),
         files=[model, plant, *([] if recording is None else [recording]), *rivals.values()],
         command=context.obj, jobs=jobs, seed=seed,
     )  # fmt: skip

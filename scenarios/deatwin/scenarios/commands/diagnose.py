@@ -16,9 +16,11 @@ from deatwin.scenarios.options import (
     OutFolder,
     OutputColumn,
     Quiet,
+    Resample,
     RigSource,
     SampleTime,
     Seed,
+    TimeColumn,
     unfold_experiment,
 )
 from deatwin.scenarios.voice import Voice, complain
@@ -39,8 +41,10 @@ def diagnose(
     experiment: Experiments = None,
     input_column: InputColumn = None,
     output_column: OutputColumn = None,
+    time_column: TimeColumn = None,
     allow_gaps: AllowGaps = False,
     dt: SampleTime = None,
+    resample: Resample = None,
     jobs: Jobs = -1,
     seed: Seed = 0,
     as_json: Json = False,
@@ -61,13 +65,19 @@ def diagnose(
         raise typer.BadParameter("give at least one recording", param_hint="REC.csv")
     from deatwin.scenarios.diagnosing import DiagnosisTask
     from deatwin.scenarios.folder import ResultFolder
-    from deatwin.scenarios.given import GivenPlant
+    from deatwin.scenarios.given import GivenPlant, clock_notes
 
     voice = Voice(as_json=as_json, quiet=quiet)
-    plant = GivenPlant.load(rig, input_column=input_column, output_column=output_column, dt=dt)
+    plant = GivenPlant.load(
+        rig, input_column=input_column, output_column=output_column, time_column=time_column, dt=dt,
+        resample=resample,
+    )  # fmt: skip
+    experiments = [plant.experiment(files, allow_gaps=allow_gaps) for files in groups]
+    for note in clock_notes(record for experiment in experiments for record in experiment.recordings):
+        voice.say(note)
     task = DiagnosisTask(
         plant=plant.model.plant,
-        experiments=[plant.experiment(files, allow_gaps=allow_gaps) for files in groups],
+        experiments=experiments,
         files=[rig, *(file for files in groups for file in files)],
         command=context.obj, jobs=jobs, seed=seed,
     )  # fmt: skip

@@ -45,6 +45,7 @@ class Part:
 
 OPTIONAL = (
     Part(package="nptdms", use="TDMS files", versions=">=1.9"),
+    Part(package="openpyxl", use="Excel workbooks", versions=">=3.1"),
     Part(package="xarray", use="NetCDF files, results as xarray", versions=">=2024.6"),
     Part(package="h5netcdf", use="NetCDF files", versions=">=1.3"),
     Part(package="h5py", use="MATLAB 7.3 and NetCDF files", versions=">=3.11"),

@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING, Annotated, Any, TypedDict
 
 import typer
 
-from deatwin.scenarios.options import AllowGaps, InputColumn, Json, OutputColumn, Quiet, SampleTime
+from deatwin.scenarios.options import (
+    AllowGaps,
+    InputColumn,
+    Json,
+    OutputColumn,
+    Quiet,
+    Resample,
+    SampleTime,
+    TimeColumn,
+)
 from deatwin.scenarios.voice import Voice, complain
 
 if TYPE_CHECKING:
@@ -62,6 +71,21 @@ FirstInputLag = Annotated[
         "dead time.",
     ),
 ]
+
+
+def _decimation(value: str | None) -> str | None:
+    if value not in (None, "auto") and not (value.isascii() and value.isdigit() and int(value) > 0):
+        raise typer.BadParameter(f"{value} is neither auto nor a whole number of at least 1")
+    return value
+
+
+Decimation = Annotated[
+    str | None,
+    typer.Option(
+        "--decimate", metavar="auto|N", callback=_decimation,
+        help="Keep every N-th sample after a low-pass filter; auto chooses N by the output's correlation.",
+    ),
+]  # fmt: skip
 MaxTerms = Annotated[int, typer.Option(min=1, help="Largest number of terms (not for svb).")]
 
 
@@ -82,8 +106,11 @@ def identify(
     max_terms: MaxTerms = 15,
     input_column: InputColumn = None,
     output_column: OutputColumn = None,
+    time_column: TimeColumn = None,
     allow_gaps: AllowGaps = False,
     dt: SampleTime = None,
+    resample: Resample = None,
+    decimation: Decimation = None,
     report: ReportFolder = None,
     as_json: Json = False,
     quiet: Quiet = False,
@@ -95,32 +122,39 @@ def identify(
     With a report: deatwin identify noise.csv --out narx.json --report identified
     """
     from contextlib import nullcontext
+    from functools import partial
 
     from deatwin.ident.narx.levels import remarks_on_levels
     from deatwin.plant.checks import require_excitation
     from deatwin.plant.files import read_recordings
+    from deatwin.plant.rigs.base import ReadingTime
     from deatwin.scenarios.folder import ResultFolder, require_place
+    from deatwin.scenarios.given import clock_notes
     from deatwin.scenarios.identify_lags import FIRST, LAST, choose_input_lags
     from deatwin.scenarios.provenance import RunRecord, hashes
+    from deatwin.scenarios.thinning import thinned
 
     first, last = FIRST if first_input_lag is None else first_input_lag, LAST if input_lags is None else input_lags
     if last < first:
         raise typer.BadParameter(f"the last lag, {last}, lies before the first, {first}", param_hint="--input-lags")
+    reading = ReadingTime.START_OF_HOLD if first else ReadingTime.END_OF_HOLD
     voice = Voice(as_json=as_json, quiet=quiet)
     require_place(out, recordings)
     with nullcontext() if report is None else ResultFolder(report) as folder:
         record = RunRecord(command=context.obj or [], inputs=hashes(recordings), seed=0, jobs=1)
-        records = [
-            record
-            for path in recordings
-            for record in read_recordings(
-                path, input_column=input_column, output_column=output_column, allow_gaps=allow_gaps, dt=dt
-            )
-        ]
+        read = partial(
+            read_recordings,
+            input_column=input_column, output_column=output_column, time_column=time_column,
+            allow_gaps=allow_gaps, dt=dt, resample=resample, reading=reading,
+        )  # fmt: skip
+        records = [record for path in recordings for record in read(path)]
+        notes = clock_notes(records)
         require_excitation(records)
+        fewer = thinned(records, decimation, reading, held_out=HELD_OUT)
+        records, notes = fewer.records, [*notes, *fewer.notes]
         pieces = [_split(record) for record in records]
         chosen = choose_input_lags([fitted for fitted, _ in pieces], first_input_lag, input_lags)
-        for sentence in chosen.sentences:
+        for sentence in (*notes, *chosen.sentences):
             voice.say(sentence)
         lags: Candidates = {"output_lags": output_lags, "input_lags": chosen.lags, "degree": degree}
         identifier = _identifier(method, lags, max_terms)
@@ -143,13 +177,13 @@ def identify(
             voice.say(identifier.status_.value)
         voice.say(f"model: {out}")
         if folder is not None:
-            _write_report(folder, record, model, method, [unseen for _, unseen in pieces], identifier)
+            _write_report(folder, record, model, method, [unseen for _, unseen in pieces], identifier, notes)
             voice.say(f"report: {folder.path / 'report.html'}")
         terms = {str(term): float(value) for term, value in zip(model.terms, model.theta, strict=True)}
         voice.result({
             "out": str(out), "terms": terms, "origins": _origins(model), "complete": identifier.status_.ok,
             "notes": list(identifier.notes_), "unseen": errors, "input_lags": chosen.lags,
-            "dead_times": chosen.document,
+            "dead_times": chosen.document, "clocks": notes,
         })  # fmt: skip
         if not identifier.status_.ok:
             raise typer.Exit(130)
@@ -157,7 +191,7 @@ def identify(
 
 def _write_report(
     folder: ResultFolder, record: RunRecord, model: NarxModel, method: Method, unseen: list[Recording],
-    identifier: NarxIdentifier,
+    identifier: NarxIdentifier, clocks: list[str],
 ) -> None:  # fmt: skip
     import json
 
@@ -172,8 +206,8 @@ def _write_report(
         why_not = str(error)
     found = Identified(
         model=model, method=method.value, unseen=unseen, validation=validation, why_not=why_not,
-        complete=identifier.status_.ok, notes=identifier.notes_,
-    )
+        complete=identifier.status_.ok, notes=identifier.notes_, clocks=clocks,
+    )  # fmt: skip
     write_identified(found, folder, record)
     folder.remove_former(r"figures/\w+\.csv")
     folder.text("run.json", json.dumps(record.finished([*folder.written, "run.json"]), indent=1) + "\n")
@@ -193,13 +227,21 @@ def _identifier(method: Method, lags: Candidates, max_terms: int) -> NarxIdentif
 
 def _say(voice: Voice, model: NarxModel, errors: list[dict[str, Any]], labels: list[str]) -> None:
     """Terms with their intervals, and how the model does on what it has not seen."""
+    import numpy as np
+
+    from deatwin.ident.narx.names import symbols_of
+    from deatwin.ident.narx.shown import shown_units
     from deatwin.ident.narx.written import origins
 
-    unit = f" {model.output_units[0]}" if model.output_units[0] else ""
-    for term, value, variance in zip(model.terms, model.theta, model.theta_cov.diagonal(), strict=True):
-        voice.say(f"{value:>14.6g} ± {1.96 * variance**0.5:<12.3g} {term}")
+    unit = f" {model.output_units[0]}" if model.output_units[0] not in ("", "1") else ""
+    shown, symbols = shown_units(model), symbols_of(model.input_names, model.output_names)
+    half = 1.96 * np.sqrt(model.theta_cov.diagonal()) * shown.factors
+    for term, value, width in zip(model.terms, model.theta * shown.factors, half, strict=True):
+        voice.say(f"{value:>14.6g} ± {width:<12.3g} {term.written(symbols)}")
     if said := origins(model):
         voice.say(said.strip())
+    if shown.legend:
+        voice.say(f"  ({shown.legend})")
     for label, error in zip(labels, errors, strict=True):
         free = f"{error['free_run']:.4g}{unit}" if error["finished"] else f"{error['free_run']:.4g}{unit} (diverged)"
         voice.say(f"{label}, unseen part: one step {error['one_step']:.4g}{unit} rms, free run {free} rms")

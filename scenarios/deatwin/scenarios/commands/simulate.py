@@ -8,13 +8,21 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from deatwin.scenarios.options import InputColumn, Json, Quiet, RigSource, SampleTime, complete_effects
+from deatwin.scenarios.options import (
+    InputColumn,
+    Json,
+    Quiet,
+    Resample,
+    RigSource,
+    SampleTime,
+    TimeColumn,
+    complete_effects,
+)
 from deatwin.scenarios.voice import Voice
 
 if TYPE_CHECKING:
     from deatwin.plant.calibrated import CalibratedPlant, Prediction
     from deatwin.plant.recording import Experiment, Recording
-    from deatwin.scenarios.given import GivenPlant
 
 __all__ = ["simulate"]
 
@@ -41,7 +49,9 @@ def simulate(
     effect: Effects = None,
     history: History = None,
     input_column: InputColumn = None,
+    time_column: TimeColumn = None,
     dt: SampleTime = None,
+    resample: Resample = None,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -50,19 +60,23 @@ def simulate(
     Example: deatwin simulate result/model.json check.csv --history noise.csv --out predicted.csv
     """
     from deatwin.plant.files import write_csv
+    from deatwin.plant.files.assemble import on_one_clock
     from deatwin.scenarios.folder import require_place
-    from deatwin.scenarios.given import GivenPlant, reading_column
+    from deatwin.scenarios.given import GivenPlant, clock_notes, reading_column
 
     voice = Voice(as_json=as_json, quiet=quiet)
     require_place(out, [rig, commands, *(history or [])])
-    given = GivenPlant.load(rig, input_column=input_column, dt=dt)
+    given = GivenPlant.load(rig, input_column=input_column, time_column=time_column, dt=dt, resample=resample)
     model = _with_effects(given.model, effect or [])
-    wanted = given.commands(commands)
-    experiment = _experiment(given, wanted, history or [])
+    wanted, *earlier = on_one_clock([given.commands(path) for path in (commands, *(history or []))])
+    experiment = _experiment(wanted, earlier, history or [])
+    for note in clock_notes(experiment.recordings):
+        voice.say(note)
     prediction = _finished(model.predict(experiment), model)
     at = next(k for k, record in enumerate(experiment.recordings) if record is wanted)
     header, per_si = reading_column(model.plant.rig)
-    name, _, unit = header.rpartition("_")
+    name = model.plant.rig.output_name
+    unit = header.removeprefix(f"{name}_")
     mean, half = prediction.mean[at] * per_si, TWO_SIDED_95 * prediction.deviation[at] * per_si
     digits = 3 - math.floor(math.log10(half.min()))  # three digits below the width of the band
     columns = {header: mean, f"low_{unit}": mean - half, f"high_{unit}": mean + half}
@@ -99,11 +113,10 @@ def _with_effects(model: CalibratedPlant, names: list[str]) -> CalibratedPlant:
     return replace(model, plant=plant)
 
 
-def _experiment(given: GivenPlant, wanted: Recording, history: list[Path]) -> Experiment:
+def _experiment(wanted: Recording, earlier: list[Recording], history: list[Path]) -> Experiment:
     from deatwin.plant.errors import DataError
     from deatwin.plant.recording import Experiment
 
-    earlier = [given.commands(path) for path in history]
     for record, path in zip(earlier, history, strict=True):
         if record.start > wanted.start:
             raise DataError(
@@ -115,6 +128,7 @@ def _experiment(given: GivenPlant, wanted: Recording, history: list[Path]) -> Ex
 
 def _finished(prediction: Prediction, model: CalibratedPlant) -> Prediction:
     """The prediction, if it reached its end; else an error that says when and at what voltage."""
+    from deatwin.plant.amplitudes import amount
     from deatwin.plant.errors import SimulationError
 
     if prediction.status.ok:
@@ -128,5 +142,5 @@ def _finished(prediction: Prediction, model: CalibratedPlant) -> Prediction:
     )
     raise SimulationError(
         f"the simulation stopped at {prediction.failed_at:.2f} s and a {rig.input_name} of "
-        f"{prediction.failed_command:.3f} {rig.input_unit}{film}: {prediction.advice}"
+        f"{amount(f'{prediction.failed_command:.3f}', rig.input_unit)}{film}: {prediction.advice}"
     )

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from deatwin.ident.mismatch.layout import Stretch, laid_out, stretches_of_true
+from deatwin.plant.amplitudes import axis_label
 from deatwin.scenarios.report.drawing import Drawing
 from deatwin.scenarios.report.svg import COLOURS, draw, inline
 from deatwin.scenarios.report.tracks import envelope
@@ -68,7 +69,7 @@ def drawings(diagnosis: Diagnosis) -> tuple[list[Drawing], dict[str, dict[str, A
     tracks = laid_out(diagnosis.evidence, unit)
     record = diagnosis.evidence.experiments[0].recordings[0]
     shown = "µm" if unit == "um" else unit
-    input_unit = f" ({record.input_units[0]})" if record.input_units[0] else ""
+    input_unit = f" ({record.input_units[0]})" if record.input_units[0] not in ("", "1") else ""
     view = _View(
         tracks=tracks,
         amendment=_amendment(diagnosis) if tracks[0].amended is not None else "",
@@ -79,8 +80,9 @@ def drawings(diagnosis: Diagnosis) -> tuple[list[Drawing], dict[str, dict[str, A
         noise=diagnosis.noise,
         located=diagnosis.locate,
     )
-    spectrum = _spectrum(view, unit)
-    files = {"figures/time.csv": _time_columns(view, unit), "figures/frequency.csv": spectrum}
+    suffix = f"_{unit}" if unit else ""
+    spectrum = _spectrum(view, suffix)
+    files = {"figures/time.csv": _time_columns(view, suffix), "figures/frequency.csv": spectrum}
     return [_residual(view), _frequency(view, list(spectrum.values())), _zoom(view), _whole(view)], files
 
 
@@ -103,7 +105,7 @@ def _residual(view: _View) -> Drawing:
             axes.set_title(label, loc="left", fontsize="medium", color=colour)
             axes.axhline(0, color=INK, linewidth=0.6)
             _shade(axes, view)
-        figure.supylabel(f"measured − simulated ({view.unit})", fontsize="medium")
+        figure.supylabel(axis_label("measured − simulated", view.unit), fontsize="medium")
         panels[-1].set_xlabel(view.time)
         handles = panels[0].get_legend_handles_labels()
         if handles[0]:
@@ -148,7 +150,7 @@ def _frequency(view: _View, columns: Sequence[Array]) -> Drawing:
             xscale="log",
             yscale="log",
             xlabel="frequency (Hz)",
-            ylabel=f"residual ({view.unit}/√Hz)",
+            ylabel=axis_label("residual", f"{view.unit}/√Hz" if view.unit else "1/√Hz"),
             xlim=(low, high),
         )
         _plain_numbers(axes)
@@ -175,7 +177,7 @@ def _plain_numbers(axes: Axes) -> None:
         axis.set_minor_formatter(NullFormatter())
 
 
-def _spectrum(view: _View, unit: str) -> dict[str, Array]:
+def _spectrum(view: _View, suffix: str) -> dict[str, Array]:
     """Welch's estimate over all records long enough, averaged in bins even on a logarithmic axis."""
     from scipy.signal import welch
 
@@ -192,7 +194,7 @@ def _spectrum(view: _View, unit: str) -> dict[str, Array]:
             total = total + density * track.measured.size
         weight = sum(track.measured.size for track in used)
         columns["frequency_Hz"], smooth = _smooth(frequency[1:], np.asarray(total)[1:] / weight)
-        columns[f"{name}_{unit}_per_sqrtHz"] = np.sqrt(smooth)
+        columns[f"{name}{suffix}_per_sqrtHz"] = np.sqrt(smooth)
     return columns
 
 
@@ -215,7 +217,7 @@ def _zoom(view: _View) -> Drawing:
             middle.plot(track.clock[part], track.measured[part] - simulated, color=colour, linewidth=0.9)
         middle.axhline(0, color=INK, linewidth=0.6)
         upper.set_ylabel(view.reading)
-        middle.set_ylabel(f"residual ({view.unit})")
+        middle.set_ylabel(axis_label("residual", view.unit))
         lower.step(track.clock[part], track.command[part], where="post", color=INK)
         lower.set(xlabel="time (s)", ylabel=view.command)
         figure.align_ylabels()
@@ -274,7 +276,7 @@ def _whole(view: _View) -> Drawing:
     return Drawing(name="whole", title="The whole recording", caption=caption, svg=svg, data="figures/time.csv")
 
 
-def _time_columns(view: _View, unit: str) -> dict[str, Array]:
+def _time_columns(view: _View, suffix: str) -> dict[str, Array]:
     """Every sample of every record, readings rounded to what a sensor could tell."""
     scale = max(float(np.ptp(track.measured)) for track in view.tracks) or 1.0
     digits = max(0, 6 - int(np.floor(np.log10(scale))))
@@ -285,5 +287,5 @@ def _time_columns(view: _View, unit: str) -> dict[str, Array]:
         "unseen": np.concatenate([t.unseen for t in view.tracks]).astype(int),
     }
     for name in ("measured", *(name for name, _, _ in view.models)):
-        columns[f"{name}_{unit}"] = np.concatenate([getattr(t, name) for t in view.tracks]).round(digits)
+        columns[f"{name}{suffix}"] = np.concatenate([getattr(t, name) for t in view.tracks]).round(digits)
     return columns

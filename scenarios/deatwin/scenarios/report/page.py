@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from deatwin.plant.files.units import UNITS
+from deatwin.plant.amplitudes import reported_size
 from deatwin.scenarios.folder import ResultFolder
 from deatwin.scenarios.report.figures import drawings
 from deatwin.scenarios.report.origin import Origin
@@ -80,13 +78,13 @@ def _candidates(diagnosis: Diagnosis) -> list[dict[str, Any]]:
     evidence = diagnosis.evidence
     if evidence is None:
         return []
-    unit = UNITS.get(diagnosis.output["unit"], UNITS[""])
+    size = reported_size(diagnosis.output["unit"], evidence.experiments[0].recordings[0].output_units[0])
     chosen = {cause.effect for cause in diagnosis.causes}
     rows = [
         {
             "effects": " + ".join(c.effects) or "none: the calibrated plant",
-            "fitted": float(unit.from_si(np.array(c.fitted))),
-            "unseen": float(unit.from_si(np.array(c.unseen))),
+            "fitted": c.fitted / size,
+            "unseen": c.unseen / size,
             "d2": c.d2,
             "chosen": set(c.effects) == chosen,
         }

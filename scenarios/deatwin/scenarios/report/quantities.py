@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import floor, log10
 
 from deatwin.ident.mismatch.diagnosis import Interval
-from deatwin.ident.mismatch.prefixes import prefixed, resolving
+from deatwin.plant.prefixes import prefixed, resolving
 
 __all__ = ["in_interval", "quantity", "three_digits", "with_interval"]
 

@@ -234,7 +234,7 @@ class TestFaults:
             ([], r"rec.csv: the file is empty"),
             (["", "  "], r"rec.csv: the file is empty"),
             ([HEADER], r"rec.csv: a header but no samples"),
-            (rows(), r"rec.csv, row 1: no header; the first line must name the columns"),
+            (rows(), r"rec.csv, row 1: no header, so no column is named as the input; name the columns"),
             (
                 [HEADER.replace("command", "comand"), *rows()],
                 r'no column "command_V"; .*mean "comand_V"\?.*--input-',

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from deatwin.ident.mismatch.advise.distance import TOLD_APART
-from deatwin.plant.amplitudes import written_amplitude
+from deatwin.plant.amplitudes import axis_label, written_amplitude
 from deatwin.plant.datasets import Variables, dataset
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.files import write_csv
@@ -153,7 +153,7 @@ class Advice:
         """
         if self.recording is not None:
             name, unit = self.recording.input_names[0], self.recording.input_units[0]
-            header = f"{name}_{unit}" if unit else name
+            header = name if unit in ("", "1") else f"{name}_{unit}"
             write_csv(path, {"time_s": np.round(self.recording.timepts, 9), header: self.recording.inputs[0]})
 
     def plot(self, ax: Axes | None = None) -> Axes:
@@ -193,14 +193,14 @@ class Advice:
         ]
         band = ax.axhspan(-self.noise / size, self.noise / size, color="0.9", zorder=0, label="sensor noise")
         ax.set_xlabel("time (s)")
-        ax.set_ylabel(f"{self.output[0]}, predicted minus first ({unit})")
+        ax.set_ylabel(axis_label(f"{self.output[0]}, predicted minus first", unit))
         commands = ax.twinx()
         line = commands.plot(times, recording.inputs[0], color="0.5", linewidth=0.7, label="input")[0]
         low, high = ax.get_ylim()
         ax.set_ylim(low, high + 1.2 * (high - low))  # the input has the upper half to itself
         span = float(np.ptp(recording.inputs[0])) or 1.0
         commands.set_ylim(float(recording.inputs[0].min()) - 1.4 * span, float(recording.inputs[0].max()) + 0.1 * span)
-        commands.set_ylabel(f"{recording.input_names[0]} ({recording.input_units[0]})", color="0.4")
+        commands.set_ylabel(axis_label(recording.input_names[0], recording.input_units[0]), color="0.4")
         ax.legend(
             handles=[*lines, band, line], loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2, frameon=False
         )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from deatwin.plant.amplitudes import written_amplitude
+from deatwin.plant.amplitudes import amount, written_amplitude
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -47,9 +47,10 @@ def _spectrum(detection: Detection, axes: Axes) -> None:
     axes.loglog(curves.frequency, curves.spectrum / size**2, color="C0", linewidth=1.2, label="residual")
     axes.axhline(curves.noise / size**2, color="0.4", linestyle="--", linewidth=1, label="sensor noise")
     axes.set_xlabel("frequency, Hz")
-    axes.set_ylabel(f"power density, {unit}²/Hz")
+    axes.set_ylabel(f"power density, {f'{unit}²' if unit else 1}/Hz")
     axes.set_title(
-        f"excess {detection.size / size:.3g} {unit}, counts from {detection.practical / size:.3g} {unit}",
+        f"excess {amount(f'{detection.size / size:.3g}', unit)}, counts from "
+        f"{amount(f'{detection.practical / size:.3g}', unit)}",
         fontsize="small", loc="left",
     )  # fmt: skip
     axes.legend(fontsize="small")

@@ -11,7 +11,7 @@ from deatwin.ident.mismatch.datasets import table
 from deatwin.ident.mismatch.verify.constancy import Constancy
 from deatwin.ident.mismatch.verify.shams import Sham
 from deatwin.ident.mismatch.verify.transfer import Transfer
-from deatwin.plant.amplitudes import amplitude_unit, written_amplitude
+from deatwin.plant.amplitudes import amplitude_unit, axis_label, written_amplitude
 from deatwin.plant.datasets import dataset
 from deatwin.plant.drawing import axes_or_new
 
@@ -233,7 +233,7 @@ class Verification:
         axes.set_yticks(places, [name for name, _, _ in rows])
         axes.invert_yaxis()
         axes.set_xlim(left=0.0)
-        axes.set_xlabel(f"rms residual, unseen ({unit})")
+        axes.set_xlabel(axis_label("rms residual, unseen", unit))
         axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, markerscale=1.0)
         return axes
 

@@ -19,6 +19,7 @@ from deatwin.ident.narx.preprocess.stationarity import (
 )
 from deatwin.ident.narx.regression import Recordings, flatten
 from deatwin.ident.soundness import at_limit, neighbours_deviation, noise_of_bends, resolution, runs
+from deatwin.plant.amplitudes import amount
 from deatwin.plant.errors import DataError
 from deatwin.plant.recording import Recording, label
 
@@ -336,6 +337,6 @@ def _moves(record: Recording) -> Array:
 def _with_unit(value: float, unit: str) -> str:
     """Return a value with a prefix to its unit: 1.2e-5 m is 12 µm."""
     if unit not in _PREFIXED or value == 0.0 or not np.isfinite(value):
-        return f"{value:.3g} {unit}".rstrip()
+        return amount(f"{value:.3g}", unit)
     power = int(np.clip(np.floor(np.log10(abs(value)) / 3), -4, 3))
     return f"{value / 1000.0**power:.3g} {_PREFIXES[power]}{unit}"

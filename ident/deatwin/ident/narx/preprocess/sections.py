@@ -20,6 +20,7 @@ from deatwin.ident.narx.preprocess.stationarity import (
     segment_means,
 )
 from deatwin.ident.narx.regression import Recordings, flatten
+from deatwin.plant.amplitudes import axis_label
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import DataError
 from deatwin.plant.recording import Recording, label
@@ -171,7 +172,7 @@ class Sections:
             axes.axvspan(section.start, section.end, color=colour, alpha=0.25, linewidth=0, label=use)
         record = self.recordings[0]
         axes.set_xlabel("time (s)")
-        axes.set_ylabel(f"{record.output_names[0]} ({record.output_units[0]})")
+        axes.set_ylabel(axis_label(record.output_names[0], record.output_units[0]))
         axes.legend(loc="upper right")
         return axes
 

@@ -1,6 +1,5 @@
 """Tables of the binary formats, whose columns are arrays, and whose units may stand in attributes."""
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -9,30 +8,11 @@ from numpy.typing import NDArray
 
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.formats.table import Declared, Table, Timing
-from deatwin.plant.files.units import UNITS, find_unit, split_unit
+from deatwin.plant.files.times import TimeScale
+from deatwin.plant.files.units import UNITS, find_unit, for_name, split_unit
 from deatwin.plant.intake import COLUMNS, clipped
 
-__all__ = ["ArrayTable", "array_table", "spelt_unit"]
-
-# How units are spelt out in attributes: UDUNITS names, and those that DAQmx writes.
-_SPELT_OUT = {
-    "second": "s",
-    "millisecond": "ms",
-    "microsecond": "us",
-    "minute": "min",
-    "hour": "h",
-    "volt": "V",
-    "meter": "m",
-    "metre": "m",
-    "millimeter": "mm",
-    "millimetre": "mm",
-    "amp": "A",
-    "ampere": "A",
-    "newton": "N",
-    "kelvin": "K",
-    "celsius": "C",
-    "pascal": "Pa",
-}
+__all__ = ["ArrayTable", "array_table"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -41,7 +21,7 @@ class ArrayTable(Table):
 
     Parameters
     ----------
-    path, sha256, headers, names, units, declared
+    path, sha256, headers, names, units, declared, nameless, scales, said, wanted
         As in `Table`.
     columns : tuple of (n,) array
         The values, of any type; only those that are asked for must be numbers of one length.
@@ -55,6 +35,11 @@ class ArrayTable(Table):
     def row(self, sample: int) -> int:
         """Return the number of a sample; the first is 1, as in MATLAB and LabVIEW."""
         return sample + 1
+
+    def first(self, column: int) -> str:
+        """Return the first value of a column as text; empty where there is none."""
+        values = self.columns[column]
+        return str(values[0]) if len(values) else ""
 
     def timing(self, columns: Sequence[int]) -> Timing | None:
         """Return the clock that the file states for some columns, or None.
@@ -105,9 +90,20 @@ class ArrayTable(Table):
         return np.array([self._si(column) for column in columns])
 
     def _si(self, column: int) -> NDArray[np.float64]:
-        """Return a column in SI units; values that are so already stay as they are, -0.0 too."""
-        values, unit = self.columns[column].astype(np.float64), self.units[column]
-        return values if unit == UNITS[unit].si else UNITS[unit].to_si(values)
+        """Return a column in the unit in which it is wanted; values that are so already stay as they are, -0.0 too."""
+        if scale := self.scales.get(column):
+            return self._since_first(column, scale)
+        values, unit = self.columns[column].astype(np.float64), self.unit(column)
+        return values if unit.is_si else unit.to_si(values)
+
+    def _since_first(self, column: int, scale: TimeScale) -> NDArray[np.float64]:
+        """Return Unix times as seconds since the first; whole numbers are subtracted as such."""
+        values = self.columns[column]
+        whole = values.dtype.kind in "iu"
+        since = (values.astype(np.int64) - int(values[0])) if whole else values.astype(np.float64) - float(values[0])
+        seconds = UNITS[scale.unit].to_si(since.astype(np.float64))
+        # Floats tell a date to 0.24 us, not better.
+        return seconds if whole else np.round(seconds, 6)
 
 
 def array_table(
@@ -150,13 +146,13 @@ def array_table(
         raise DataError(f"{path}: it has {len(columns)} columns; at most {COLUMNS} can be read")
     names, found = [], []
     for header in columns:
-        (name, suffix), stated = split_unit(header), spelt_unit(units.get(header, ""))
-        if suffix and stated and suffix != stated:
+        (name, suffix), stated = split_unit(header), find_unit(units.get(header, ""))
+        if suffix and stated and suffix not in (stated, for_name(name, stated)):
             raise DataError(
                 f'{path}, column "{clipped(header)}": its name says {suffix}, its unit attribute {stated}; correct one'
             )
         names.append(name)
-        found.append(stated or suffix)
+        found.append(for_name(name, stated) or suffix)
     return ArrayTable(
         path=path,
         sha256=sha256,
@@ -164,32 +160,10 @@ def array_table(
         names=tuple(names),
         units=tuple(found),
         declared=declared or Declared(),
+        said=tuple(units.get(header, "") for header in columns),
         columns=tuple(columns.values()),
         timings=tuple(timings[header] for header in columns) if timings else (),
     )
-
-
-def spelt_unit(text: str) -> str:
-    """Return the unit that an attribute names, be it a symbol or a word.
-
-    Parameters
-    ----------
-    text : str
-        For example ``"V"``, ``"Volts"``, ``"(mm)"``, ``"degree_Celsius"``.
-
-    Returns
-    -------
-    str
-        A key of `deatwin.plant.files.units.UNITS`, an empty text where none is known.
-
-    Examples
-    --------
-    >>> spelt_unit("Volts"), spelt_unit("mm"), spelt_unit("Deg C"), spelt_unit("furlong")
-    ('V', 'mm', 'C', '')
-    """
-    word = text.strip().lower()
-    word = re.sub(r"^deg(?:rees?)?[_ ](?=c)", "", word)
-    return find_unit(text) or _SPELT_OUT.get(word.removesuffix("s"), "") or {"c": "C"}.get(word, "")
 
 
 def _said(timing: Timing | None) -> str:

@@ -108,9 +108,9 @@ def header_with_unit(name: str, unit: str) -> str:
     -------
     str
     """
-    header = f"{name}_{unit}" if unit in UNITS and unit else name
-    back = split_unit(header)[1]
-    fits = re.fullmatch(r"[^\W\d_]\w*", name) and back == (unit if unit in UNITS else "")
+    said = unit if unit in UNITS and UNITS[unit].si == unit else ""  # another one stands in the description
+    header = f"{name}_{said}" if said else name
+    fits = re.fullmatch(r"[^\W\d_]\w*", name) and split_unit(header)[1] == said
     return header if fits else ""
 
 

@@ -2,20 +2,35 @@
 
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.plant.errors import DataError, nearest
-from deatwin.plant.files.units import UNITS
+from deatwin.plant.files.times import TimeScale
+from deatwin.plant.files.units import UNITS, Unit, find_unit
 from deatwin.plant.intake import clipped
 
-__all__ = ["Declared", "Signal", "Table", "Timing"]
+__all__ = ["Declared", "Signal", "Table", "Timing", "is_place"]
 
 _SAME_CLOCK = 1e-3  # relative difference of two sample times that are one
 _LISTED = 20  # headers that an error text names
+
+
+def is_place(wanted: str) -> bool:
+    """Return whether a column is named by its place, as in ``#2``.
+
+    Parameters
+    ----------
+    wanted : str
+
+    Returns
+    -------
+    bool
+    """
+    return re.fullmatch(r"#[1-9][0-9]{0,8}", wanted) is not None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,6 +126,14 @@ class Table(ABC):
         The unit of each column, a key of `deatwin.plant.files.units.UNITS`; an empty text where there is none.
     declared : Declared
         What the file says beside the columns.
+    nameless : bool
+        Whether the file has no header, so that the headers are places: ``#1``, ``#2``.
+    scales : mapping of int to TimeScale
+        How a column of times is read that does not hold plain numbers of its unit.
+    said : tuple of str
+        What the file says as the unit of each column beside its header, in its own spelling; empty where nothing is.
+    wanted : mapping of int to Unit
+        Columns that are wanted in another unit than SI, and the way there.
     """
 
     path: str
@@ -119,6 +142,25 @@ class Table(ABC):
     names: tuple[str, ...]
     units: tuple[str, ...]
     declared: Declared = Declared()
+    nameless: bool = False
+    scales: Mapping[int, TimeScale] = field(default_factory=dict)
+    said: tuple[str, ...] = ()
+    wanted: Mapping[int, Unit] = field(default_factory=dict)
+
+    @abstractmethod
+    def first(self, column: int) -> str:
+        """Return the first value of a column as text.
+
+        Parameters
+        ----------
+        column : int
+            Its number, counted from 0.
+
+        Returns
+        -------
+        str
+            Empty where there is none.
+        """
 
     @abstractmethod
     def row(self, sample: int) -> int:
@@ -137,7 +179,7 @@ class Table(ABC):
 
     @abstractmethod
     def si(self, columns: Sequence[int]) -> NDArray[np.float64]:
-        """Return columns as numbers in SI units.
+        """Return columns as numbers in SI units, or in those of `wanted`.
 
         Parameters
         ----------
@@ -153,6 +195,24 @@ class Table(ABC):
         DataError
             If a value of them is missing or not a finite number; the text names row and column.
         """
+
+    def unit(self, column: int) -> Unit:
+        """Return the unit of a column, which leads to the one in which it is wanted.
+
+        Parameters
+        ----------
+        column : int
+            Its number, counted from 0.
+
+        Returns
+        -------
+        Unit
+        """
+        known = self.units[column]
+        own = next((s.unit for s in self.declared.signals if s.header == self.headers[column]), "")
+        if known and find_unit(own) == known:  # a recording in a unit of its own, which is kept
+            return self.wanted.get(column, Unit(own))
+        return self.wanted.get(column, UNITS[known])
 
     def where(self, sample: int) -> str:
         """Return file and row of a sample, for an error text.
@@ -182,13 +242,15 @@ class Table(ABC):
         """
         return self.declared.timing
 
-    def column(self, wanted: str) -> int:
+    def column(self, wanted: str, works: Callable[[int], bool] = lambda column: True) -> int:
         """Return the number of a column, counted from 0.
 
         Parameters
         ----------
         wanted : str
             The header, with or without its unit, or the place: ``"#2"`` is the second column.
+        works : callable, optional
+            Takes the number of a column; whether the error of one that is missing may offer it.
 
         Returns
         -------
@@ -199,7 +261,7 @@ class Table(ABC):
         DataError
             If there is none, or more than one.
         """
-        if re.fullmatch(r"#[1-9][0-9]{0,8}", wanted) and wanted not in self.headers:
+        if is_place(wanted) and wanted not in self.headers:
             if int(wanted[1:]) > len(self.headers):
                 raise DataError(f"{self.path}: no column {wanted}; the file has {len(self.headers)} columns")
             return int(wanted[1:]) - 1
@@ -208,14 +270,35 @@ class Table(ABC):
         if not found:
             raise DataError(
                 f'{self.path}: no column "{clipped(wanted)}"; the file has {self.listing()}'
-                f"{nearest(wanted, self.headers)}"
+                f"{self.near(wanted, works)}"
             )
         if len(found) > 1:
+            different = len({self.headers[k] for k in found}) == len(found) <= _LISTED
+            whole = " or ".join(f'"{self.shown(k)}"' for k in found)
+            place = f"its place, for example #{next(filter(works, found), found[0]) + 1}"
             raise DataError(
-                f'{self.path}: the column "{clipped(wanted)}" stands {len(found)} times; name one by its place, '
-                f"for example #{found[0] + 1}"
+                f'{self.path}: the column "{clipped(wanted)}" stands {len(found)} times; name one by '
+                f"{f'its whole header, {whole}' if different else place}"
             )
         return found[0]
+
+    def near(self, wanted: str, works: Callable[[int], bool]) -> str:
+        """Return the end of an error text that offers the header nearest to a misspelt one.
+
+        Parameters
+        ----------
+        wanted : str
+            What is not there.
+        works : callable
+            Takes the number of a column; whether it can be what is wanted. Only such a column is offered.
+
+        Returns
+        -------
+        str
+            Empty where nothing is near.
+        """
+        like = [k for k, header in enumerate(self.headers) if nearest(wanted, [header])]
+        return nearest(wanted, [self.headers[k] for k in like if self.headers.count(self.headers[k]) == 1 and works(k)])
 
     def columns_of(self, role: str) -> tuple[int, ...]:
         """Return the columns that the file itself declares.
@@ -249,8 +332,8 @@ class Table(ABC):
         header = self.headers[column]
         for declared in self.declared.signals:
             if declared.header == header:
-                return declared
-        return Signal(role=role, name=self.names[column], unit=UNITS[self.units[column]].si, header=header)
+                return replace(declared, unit=self.wanted[column].si) if column in self.wanted else declared
+        return Signal(role=role, name=self.names[column], unit=self.unit(column).si, header=header)
 
     def listing(self) -> str:
         """Return the headers as one text, of many the first ones."""
@@ -271,3 +354,18 @@ class Table(ABC):
         str
         """
         return clipped(self.headers[column])
+
+    def unmistakable(self, column: int) -> str:
+        """Return the header of a column, or its place where others have the same.
+
+        Parameters
+        ----------
+        column : int
+            Its number, counted from 0.
+
+        Returns
+        -------
+        str
+        """
+        header = self.headers[column]
+        return self.shown(column) if header and self.headers.count(header) == 1 else f"#{column + 1}"

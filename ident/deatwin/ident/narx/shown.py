@@ -1,0 +1,87 @@
+"""Units in which the parameters of a NARX model are readable."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.narx.names import symbols_of
+from deatwin.plant.prefixes import prefixed
+
+if TYPE_CHECKING:
+    from deatwin.ident.narx.model import NarxModel
+
+__all__ = ["ShownUnits", "shown_units"]
+
+Array = NDArray[np.float64]
+_PLAIN = (1e-4, 1e6)
+"""Numbers of six digits are written without an exponent from the first to below the second."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ShownUnits:
+    """How the parameters of a model are shown.
+
+    Parameters
+    ----------
+    factors : ndarray, shape (n_terms,)
+        Each parameter is to be multiplied by its own.
+    legend : str
+        As ``y in mm, u in kV``; empty where the parameters are those of the signals in SI.
+    """
+
+    factors: Array
+    legend: str
+
+
+def shown_units(model: NarxModel) -> ShownUnits:
+    """Return the units for the signals in which the parameters of a model are shown.
+
+    SI, unless a parameter would need an exponent. Then each signal gets the prefix that its training data would be
+    written with, if fewer parameters need an exponent so.
+
+    Parameters
+    ----------
+    model : NarxModel
+        Without known training data it is shown in SI.
+
+    Returns
+    -------
+    ShownUnits
+    """
+    plain = ShownUnits(factors=np.ones(len(model.terms)), legend="")
+    trained = model.operating
+    exponents = _exponents(model.theta)
+    if trained is None or not exponents:
+        return plain
+    outputs = _sizes(
+        trained.output_min - model.output_origin, trained.output_max - model.output_origin, model.output_units
+    )
+    inputs = _sizes(trained.input_min - model.input_origin, trained.input_max - model.input_origin, model.input_units)
+    sizes = {"y": outputs, "e": outputs, "u": inputs}
+    factors = np.array([
+        float(np.prod([sizes[v.kind][v.index][0] ** power for v, power in term.factors])) / outputs[row][0]
+        for term, row in zip(model.terms, model.equations, strict=True)
+    ])  # fmt: skip
+    if _exponents(model.theta * factors) >= exponents:
+        return plain
+    symbols = symbols_of(model.input_names, model.output_names)
+    legend = ", ".join(
+        f"{symbols[kind, row]} in {name}" for kind in "yu" for row, (_, name) in enumerate(sizes[kind]) if name
+    )
+    return ShownUnits(factors=factors, legend=legend)
+
+
+def _exponents(theta: Array) -> int:
+    """Return how many parameters would be written with an exponent."""
+    size = np.abs(theta[theta != 0.0])
+    return int(np.sum((size < _PLAIN[0]) | (size >= _PLAIN[1])))
+
+
+def _sizes(low: Array, high: Array, units: tuple[str, ...]) -> list[tuple[float, str]]:
+    """Return SI size and name of the unit with the prefix that each signal would be written with."""
+    largest = np.maximum(np.abs(low), np.abs(high)).tolist()
+    return [prefixed(value, unit) for value, unit in zip(largest, units, strict=True)]

@@ -1,0 +1,146 @@
+"""Fewer samples: a low-pass filter without phase, and every so many rows of what it leaves."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.plant.errors import DataError
+from deatwin.plant.recording import Recording
+from deatwin.plant.rigs.base import ReadingTime
+
+__all__ = ["decimate", "low_pass_gain", "removed_share"]
+
+Array = NDArray[np.float64]
+_PASSED, _STOPPED, _ATTENUATION_DB = 0.8, 1.2, 60.0  # of the filter, edges relative to the new Nyquist frequency
+
+
+def decimate(recording: Recording, factor: int, *, reading: ReadingTime = ReadingTime.END_OF_HOLD) -> Recording:
+    """Keep every so many samples, after a low-pass filter without phase on inputs, outputs and extras.
+
+    Filtered alike, inputs and outputs of a linear system still obey it; of a nonlinear one only as far as
+    little power is removed (see `removed_share`). A new row holds its input as long as ``factor`` old rows: its
+    input is the filtered command at the middle of that time, and its reading is taken at the end (or the start)
+    of it, as that of the old rows was. So the model of the new rows has the phase of the held system; its
+    gain is that of a held input to the order ``(omega T)^2 / 24``. Samples to which the filter would have to be
+    continued beyond the record are left out, about nine new ones at each end; the clock is kept.
+
+    Parameters
+    ----------
+    recording : Recording
+        Evenly sampled.
+    factor : int
+        Number of old samples for a new one, at least 1.
+    reading : ReadingTime
+        When, within its row, a reading is taken.
+
+    Returns
+    -------
+    Recording
+        With ``factor`` times the sample time; its provenance tells the factor.
+
+    Raises
+    ------
+    DataError
+        If the factor is not a positive integer, or the recording is shorter than the filter.
+    """
+    if not isinstance(factor, int | np.integer) or factor < 1:
+        raise DataError(f"factor = {factor!r}; it must be an integer of at least 1")
+    if factor == 1:
+        return recording
+    odd, held = _low_pass(factor, 0), _low_pass(factor, (factor - 1) % 2)
+    half = odd.size // 2
+    rows = np.arange(-(-half // factor) * factor, recording.n_samples - half - factor + 1, factor)
+    if rows.size < 2:
+        raise DataError(
+            f"{recording.n_samples} samples are too few to decimate by {factor}: the filter alone is {odd.size} long"
+        )
+    last = factor - 1 if reading is ReadingTime.END_OF_HOLD else 0
+
+    def read(signal: Array) -> Array:
+        return _filtered(signal, odd, rows + last)
+
+    # The middle of the hold is (factor - 1)/2 old rows after its first one: between two rows if factor is even,
+    # which is where a filter of even length has its centre.
+    inputs = [_filtered(u, held, rows + (factor - 1) // 2) for u in recording.inputs]
+    n = rows.size
+    return replace(
+        recording,
+        inputs=np.reshape(inputs, (len(recording.inputs), n)),
+        outputs=np.reshape([read(y) for y in recording.outputs], (len(recording.outputs), n)),
+        extras={name: read(values) for name, values in recording.extras.items()},
+        sample_time=recording.sample_time * factor,
+        start=recording.start + recording.sample_time * int(rows[0]),
+        provenance={**recording.provenance, "decimated": f"by {factor}, from {recording.sample_time:g} s"},
+    )
+
+
+def removed_share(recording: Recording, factor: int) -> dict[str, float]:
+    """Return the share of the variance of each signal that `decimate` removes, by the signal's name.
+
+    What is removed of the input of a nonlinear system acts on, all the same, on its output.
+
+    Parameters
+    ----------
+    recording : Recording
+        Before decimation.
+    factor : int
+        Number of old samples for a new one, at least 2.
+
+    Returns
+    -------
+    dict
+        Between 0 and 1; 0 for a constant signal.
+    """
+    low_pass = _low_pass(factor, 0)
+    half = low_pass.size // 2
+    rows = np.arange(half, recording.n_samples - half)
+    shares = {}
+    names = recording.input_names + recording.output_names
+    for name, signal in zip(names, (*recording.inputs, *recording.outputs), strict=True):
+        total = float(np.var(signal[rows]))
+        left = signal[rows] - _filtered(signal, low_pass, rows)
+        shares[name] = float(np.var(left)) / total if total > 0.0 else 0.0
+    return shares
+
+
+def low_pass_gain(factor: int, frequencies: Array) -> Array:
+    """Return the gain of the filter of `decimate`.
+
+    Parameters
+    ----------
+    factor : int
+        Number of old samples for a new one; 1 for no filter.
+    frequencies : (n,) array
+        In cycles per new sample, from 0 to 0.5.
+
+    Returns
+    -------
+    (n,) array
+        1 at zero frequency, a half at 0.5.
+    """
+    if factor == 1:
+        return np.ones_like(frequencies)
+    taps = _low_pass(factor, 0)
+    lags = np.arange(taps.size) - taps.size // 2
+    return np.asarray(np.abs(np.exp(-2j * np.pi * np.outer(frequencies / factor, lags)) @ taps))
+
+
+def _low_pass(factor: int, between: int) -> Array:
+    """Symmetric filter of gain 1 at zero frequency; of odd length, or of even length to fall between rows."""
+    from scipy.signal import firwin, kaiserord
+
+    taps, beta = kaiserord(_ATTENUATION_DB, (_STOPPED - _PASSED) / factor)
+    size = taps + (taps + 1 + between) % 2
+    return np.asarray(firwin(size, 1.0 / factor, window=("kaiser", beta)), dtype=np.float64)
+
+
+def _filtered(signal: Array, low_pass: Array, rows: NDArray[np.intp]) -> Array:
+    """The filtered signal at rows, or half a row after them for a filter of even length."""
+    from scipy.signal import fftconvolve
+
+    middle = (low_pass.size - 1) // 2
+    smooth = fftconvolve(signal, low_pass, mode="valid")
+    return np.asarray(smooth[rows - middle], dtype=np.float64)

@@ -1,0 +1,84 @@
+"""Workbooks of Excel (.xlsx), by openpyxl: the one sheet that holds cells is read as a CSV file of them."""
+
+import hashlib
+import io
+import zipfile
+from datetime import datetime, time, timedelta
+from pathlib import Path
+from typing import Any
+
+from deatwin.plant.errors import DataError
+from deatwin.plant.files.csvtable import CsvTable, read_bytes, table_of
+from deatwin.plant.files.formats.optional import reading, require
+from deatwin.plant.intake import TEXT_BYTES, clipped, in_words
+
+__all__ = ["read_xlsx"]
+
+_LISTED = 10  # sheets that an error text names
+
+
+def read_xlsx(path: str | Path) -> CsvTable:
+    """Read a workbook.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+
+    Returns
+    -------
+    CsvTable
+        Of the only sheet that holds cells; of formulas the values that were saved.
+
+    Raises
+    ------
+    DataError
+        If it is missing, damaged or no workbook, several sheets hold cells, or openpyxl is not installed.
+    """
+    content, name = read_bytes(path), str(path)
+    openpyxl = require("openpyxl", f"{name}: an Excel workbook")
+    with reading(name, "XLSX"):
+        with zipfile.ZipFile(io.BytesIO(content)) as packed:
+            if (size := sum(entry.file_size for entry in packed.infolist())) > TEXT_BYTES:
+                raise DataError(f"{name}: it unpacks to {in_words(size)}; at most {in_words(TEXT_BYTES)} can be read")
+        book = openpyxl.load_workbook(io.BytesIO(content), read_only=True, data_only=True)
+        sheets = {sheet.title: _lines(sheet) for sheet in book.worksheets}
+    filled = {title: lines for title, lines in sheets.items() if lines}
+    if len(filled) > 1:
+        titles = ", ".join(f'"{clipped(title)}"' for title in list(filled)[:_LISTED])
+        raise DataError(
+            f"{name}: {len(filled)} sheets hold cells, {titles}; save the one with the recording as a file of its own"
+        )
+    lines = next(iter(filled.values()), [])
+    return table_of(lines, name, hashlib.sha256(content).hexdigest())
+
+
+def _lines(sheet: Any) -> list[tuple[int, str]]:
+    """Return the rows of a sheet that hold anything, as text between tabs, each with its number."""
+    lines = []
+    sheet.reset_dimensions()  # what a file says of its size may be wrong, and is not needed
+    for row, cells in enumerate(sheet.iter_rows(values_only=True), 1):
+        texts = [_text(cell) for cell in cells]
+        if any(texts):
+            lines.append((row, "\t".join(texts)))
+    return lines
+
+
+def _text(cell: object) -> str:
+    """Return a cell as a CSV file has it."""
+    match cell:
+        case None:
+            return ""
+        case bool():
+            return str(cell).upper()
+        case float() | int():
+            return repr(cell)
+        case datetime():
+            return cell.isoformat(sep=" ")
+        case timedelta():
+            return repr(cell.total_seconds())
+        case time():
+            return repr(timedelta(hours=cell.hour, minutes=cell.minute, seconds=cell.second,
+                                  microseconds=cell.microsecond).total_seconds())  # fmt: skip
+    # A quote would begin a cell that may hold tabs.
+    return " ".join(str(cell).replace('"', "'").split())

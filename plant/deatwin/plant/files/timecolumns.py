@@ -1,0 +1,226 @@
+"""Which column of a table holds the times, and in which unit."""
+
+import re
+from dataclasses import replace
+
+from deatwin.plant.errors import DataError
+from deatwin.plant.files.clock import even_pieces
+from deatwin.plant.files.formats.table import Table
+from deatwin.plant.files.times import TIME_UNITS, time_scale
+from deatwin.plant.files.units import UNITS, find_unit
+from deatwin.plant.files.usual import USUAL_TIMES
+from deatwin.plant.intake import clipped
+from deatwin.plant.resampling import resampling_options
+
+__all__ = ["holds_times", "likely_times", "no_times", "time_column", "times_options", "with_times"]
+
+_TIME_NAMES = ("time", "t", "zeit", "temps", "时间")
+_STAMP_NAMES = ("ts", "timestamp", "datetime", "unixtime", "times", "seconds", "timesec", "elapsedtime")
+_LISTED = 5  # columns that an error text names
+
+
+def time_column(
+    table: Table, taken: set[int], wanted: str | None = None, *, needed: bool = True
+) -> tuple[int | None, str]:
+    """Return the column of the times, and its unit.
+
+    Unless the user names it, it is the one called ``time`` or the like, else the one with a unit of time.
+
+    Parameters
+    ----------
+    table : Table
+    taken : set of int
+        Columns that are something else.
+    wanted : str, optional
+        The column that the user asked for, by header or by place; ``"Timestamp=ms"`` states its unit.
+    needed : bool, default True
+        Whether nothing else says the times.
+
+    Returns
+    -------
+    column : int or None
+        Counted from 0; None where there is none.
+    unit : str
+        A key of `deatwin.plant.files.units.UNITS`; empty where nothing states it.
+
+    Raises
+    ------
+    DataError
+        If the named one is not there or is in no unit of time, or several may be meant and the times are needed.
+    """
+    if wanted is not None:
+        return _named_times(table, taken, wanted)
+    free = [column for column in range(len(table.headers)) if column not in taken]
+    timed = [column for column in free if UNITS[table.units[column]].si == "s"]
+    # A column named time without a unit is in seconds, or holds dates.
+    likely = [column for column in free if column in timed or not table.units[column]]
+    usual = [column for column in likely if table.headers[column] == USUAL_TIMES]
+    named = [column for column in likely if _plain(table.names[column]) in _TIME_NAMES]
+    stamped = [column for column in likely if _plain(table.names[column]) in _STAMP_NAMES]
+    found = usual or named or stamped or timed
+    groups = {_group(table.names[column]) for column in taken}
+    found = [column for column in found if _group(table.names[column]) in groups] or found
+    if len(found) > 1 and needed:
+        listed = " and ".join(f'"{table.shown(column)}"' for column in found[:_LISTED])
+        raise DataError(
+            f"{table.path}: the columns {listed} may all be the times; name one: --time-column "
+            f'"{table.unmistakable(found[0])}"'
+        )
+    return (found[0], table.units[found[0]]) if len(found) == 1 else (None, "")
+
+
+def _plain(name: str) -> str:
+    """Return a name without capitals, blanks and strokes."""
+    return re.sub(r"[\s_-]", "", name).lower()
+
+
+def _group(name: str) -> str:
+    """Return the struct or the group of a file to which a column belongs, as its name begins."""
+    return re.match(r"(.*[./])?", name, re.DOTALL)[0]  # type: ignore[index]  # it matches anything
+
+
+def _named_times(table: Table, taken: set[int], wanted: str) -> tuple[int, str]:
+    """Return the column of the times that the user names, and its unit."""
+    name, stated = wanted, ""
+    before, sign, behind = wanted.rpartition("=")
+    if sign and wanted not in table.headers:
+        name, stated = before, find_unit(behind)
+        if UNITS[stated].si != "s":
+            raise DataError(
+                f'{table.path}: the times are said to be in "{clipped(behind)}"; known are {", ".join(TIME_UNITS)}'
+            )
+    column = table.column(name, lambda column: column not in taken and holds_times(table, column, stated))
+    header = table.headers[column]
+    own = table.units[column] or (unit if UNITS[unit := find_unit(header)].si == "s" else "")
+    if own and UNITS[own].si != "s":
+        raise DataError(f'{table.path}: the column "{clipped(header)}" is in {own}, and times are in s or the like')
+    if own and stated and own != stated:
+        raise DataError(
+            f'{table.path}: the column "{clipped(header)}" is in {own}, but its times are said to be in {stated}; '
+            f"leave ={clipped(behind)} out"
+        )
+    return column, own or stated
+
+
+def holds_times(table: Table, column: int, unit: str = "") -> bool:
+    """Return whether a column can be the times: increasing numbers or dates, in no unit of another kind.
+
+    Parameters
+    ----------
+    table : Table
+    column : int
+        Counted from 0.
+    unit : str, optional
+        What the user states as its unit.
+
+    Returns
+    -------
+    bool
+    """
+    return _uneven(table, column, unit) is not None
+
+
+def likely_times(table: Table, taken: set[int]) -> list[int]:
+    """Return the columns that can be the times: those on an even clock, else those that can be brought onto one.
+
+    Parameters
+    ----------
+    table : Table
+    taken : set of int
+        Columns that are something else.
+
+    Returns
+    -------
+    list of int
+        Counted from 0.
+    """
+    ways = {k: way for k in range(len(table.headers)) if k not in taken and (way := _uneven(table, k)) is not None}
+    return [k for k, way in ways.items() if not way] or list(ways)
+
+
+def times_options(table: Table, column: int) -> str:
+    """Return the options of a command that take a column as the times.
+
+    Parameters
+    ----------
+    table : Table
+    column : int
+        Counted from 0; one for which `holds_times` is true.
+
+    Returns
+    -------
+    str
+    """
+    more = _uneven(table, column)
+    return f'--time-column "{table.unmistakable(column)}"{f" {more}" if more else ""}'
+
+
+def _uneven(table: Table, column: int, unit: str = "") -> str | None:
+    """Return the options that a column needs to be the times, empty where its clock is even; None where it cannot."""
+    own = table.units[column]
+    if UNITS[own].si not in ("", "s") or (own and unit and own != unit):
+        return None
+    try:
+        times = with_times(table, column, own or unit).si([column])[0]
+    except DataError:
+        return None
+    try:
+        even_pieces(times, table.where, allow_gaps=False)
+    except DataError:
+        return resampling_options(times) or None
+    return ""
+
+
+def with_times(table: Table, column: int, unit: str) -> Table:
+    """Return the table that reads a column as times.
+
+    Parameters
+    ----------
+    table : Table
+    column : int
+        Counted from 0.
+    unit : str
+        A key of `deatwin.plant.files.units.UNITS`; where it is empty, numbers are in s, unless their size tells
+        that they are Unix times.
+
+    Returns
+    -------
+    Table
+    """
+    # What deatwin wrote comes back as it was, whatever its clock.
+    own = table.declared.signals or table.headers[column] == USUAL_TIMES
+    scale = time_scale(table.first(column), unit)
+    if scale and own and not scale.dates:
+        scale = None
+    units = tuple(unit or "s" if k == column else known for k, known in enumerate(table.units))
+    return replace(table, units=units, scales={column: scale} if scale else {})
+
+
+def no_times(table: Table, taken: set[int]) -> DataError:
+    """Return the error of a file that says nothing about its times.
+
+    Parameters
+    ----------
+    table : Table
+    taken : set of int
+        Columns that are something else.
+
+    Returns
+    -------
+    DataError
+    """
+    if table.nameless:
+        others = likely_times(table, taken)
+        example = times_options(table, others[0]) if others else "--time-column PLACE"
+        return DataError(
+            f"{table.path}, row {table.row(0)}: no header, so nothing says the times; name their column by its "
+            f"place ({example}), or give the sample time in seconds: --dt, in Python dt"
+        )
+    likely = likely_times(table, taken)
+    named = times_options(table, likely[0]) if len(likely) == 1 else "--time-column NAME"
+    advice = (
+        f"the times need this name, or a unit: (s) behind or below their name; or name them: {named}; "
+        "for evenly sampled values without times give the sample time in seconds: --dt, in Python dt"
+    )
+    near = table.near(USUAL_TIMES, lambda column: column in likely)
+    return DataError(f'{table.path}: no column "{USUAL_TIMES}"; the file has {table.listing()}{near} ({advice})')

@@ -1,0 +1,37 @@
+"""The columns of a recording as deatwin writes them."""
+
+from deatwin.plant.files.units import UNITS, split_unit
+
+__all__ = ["COLUMNS", "USUAL_TIMES", "usual_unit"]
+
+USUAL_TIMES = "time_s"
+"""The header of the times in the files that deatwin writes."""
+COLUMNS = {
+    "time": USUAL_TIMES,
+    "command": "command_V",
+    "displacement": "displacement_mm",
+    "film_voltage": "film_voltage_V",
+    "current": "current_uA",
+    "temperature": "temperature_C",
+    "force": "force_N",
+}
+"""The header of each, by the name that it has inside."""
+
+
+def usual_unit(name: str) -> str:
+    """Return the SI unit of a signal with one of deatwin's own names, an empty text for others.
+
+    Parameters
+    ----------
+    name : str
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> usual_unit("temperature"), usual_unit("humidity")
+    ('K', '')
+    """
+    return UNITS[split_unit(COLUMNS[name])[1]].si if name in COLUMNS else ""

@@ -1,0 +1,146 @@
+"""Units in which columns are wanted: those of a plant, whatever it calls them, instead of SI."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from deatwin.plant.errors import DataError, nearest
+from deatwin.plant.files.formats.table import Table
+from deatwin.plant.files.units import UNITS, Unit, find_unit, same_kind, unknown_unit, without_unit
+from deatwin.plant.intake import clipped
+
+__all__ = ["header_like", "in_units", "require_known_units", "units_like"]
+
+
+def require_known_units(table: Table, columns: Sequence[int]) -> None:
+    """Refuse columns whose headers give as their unit what is none.
+
+    Parameters
+    ----------
+    table : Table
+    columns : sequence of int
+        Counted from 0.
+
+    Raises
+    ------
+    DataError
+        With the known unit that is nearest, and those that would do.
+    """
+    for column in columns:
+        header = table.headers[column]
+        if column not in table.wanted and not table.units[column] and (said := unknown_unit(header)):
+            known = [unit for unit in UNITS if unit]
+            raise DataError(
+                f'{table.path}: the column "{clipped(header)}" is in "{clipped(said)}", which is no known unit'
+                f"{nearest(said, known)} (capitals count; known are {', '.join(known)})"
+            )
+
+
+def in_units(table: Table, wanted: Mapping[int, str]) -> Table:
+    """Return a table with columns in the units that are wanted instead of SI.
+
+    A column that says exactly the wanted unit, whatever that is, is taken as it is; one in another known unit of the
+    same kind is converted. A column without a unit is left as it is. ``"1"`` wants numbers without a unit: a column
+    in a unit is taken where its numbers are the same in SI, else nobody knows which of the two are meant.
+
+    Parameters
+    ----------
+    table : Table
+    wanted : mapping of int to str
+        Unit by column.
+
+    Returns
+    -------
+    Table
+
+    Raises
+    ------
+    DataError
+        If a column is in a unit of another kind.
+    """
+    ways = {column: way for column, unit in wanted.items() if (way := _way(table, column, unit or "1"))}
+    names = list(table.names)
+    for column in ways:
+        names[column] = without_unit(table.headers[column], wanted[column]) or names[column]
+    return replace(table, names=tuple(names), wanted={**table.wanted, **ways})
+
+
+def _way(table: Table, column: int, wanted: str) -> Unit | None:
+    """Return the unit that leads from a column to the wanted one; None where the column gives no unit."""
+    header, known = table.headers[column], table.units[column]
+    said = table.said[column].strip("()[] ") if table.said else ""
+    if not known:
+        said = said or next((s.unit for s in table.declared.signals if s.header == header), "")
+    if without_unit(header, wanted) or said == wanted:
+        return Unit(wanted)
+    unit, target = UNITS[known or find_unit(said)], UNITS[find_unit(wanted)]
+    if unit.si and target.si and same_kind(unit.si, target.si):
+        return unit.onto(target, wanted)
+    if wanted == "1" and (unit.is_si or unit.si == "1"):
+        return replace(unit, si=wanted)
+    said = known or said or unknown_unit(header)
+    if not said:
+        return None
+    raise _another_unit(table, column, said, wanted)
+
+
+def units_like(wanted: str) -> list[str]:
+    """Return the units in which a column may be that is wanted in this one, the wanted one first.
+
+    Parameters
+    ----------
+    wanted : str
+        As a rig spells it.
+
+    Returns
+    -------
+    list of str
+
+    Examples
+    --------
+    >>> units_like("rad/s")[:4], units_like("widgets/h")
+    (['rad/s', 'mrad/s', 'urad/s', 'deg/s'], ['widgets/h'])
+    """
+    kind = UNITS[find_unit(wanted)].si
+    return [wanted, *(name for name, unit in UNITS.items() if kind and name != wanted and same_kind(unit.si, kind))]
+
+
+def _another_unit(table: Table, column: int, unit: str, wanted: str) -> DataError:
+    """Return the error of a column in a unit of another kind than the wanted one."""
+    place = f'{table.path}: the column "{table.shown(column)}" is in {clipped(unit)}'
+    name = table.names[column]
+    better = header_like(name.removesuffix(unit).rstrip(" _") if name.endswith(unit) else name, wanted)
+    if wanted == "1":
+        return DataError(
+            f"{place}, but the plant takes it without a unit: nobody knows whether it means these numbers or those in "
+            f'SI; declare the unit in the plant, or, where these numbers are meant, call the column "{better}"'
+        )
+    likes = units_like(wanted)
+    return DataError(
+        f"{place}, but the plant takes it in {wanted}{nearest(unit, likes)} (one of {', '.join(likes)} must stand "
+        f'behind its name, as in "{better}")'
+        if len(likes) > 1
+        else f'{place}, but the plant takes it in {wanted}; where it is in that, call the column "{better}"'
+    )
+
+
+def header_like(name: str, wanted: str) -> str:
+    """Return a header under which a column is taken in the unit that is wanted, whatever that is.
+
+    Parameters
+    ----------
+    name : str
+        Of the column; what stands in brackets at its end is left out.
+    wanted : str
+        The unit.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> header_like("speed (krad/s)", "rad/s")
+    'speed (rad/s)'
+    """
+    bare = name.partition("(")[0].partition("[")[0].strip() or "signal"
+    return f"{bare} ({wanted})"

@@ -1,0 +1,310 @@
+"""Samples at uneven times, or too many of them, onto an even clock.
+
+- A reading is interpolated linearly between the rows around the new time. What that costs is measured: `Resampling`
+  has the frequency at which the interpolation, as the times happen to lie, has lost 3 dB.
+- A command acts from its row's time to the next row's. One that stays from row to row more often than it changes
+  is a staircase, whose levels are kept: a new row has the one in force in the middle of its own hold. Any other gets
+  the mean of what acted during that hold.
+- A sample time longer than the rows' own would fold what is faster into the band. So all signals are first brought onto
+  an even clock that is a whole number of times finer, and `decimate` filters and thins it.
+
+A step of more than five usual ones is a gap. In the middle of five a tone at a tenth of the sampling rate, the
+fastest that a model wants to follow, is lost altogether: cos(pi 0.1 5) = 0.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from deatwin.plant.decimation import decimate, low_pass_gain
+from deatwin.plant.errors import DataError
+from deatwin.plant.recording import Recording, label
+from deatwin.plant.rigs.base import ReadingTime
+
+__all__ = ["Resampling", "plan_resampling", "resample", "resampling_options"]
+
+Floats = NDArray[np.float64]
+_GAP = 5.0  # usual steps; why is said above
+_FOLDED = 1.1
+"""Of the usual step: what a sample time no longer than that folds is the last tenth of the band, of which linear
+interpolation leaves less than a half anyway."""
+_STAYS = 0.5  # of the rows: more stay than change
+_TOLD = 2000  # new rows tell the gain of the interpolation to 1 %
+_ROUNDED = 1e-6  # of a step: times of so little jitter are even but for their print
+_SAME = 1e-9  # of a step, for times that differ by rounding
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Resampling:
+    """How samples come onto an even clock.
+
+    Parameters
+    ----------
+    sample_time : float
+        Of the new clock, s.
+    factor : int
+        The samples are brought onto a clock so many times finer, and then decimated.
+    clocks : tuple of (k,) array
+        The finer clock of each piece between gaps, s.
+    rows : tuple of (int, int)
+        First row of each piece, and the one after its last.
+    timepts : (n,) array
+        Times of the rows, s.
+    """
+
+    sample_time: float
+    factor: int
+    clocks: tuple[Floats, ...]
+    rows: tuple[tuple[int, int], ...]
+    timepts: Floats
+
+    @property
+    def steps(self) -> Floats:
+        """Times between rows of one piece, s."""
+        return np.concatenate([np.diff(self.timepts[first:last]) for first, last in self.rows])
+
+    @property
+    def bandwidth(self) -> float:
+        """Frequency at which a reading has lost 3 dB, Hz; the new Nyquist frequency where it has not lost that much."""
+        # Between rows that are finer than the old ones, interpolation leaves nothing at the old sampling rate.
+        frequencies = np.linspace(0.0, min(0.5 / self.sample_time, 1.0 / float(np.median(self.steps))), 257)
+        gain = np.abs(self._interpolation(frequencies)) * low_pass_gain(self.factor, frequencies * self.sample_time)
+        lost = gain < math.sqrt(0.5)
+        return float(frequencies[np.argmax(lost)] if lost.any() else frequencies[-1])
+
+    @property
+    def sentence(self) -> str:
+        """What is done to the samples, in one line."""
+        steps = self.steps
+        usual, spread = float(np.median(steps)), float(np.std(steps))
+        nyquist = 0.5 / self.sample_time
+        told = f"steps of {steps.min():.4g} to {steps.max():.4g} s (usually {usual:.4g} s, jitter {spread:.2g} s rms)"
+        told = told if spread > _ROUNDED * usual else f"even steps of {usual:.6g} s"
+        thinned = f" after a low-pass filter, from {self.sample_time / self.factor:.4g} s" if self.factor > 1 else ""
+        return (
+            f"from {told} onto an even clock of {self.sample_time:.6g} s{thinned}: readings are interpolated "
+            f"linearly and keep {self.bandwidth:.3g} Hz to 3 dB (Nyquist frequency {nyquist:.4g} Hz); commands are held"
+        )
+
+    def readings(self, piece: int, values: Floats) -> Floats:
+        """Return a reading on the finer clock of a piece.
+
+        Parameters
+        ----------
+        piece : int
+            Its number, counted from 0.
+        values : (n,) array
+            At all rows.
+
+        Returns
+        -------
+        (k,) array
+        """
+        first, last = self.rows[piece]
+        return np.interp(self.clocks[piece], self.timepts[first:last], values[first:last])
+
+    def commands(self, piece: int, values: Floats) -> Floats:
+        """Return a command on the finer clock of a piece: a staircase by its levels, any other by the mean of its hold.
+
+        Parameters
+        ----------
+        piece : int
+            Its number, counted from 0.
+        values : (n,) array
+            At all rows.
+
+        Returns
+        -------
+        (k,) array
+        """
+        first, last = self.rows[piece]
+        times, levels, clock = self.timepts[first:last], values[first:last], self.clocks[piece]
+        hold = self.sample_time / self.factor
+        if np.mean(np.diff(values) == 0.0) >= _STAYS:
+            return levels[np.maximum(np.searchsorted(times, clock + 0.5 * hold, side="right") - 1, 0)]
+        ends = np.append(times, max(times[-1], clock[-1]) + hold)
+        area = np.concatenate([[0.0], np.cumsum(levels * np.diff(ends))])
+        return np.diff(np.interp([clock, clock + hold], ends, area), axis=0)[0] / hold
+
+    def _interpolation(self, frequencies: Floats) -> NDArray[np.complex128]:
+        """Mean gain of the interpolation over the new rows, as the old ones lie around them."""
+        before, after = [], []
+        for clock, (first, last) in zip(self.clocks, self.rows, strict=True):
+            times = self.timepts[first:last]
+            row = np.clip(np.searchsorted(times, clock, side="right") - 1, 0, len(times) - 2)
+            before.append(clock - times[row])
+            after.append(times[row + 1] - clock)
+        early, late = np.concatenate(before), np.concatenate(after)
+        thin = max(1, early.size // _TOLD)
+        early, late = early[::thin, None], late[::thin, None]
+        share = early / (early + late)
+        turn = 2j * np.pi * frequencies
+        return np.asarray(np.mean((1 - share) * np.exp(-turn * early) + share * np.exp(turn * late), axis=0))
+
+
+def plan_resampling(
+    timepts: Floats, sample_time: float, where: Callable[[int], str], *, allow_gaps: bool = False
+) -> Resampling:
+    """Return how rows at these times come onto an even clock.
+
+    Parameters
+    ----------
+    timepts : (n,) array
+        Times of the rows, s.
+    sample_time : float
+        Of the new clock, s.
+    where : callable
+        Takes a row number and returns how an error text names its place.
+    allow_gaps : bool, default False
+        Split at gaps. Else a gap is an error.
+
+    Returns
+    -------
+    Resampling
+
+    Raises
+    ------
+    DataError
+        If the sample time is not positive, there are fewer than two rows, times do not increase, there is a gap, or no
+        two new rows fit between the first and the last.
+    """
+    if not (math.isfinite(sample_time) and sample_time > 0.0):
+        raise DataError(f"{where(0)}: resample is {sample_time} s; the sample time must be positive")
+    if len(timepts) < 2:
+        raise DataError(f"{where(0)}: one sample only; a recording needs at least two")
+    steps = np.diff(timepts)
+    if (steps <= 0.0).any():
+        row = int(np.argmax(steps <= 0.0))
+        raise DataError(
+            f"{where(row + 1)}: times do not increase: {timepts[row + 1]:.9g} s follows {timepts[row]:.9g} s"
+        )
+    usual = float(np.median(steps))
+    # Where the new clock is slower than a step, nothing is missing between two new rows.
+    long = steps > max(_GAP * usual, _FOLDED * sample_time)
+    if long.any() and not allow_gaps:
+        row = int(np.argmax(long))
+        raise DataError(
+            f"{where(row + 1)}: a gap from {timepts[row]:g} s to {timepts[row + 1]:g} s, where {usual:g} s is usual: "
+            f"readings interpolated across more than {_GAP:g} usual steps would be invented; split the record there "
+            "(--allow-gaps, in Python allow_gaps=True)"
+        )
+    factor = 1 if sample_time <= _FOLDED * usual else math.ceil(sample_time / usual * (1.0 - _SAME))
+    edges = [0, *(np.flatnonzero(long) + 1), len(timepts)]
+    found = [
+        (clock, (int(first), int(last)))
+        for first, last in pairwise(edges)
+        if (clock := _clock(timepts[first:last], timepts[0], sample_time, factor)).size > factor
+    ]
+    if not found:
+        raise DataError(f"{where(0)}: no two samples of {sample_time:g} s fit into the record; resample it faster")
+    return Resampling(
+        sample_time=sample_time, factor=factor, clocks=tuple(clock for clock, _ in found),
+        rows=tuple(rows for _, rows in found), timepts=timepts,
+    )  # fmt: skip
+
+
+def resampling_options(timepts: Floats, usual: float | None = None) -> str:
+    """Return the options of a command that bring rows at uneven times onto an even clock.
+
+    Parameters
+    ----------
+    timepts : (n,) array
+        Times of the rows, s.
+    usual : float, optional
+        The step of the clock that was meant, s; the median step when not given.
+
+    Returns
+    -------
+    str
+        With a sample time of as few digits as the usual step is told by; empty where no option helps.
+
+    Examples
+    --------
+    >>> resampling_options(np.array([0.0, 0.019, 0.041, 0.06]))
+    '--resample 0.019'
+    """
+    if len(timepts) < 2 or not (np.diff(timepts) > 0.0).all():
+        return ""
+    step = float(f"{np.median(np.diff(timepts)) if usual is None else usual:.2g}")
+    for more, allow_gaps in (("", False), (" --allow-gaps", True)):
+        try:
+            plan_resampling(timepts, step, str, allow_gaps=allow_gaps)
+        except DataError:
+            continue
+        return f"--resample {step:g}{more}"
+    return ""
+
+
+def _clock(times: Floats, origin: float, sample_time: float, factor: int) -> Floats:
+    """Return the times of the finer clock within a piece, from one on that the new clock has."""
+    start = origin + sample_time * math.ceil((times[0] - origin) / sample_time - _SAME)
+    fine = sample_time / factor
+    count = math.floor((times[-1] - start) / fine + _SAME * len(times)) + 1
+    return np.asarray(start + fine * np.arange(max(count, 0), dtype=np.float64))
+
+
+def resample(
+    recording: Recording,
+    sample_time: float,
+    *,
+    timepts: ArrayLike | None = None,
+    reading: ReadingTime = ReadingTime.END_OF_HOLD,
+) -> Recording:
+    """Bring a recording onto an even clock of another sample time, or rows that were taken at uneven times.
+
+    Readings and extras are interpolated linearly, commands held; a longer sample time is reached by way of `decimate`,
+    which filters first. The module says which rules apply and why.
+
+    Parameters
+    ----------
+    recording : Recording
+        Its rows.
+    sample_time : float
+        Of the new clock, s.
+    timepts : (n,) array_like, optional
+        When the rows were really taken, s; on the recording's own clock when not given.
+    reading : ReadingTime
+        When, within its row, a reading is taken; matters where fewer rows are kept.
+
+    Returns
+    -------
+    Recording
+        From the first row's time on; its provenance tells how it was resampled.
+
+    Raises
+    ------
+    DataError
+        If the times are not as many as the rows, do not increase, or leave a gap of more than five usual steps; or the
+        record is too short.
+
+    Examples
+    --------
+    >>> times = [0.0, 0.015, 0.04, 0.063, 0.08]
+    >>> rows = Recording.from_arrays([0.0, 0.0, 1.0, 1.0, 1.0], [0.0, 1.5, 4.0, 6.3, 8.0], 0.02)
+    >>> resample(rows, 0.02, timepts=times).outputs.round(6).tolist()
+    [[0.0, 2.0, 4.0, 6.0, 8.0]]
+    """
+    times = recording.timepts if timepts is None else np.asarray(timepts, dtype=np.float64)
+    if times.shape != (recording.n_samples,) or not np.isfinite(times).all():
+        raise DataError(
+            f"timepts have the shape {times.shape}; they must be {recording.n_samples} finite times, one for each row"
+        )
+    name = label(recording)
+    plan = plan_resampling(times, sample_time, lambda row: f"{name}, sample {row}")
+    fine = replace(
+        recording,
+        inputs=np.array([plan.commands(0, row) for row in recording.inputs]).reshape(len(recording.inputs), -1),
+        outputs=np.array([plan.readings(0, row) for row in recording.outputs]).reshape(len(recording.outputs), -1)
+        if len(recording.outputs) else np.empty((0, plan.clocks[0].size)),
+        extras={extra: plan.readings(0, row) for extra, row in recording.extras.items()},
+        sample_time=sample_time / plan.factor,
+        start=float(plan.clocks[0][0]),
+        provenance={**recording.provenance, "resampled": plan.sentence},
+    )  # fmt: skip
+    return decimate(fine, plan.factor, reading=reading)

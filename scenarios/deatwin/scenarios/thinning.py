@@ -1,0 +1,96 @@
+"""Recordings that are sampled faster than a NARX model needs, decimated or said to be so."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from deatwin.ident.narx.preprocess import SamplingChoice, SamplingStatus, choose_sampling, decimate
+from deatwin.plant.errors import DataError
+from deatwin.plant.recording import Recording
+from deatwin.plant.rigs.base import ReadingTime
+
+__all__ = ["Thinned", "thinned"]
+
+LEAST = 100
+"""Samples that are left of each recording at least where decimation is offered: of fewer, a model of some terms has no
+held-out part that could judge it."""
+_ENDS = 20
+"""New samples that the filter of `decimate` takes from both ends, about."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Thinned:
+    """Recordings for identification.
+
+    Parameters
+    ----------
+    records : list of Recording
+        Decimated, or as they came.
+    notes : list of str
+        What was done, or would do.
+    """
+
+    records: list[Recording]
+    notes: list[str]
+
+
+def thinned(records: list[Recording], wanted: str | None, reading: ReadingTime, *, held_out: float) -> Thinned:
+    """Decimate recordings as it was asked for; where it was not, say so if they are sampled too fast.
+
+    Parameters
+    ----------
+    records : list of Recording
+        Of one sample time.
+    wanted : str or None
+        ``auto``, or the factor.
+    reading : ReadingTime
+        When, within its row, a reading is taken.
+    held_out : float
+        Share at the end of each that must not choose anything.
+
+    Returns
+    -------
+    Thinned
+
+    Raises
+    ------
+    DataError
+        If the recordings are too short for the factor.
+    """
+    if wanted not in (None, "auto"):
+        made = [decimate(record, int(wanted), reading=reading) for record in records]
+        return Thinned(records=made, notes=[_done(int(wanted), made)] if int(wanted) > 1 else [])
+    choice = _choice([record.section(0, round(record.n_samples * (1 - held_out))) for record in records])
+    if choice is None or choice.status is not SamplingStatus.DECIMATE:
+        why = "the output's correlation cannot be had" if choice is None else choice.status.value
+        return Thinned(records=records, notes=[] if wanted is None else [f"not decimated: {why}"])
+    slower, reason = choice.sample_time * choice.factor, _reason(choice)
+    if wanted == "auto":
+        made = [decimate(record, choice.factor, reading=reading) for record in records]
+        return Thinned(records=made, notes=[f"{_done(choice.factor, made)}: {reason}"])
+    if any(record.n_samples < (LEAST + _ENDS) * choice.factor for record in records):
+        return Thinned(records=records, notes=[])
+    return Thinned(
+        records=records,
+        notes=[
+            f"sampled faster, every {choice.sample_time:g} s, than a NARX model needs: {reason}, so neighbouring "
+            f"regressors are all but the same; --decimate auto goes to {slower:g} s"
+        ],
+    )
+
+
+def _choice(records: Sequence[Recording]) -> SamplingChoice | None:
+    """The sampling time that suits; None where the output cannot tell."""
+    try:
+        return choose_sampling(records)
+    except DataError:
+        return None
+
+
+def _reason(choice: SamplingChoice) -> str:
+    return f"the first minimum of the output's correlation lies at {choice.first_minimum} samples, and 10 to 20 suffice"
+
+
+def _done(factor: int, made: Sequence[Recording]) -> str:
+    return f"decimated by {factor} to {made[0].sample_time:g} s, all signals behind one low-pass filter"

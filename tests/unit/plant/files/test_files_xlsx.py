@@ -1,0 +1,60 @@
+"""Excel workbooks, made by openpyxl."""
+
+from datetime import datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from deatwin.plant import intake
+from deatwin.plant.errors import DataError
+from deatwin.plant.files import read_recording
+from deatwin.plant.files.formats import xlsx
+
+openpyxl = pytest.importorskip("openpyxl")
+ASKED = {"input_column": "U (V)", "output_column": "#4"}
+
+
+def book(path: Path, *, dates: bool) -> Path:
+    """A title, a blank row, a header from column B on, samples every 20 ms, and an empty sheet."""
+    made = openpyxl.Workbook()
+    made.active.append(["Film 7"])
+    made.active.append([])
+    made.active.append([None, "Time (ms)" if not dates else "Timestamp", "U (V)", "x (mm)", "remark"])
+    for k in range(4):
+        time = datetime(2024, 5, 1, 12) + timedelta(milliseconds=20 * k) if dates else 20 * k
+        made.active.append([None, time, 0.25 * k, k, 'a "remark"\n' if k == 1 else None])
+    made.create_sheet("empty")
+    made.save(path)
+    return path
+
+
+@pytest.mark.parametrize("dates", [False, True])
+def test_sheet(tmp_path: Path, dates: bool) -> None:
+    recording = read_recording(book(tmp_path / "rec.xlsx", dates=dates), **ASKED)
+    assert (recording.sample_time, recording.start, recording.provenance["rows"]) == (0.02, 0.0, "4-7")
+    np.testing.assert_array_equal(recording.inputs, [[0.0, 0.25, 0.5, 0.75]])
+    np.testing.assert_array_equal(recording.outputs, [[0.0, 0.001, 0.002, 0.003]])
+    assert recording.provenance.get("clock_began") == ("2024-05-01T12:00:00" if dates else None)
+
+
+def test_several_sheets(tmp_path: Path) -> None:
+    path = book(tmp_path / "rec.xlsx", dates=False)
+    made = openpyxl.load_workbook(path)
+    made["empty"].append([1])
+    made.save(path)
+    with pytest.raises(DataError, match=r'2 sheets hold cells, "Sheet", "empty"; save the one with the recording'):
+        read_recording(path, **ASKED)
+
+
+def test_what_unpacks_to_too_much(tmp_path: Path, monkeypatch) -> None:
+    path = book(tmp_path / "rec.xlsx", dates=False)
+    monkeypatch.setattr(xlsx, "TEXT_BYTES", 1000)
+    assert intake.TEXT_BYTES > 1000
+    with pytest.raises(DataError, match=r"it unpacks to .*; at most 1"):
+        read_recording(path, **ASKED)
+
+
+def test_old_workbooks(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match=r"save the sheet as .xlsx or .csv"):
+        read_recording(tmp_path / "rec.xls")

@@ -1,0 +1,90 @@
+"""Units in which columns are wanted, and what is said of others."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from deatwin.plant.errors import DataError
+from deatwin.plant.files import read_recording
+from deatwin.plant.files.units import UNITS
+
+SI = sorted({unit.si for unit in UNITS.values()} - {"", "1", "s"})
+
+
+def written(folder: Path, header: str) -> Path:
+    path = folder / "r.csv"
+    path.write_text(f"time_s,command_V,{header}\n0,0,1\n0.1,1,2\n0.2,0,-3\n", encoding="utf-8")
+    return path
+
+
+def read(path: Path, header: str, unit: str | None = None) -> tuple[str, str, list[float]]:
+    found = read_recording(path, output_column=header, output_unit=unit)
+    return found.output_names[0], found.output_units[0], found.outputs[0].tolist()
+
+
+@pytest.mark.parametrize(
+    ("header", "wanted", "values"),
+    [
+        ("speed (rad/s)", "rad/s", [1.0, 2.0, -3.0]),
+        ("speed (rpm)", "rad/s", [np.pi / 30, np.pi / 15, -np.pi / 10]),
+        ("speed (rpm)", "rpm", [1.0, 2.0, -3.0]),
+        ("speed (rad/s)", "rpm", [30 / np.pi, 60 / np.pi, -90 / np.pi]),
+        ("speed (widgets/h)", "widgets/h", [1.0, 2.0, -3.0]),
+        ("speed_widgets/h", "widgets/h", [1.0, 2.0, -3.0]),
+        ("speed (C)", "C", [1.0, 2.0, -3.0]),  # coulombs, if the plant says so
+        ("speed (K)", "degC", [-272.15, -271.15, -276.15]),
+        ("speed (bar)", "kPa", [100.0, 200.0, -300.0]),
+        ("speed (N·m)", "Nm", [1.0, 2.0, -3.0]),
+        ("speed (rad/s)", "1", [1.0, 2.0, -3.0]),  # the same numbers either way
+        ("speed (%)", "1", [0.01, 0.02, -0.03]),
+        ("speed (1/s)", "Hz", [1.0, 2.0, -3.0]),
+        ("speed", "rad/s", [1.0, 2.0, -3.0]),
+    ],
+)
+def test_a_column_is_brought_into_the_unit_that_is_wanted(
+    tmp_path: Path, header: str, wanted: str, values: list[float]
+) -> None:
+    name, unit, found = read(written(tmp_path, header), header, wanted)
+    assert name == "speed"
+    assert unit == ("" if header == "speed" else wanted)
+    np.testing.assert_allclose(found, values, rtol=1e-14)
+
+
+def test_the_unit_below_the_name_counts_too(tmp_path: Path) -> None:
+    path = tmp_path / "r.csv"
+    path.write_text("t,u,speed\n(s),(V),(widgets/h)\n0,0,1\n0.1,1,2\n", encoding="utf-8")
+    found = read_recording(path, input_column="u", output_column="speed", output_unit="widgets/h")
+    assert found.output_units == ("widgets/h",)
+
+
+@pytest.mark.parametrize(("header", "wanted"), [("speed (mm)", "1"), ("speed (mm)", "rad/s"), ("speed (Hz)", "rad/s")])
+def test_another_kind_is_refused_with_a_header_that_works(tmp_path: Path, header: str, wanted: str) -> None:
+    with pytest.raises(DataError) as error:
+        read(written(tmp_path, header), header, wanted)
+    better = re.findall('"([^"]*)"', str(error.value))[-1]
+    assert read(written(tmp_path, better), better, wanted) == ("speed", wanted, [1.0, 2.0, -3.0])
+
+
+@settings(deadline=None, max_examples=200, derandomize=True)
+@given(
+    said=st.text("mMkKuUnNcCrRaAdDsSpPbBiIgGhHzZVvVoeElL%/2 ", min_size=1, max_size=6),
+    wanted=st.none() | st.sampled_from(SI),
+)
+def test_what_is_offered_works(tmp_path_factory: pytest.TempPathFactory, said: str, wanted: str | None) -> None:
+    folder = tmp_path_factory.mktemp("units")
+    header = f"x ({said})"
+    try:
+        read(written(folder, header), header, wanted)
+    except DataError as error:
+        offered = [f"x ({text})" for text in re.findall('did you mean "([^"]*)"', str(error))]
+        offered += re.findall('as in "([^"]*)"', str(error))
+        listed = re.findall(r"(?:one of|known are) (.*?)(?: must stand|\)$)", str(error))
+        offered += [f"x ({unit})" for text in listed for unit in text.split(", ")]
+        assert offered
+        for better in offered:
+            unit = read(written(folder, better), better, wanted)[1]
+            assert unit == wanted if wanted else unit
