@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.terms import Term
-from deatwin.ident.narx.written import written
+from deatwin.ident.narx.written import origins, written
 from deatwin.plant.errors import ModelError
 from deatwin.plant.export.sampled import SampledSource, Signal, comment, filled, number, require_identifier, table
 
@@ -148,9 +148,10 @@ def _head(model: NarxModel, inputs: tuple[Signal, ...], outputs: tuple[Signal, .
         f"Trained on {signal} from {number(low)} to {number(high)}; beyond it extrapolates."
         for signal, low, high in zip(inputs, trained.input_min.tolist(), trained.input_max.tolist(), strict=True)
     ]  # fmt: skip
+    names = model.input_names, model.output_names
     return comment([
         f"NARX model, a sample of {model.sample_time:g} s a call.",
-        *written(model.terms, model.theta, model.equations, model.n_outputs).splitlines(),
+        *(written(model.terms, model.theta, model.equations, *names) + origins(model)).splitlines(),
         *(f"u[{k}]: {signal}" for k, signal in enumerate(inputs)),
         *(f"y[{k}]: {signal}" for k, signal in enumerate(outputs)),
         *ranges,
