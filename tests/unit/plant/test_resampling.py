@@ -126,7 +126,7 @@ def test_even_times_are_kept_and_uneven_ones_are_not_passed_over_in_silence(tmp_
 
 @pytest.mark.parametrize("even", [True, False])
 def test_times_without_a_unit_that_are_no_seconds(tmp_path: Path, *, even: bool) -> None:
-    times = 1e3 * (STEP * np.arange(50) if even else jittered(50))
+    times = np.round(1e3 * (STEP * np.arange(50) if even else jittered(50)))
     write_csv(tmp_path / "r.csv", {"Timestamp": times, "command_V": np.sin(times), "displacement_mm": times})
     with pytest.raises(DataError, match="is not in seconds") as error:
         read_recording(tmp_path / "r.csv", dt=STEP)

@@ -120,6 +120,8 @@ FILES = {
     "unsorted.csv": table(row_8="0.04,2.0,0.3"),
     "uneven.csv": table(row_8="0.127,2.0,0.3"),
     "drifting.csv": HEADER + "".join(f"\n{0.02 * k + 4e-6 * k * k:.7f},{2 + math.sin(k):.4f},0.3" for k in range(60)),
+    "ticks.csv": "Timestamp,command_V,displacement_mm\n" + stamped("{}00"),
+    "bare.dat": "".join(f"{0.1 * k + 0.02 * (k % 2):.2f} {2 + math.sin(k):.4f} 0.3\n" for k in range(20)),
     "one.csv": table(samples=1),
     "header.csv": HEADER + "\n",
     "headless.csv": table().partition("\n")[2],

@@ -94,9 +94,12 @@ def recordings_of(
     try:
         recordings = _recordings(source, told, stated, allow_gaps=allow_gaps, resample=resample, reading=reading)
     except DataError as error:
-        if times is None or unit or table.scales or table.headers[times] == USUAL_TIMES:
+        if times is None or unit or told is None or not _may_be_ticks(table, times, told):
             raise
-        raise DataError(f"{error}; {_taken_in_seconds(table, times)}") from None
+        raise DataError(
+            f'{error}; where the column "{table.shown(times)}" is not in seconds, state its unit: --time-column '
+            f'"{table.unmistakable(times)}=ms"'
+        ) from None
     if rig is not None:
         for recording in recordings:
             check_command_range(recording, rig.drive)
@@ -113,10 +116,11 @@ def _tell_size(table: Table, times: int, unit: str) -> None:
         )  # fmt: skip
 
 
-def _taken_in_seconds(table: Table, times: int) -> str:
-    """Return how to state the unit of times for which nothing states it."""
-    header = table.unmistakable(times)
-    return f'where the column "{table.shown(times)}" is not in seconds, state its unit: --time-column "{header}=ms"'
+def _may_be_ticks(table: Table, times: int, told: Floats) -> bool:
+    """Return whether times that nothing gives a unit may count ms or the like: they go on by whole numbers."""
+    steps = np.diff(told)
+    whole = bool((steps > 0.0).all() and np.array_equal(told, np.round(told)))
+    return whole and not table.scales and table.headers[times] != USUAL_TIMES
 
 
 def on_one_clock(recordings: Sequence[Recording]) -> tuple[Recording, ...]:

@@ -88,3 +88,13 @@ def test_what_is_offered_works(tmp_path_factory: pytest.TempPathFactory, said: s
         for better in offered:
             unit = read(written(folder, better), better, wanted)[1]
             assert unit == wanted if wanted else unit
+
+
+@pytest.mark.parametrize(("wanted", "offered"), [("rad/s", "speed (rpm)"), ("m", "sped (mm)"), ("1", "speedy (V)")])
+def test_a_misspelt_column_is_offered_in_the_unit_that_is_wanted(tmp_path: Path, wanted: str, offered: str) -> None:
+    path = written(tmp_path, "speed (rpm),sped (mm),speedy (V)")
+    rows = path.read_text(encoding="utf-8").splitlines()
+    path.write_text("\n".join([rows[0], *(f"{row},1,1" for row in rows[1:])]), encoding="utf-8")
+    with pytest.raises(DataError, match=re.escape(f'did you mean "{offered}"?')):
+        read(path, "spee (rpm)", wanted)
+    assert read(path, offered, wanted)[1] == wanted
