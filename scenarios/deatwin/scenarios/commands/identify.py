@@ -154,8 +154,6 @@ def identify(
         records, notes = fewer.records, [*notes, *fewer.notes]
         pieces = [_split(record) for record in records]
         chosen = choose_input_lags([fitted for fitted, _ in pieces], first_input_lag, input_lags)
-        for sentence in (*notes, *chosen.sentences):
-            voice.say(sentence)
         lags: Candidates = {"output_lags": output_lags, "input_lags": chosen.lags, "degree": degree}
         identifier = _identifier(method, lags, max_terms)
         with voice.progress("choosing terms") as progress:
@@ -165,6 +163,8 @@ def identify(
             except KeyboardInterrupt:
                 complain("interrupted before a model was found; nothing was written")
                 raise typer.Exit(130) from None
+        for sentence in (*notes, *chosen.sentences):
+            voice.say(sentence)
         model = _for_check(identifier.model_, records, [unseen for _, unseen in pieces])
         model.save(out)
         errors = [_errors(model, unseen) for _, unseen in pieces]
