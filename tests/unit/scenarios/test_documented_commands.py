@@ -150,6 +150,9 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
                          ("tuesday", measured(folder, [noise[::-1]])[0])):  # fmt: skip
         table(folder / f"{name}.csv", record)
     german(folder / "lab.csv", monday[0])
+    rows = np.c_[monday[0].timepts.round(6), monday[0].inputs[0], 1e3 * monday[0].outputs[0]]
+    np.savetxt(folder / "a.dat", rows, "%.6f")
+    np.savetxt(folder / "log.csv", rows * [1e3, 1.0, 1.0], "%.6f", ",", header="clock,u,y", comments="")
     write_csv(folder / "input.csv", {"time_s": STEP * np.arange(other.size), "command_V": other})
     for title, code in BLOCKS.values():
         if title is not None:

@@ -260,7 +260,10 @@ def _resampled(source: _Source, plan: Resampling, reading: ReadingTime) -> tuple
         take = {"input": commands, "output": readings, "extra": readings}
         about = source.origin(*rows) | {"resampled": plan.sentence}
         fine = source.recording(clock, plan.sample_time / plan.factor, take, about)
-        made.append(decimate(fine, plan.factor, reading=reading))
+        try:
+            made.append(decimate(fine, plan.factor, reading=reading))
+        except DataError as error:  # too short for the filter
+            raise DataError(f"{source.table.where(rows[0])}, onto a clock of {plan.sample_time:g} s: {error}") from None
     return tuple(made)
 
 
