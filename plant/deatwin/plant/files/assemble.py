@@ -81,7 +81,7 @@ def recordings_of(
     times, unit = time_column(table, {*taken, *declared}, named_times, needed=needed)
     if times is not None:
         table = with_times(table, times, unit)
-        _tell_size(table, times, unit)
+        _tell_times(table, times, unit, named_times)
     roles = {**chosen, "extra": tuple(extra_columns(table, {*taken, *([] if times is None else [times])}))}
     used = [column for columns in roles.values() for column in columns]
     stated = _stated(table, used, dt)
@@ -107,8 +107,14 @@ def recordings_of(
     return recordings
 
 
-def _tell_size(table: Table, times: int, unit: str) -> None:
-    """Say which unit the size of Unix times told, where nothing else does."""
+def _tell_times(table: Table, times: int, unit: str, named: str | None) -> None:
+    """Say how the times were understood where the file does not say it."""
+    if table.nameless and named is None:
+        logger.warning(
+            '%s: without a header its first column, which rises evenly, is taken as the times%s; --time-column "#1=ms" '
+            "states another unit, --dt another sample time",
+            table.path, "" if table.scales.get(times) else " in s",
+        )  # fmt: skip
     if not unit and (scale := table.scales.get(times)) and not scale.dates:
         logger.warning(
             '%s: the column "%s" holds %s, as their size says; its clock starts at %s',

@@ -24,7 +24,8 @@ def time_column(
 ) -> tuple[int | None, str]:
     """Return the column of the times, and its unit.
 
-    Unless the user names it, it is the one called ``time`` or the like, else the one with a unit of time.
+    Unless the user names it, it is the one called ``time`` or the like, else the one with a unit of time, else, in a
+    file without a header, the first one if it rises evenly.
 
     Parameters
     ----------
@@ -57,7 +58,8 @@ def time_column(
     usual = [column for column in likely if table.headers[column] == USUAL_TIMES]
     named = [column for column in likely if _plain(table.names[column]) in _TIME_NAMES]
     stamped = [column for column in likely if _plain(table.names[column]) in _STAMP_NAMES]
-    found = usual or named or stamped or timed
+    first = [0] if needed and table.nameless and 0 in free and _uneven(table, 0) == "" else []
+    found = usual or named or stamped or timed or first
     groups = {_group(table.names[column]) for column in taken}
     found = [column for column in found if _group(table.names[column]) in groups] or found
     if len(found) > 1 and needed:

@@ -254,3 +254,22 @@ def test_what_an_error_offers_works(write) -> None:
             except DataError as second:  # another role may be at fault, but not this one
                 assert f'"{found[1]}"' not in str(second), (asked, str(error), str(second))
     assert offers > 30, offers
+
+
+def test_without_a_header_the_first_column_holds_the_times_if_it_rises_evenly(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    rng = np.random.default_rng(0)
+    times = 0.25 * np.arange(40)
+    np.savetxt(tmp_path / "even.txt", np.c_[times, rng.standard_normal((40, 2))])
+    assert read_recording(tmp_path / "even.txt", input_column="#2", output_column="#3").sample_time == 0.25
+    assert "is taken as the times in s" in caplog.text
+    caplog.clear()
+    assert read_recording(
+        tmp_path / "even.txt", input_column="#2", output_column="#3", time_column="#1=ms"
+    ).sample_time == pytest.approx(0.25e-3)
+    assert caplog.text == ""
+    # Values that happen to rise, but not evenly, are no times.
+    np.savetxt(tmp_path / "uneven.txt", np.c_[np.cumsum(rng.uniform(0.1, 0.9, 40)), rng.standard_normal((40, 2))])
+    with pytest.raises(DataError, match="nothing says the times"):
+        read_recording(tmp_path / "uneven.txt", input_column="#2", output_column="#3")
