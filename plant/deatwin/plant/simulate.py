@@ -18,7 +18,7 @@ from deatwin.plant.integrator.collocation import StepFunctions, step_functions
 from deatwin.plant.integrator.compiled import compile_functions, key_of, recalled
 from deatwin.plant.integrator.march import March
 from deatwin.plant.marching import CHUNK, marched, repeated
-from deatwin.plant.rest import NO_REST, RestState, has_equilibrium, rest_state
+from deatwin.plant.rest import NO_REST, RestState, has_equilibrium, rest_state, undefined_ahead
 from deatwin.plant.sample import Sample
 
 __all__ = ["Run", "RunStatus", "Simulator", "Stepper"]
@@ -157,11 +157,13 @@ class Simulator:
             done += len(y)
             if progress is not None:
                 progress(done / commands.size)
+        path, fault = np.hstack(unknowns), ""
         if done < commands.size:
             status = self._why(rest, rest_command, commands[done], values)
+            fault = undefined_ahead(self.equations, rest, path, inputs[:, done], values)
         signals = np.hstack(watched) if watched else np.empty((len(self.equations.signals), 0))
-        snaps = snap_throughs(self.equations, rest, np.hstack(unknowns), inputs[:, :done], rest_command, values)
-        return replace(_run(status, outputs, None, signals), snaps=snaps)
+        snaps = snap_throughs(self.equations, rest, path, inputs[:, :done], rest_command, values)
+        return replace(_run(status, outputs, None, signals, fault), snaps=snaps)
 
     def run_with_sensitivities(
         self,
@@ -203,13 +205,16 @@ class Simulator:
         x[:], z[:], dx[:], d[:], p[:], c[:] = rest.x, rest.z, rest.x_p.T, rest.d, values, self.equations.constants
         dd[:] = np.tile(rest.d_p.T, (CHUNK, 1))
         done = 0
-        for *_, y, dy in marched(march, 3, inputs, start, sample_time):
+        path, fault = np.empty((len(self.equations.scale), 0)), ""
+        for after_x, after_z, *_, y, dy in marched(march, 3, inputs, start, sample_time):
             outputs.append(y[:, 0])
             slopes.append(dy.reshape(len(y), n_p))
+            path = np.vstack([after_x.T, after_z.T]) if len(y) > 1 else path
             done += len(y)
         if done < commands.size:
             status = self._why(rest, rest_command, commands[done], values)
-        return _run(status, outputs, np.vstack(slopes), None)
+            fault = undefined_ahead(self.equations, rest, path, inputs[:, done], values)
+        return _run(status, outputs, np.vstack(slopes), None, fault)
 
     def stepper(
         self, values: np.ndarray, *, rest_command: float, start: float, sample_time: float

@@ -53,6 +53,17 @@ def test_terms_and_free_run_do_not_depend_on_the_offset_of_the_output(swings):
     assert svb.notes_ == ()
 
 
+@pytest.mark.parametrize("swings", [3.0, 1e2, 1e5])
+def test_terms_and_free_run_do_not_depend_on_the_offset_of_the_input_alone(swings):
+    """The inputs' mean over a record is not quite zero: what is at rest there is not at the output's zero either."""
+    u, y = signals(seed=1)
+    plain, about = moved(u, y), moved(u, y, swings * np.ptp(u), 0.0)
+    reference, svb = SvbNarx().fit(plain), SvbNarx().fit(about)
+    assert svb.terms_ == reference.terms_
+    rms = svb.model_.simulate(about).rms_error
+    assert rms == pytest.approx(reference.model_.simulate(plain).rms_error, rel=0.01)
+
+
 def test_terms_and_free_run_do_not_depend_on_how_large_the_offsets_are():
     u, y = signals()
     fits = [(SvbNarx().fit(r), r) for r in (moved(u, y, s * np.ptp(u), s * np.ptp(y)) for s in (3.0, 1e2, 1e5))]
