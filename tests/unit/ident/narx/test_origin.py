@@ -188,6 +188,12 @@ def test_it_predicts_and_runs_free_as_the_raw_polynomial():
     assert np.array_equal(found.outputs[:, :2], recording.outputs[:, :2])
 
 
+def test_without_outputs_it_starts_from_its_origin():
+    run = about_origin().simulate(np.full(50, U0))
+    given = about_origin().simulate(np.full(50, U0), initial=[Y0, Y0])
+    np.testing.assert_allclose(run.outputs, given.outputs)
+
+
 def test_its_bands_are_those_of_the_raw_polynomial():
     recording = experiment()
     found, expected = one_step_band(about_origin(), recording), one_step_band(raw(), recording)
