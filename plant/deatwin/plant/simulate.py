@@ -11,7 +11,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from deatwin.plant.branch import snap_throughs
+from deatwin.plant.branch import ACTED_ON, snap_throughs
 from deatwin.plant.equations import Equations
 from deatwin.plant.errors import SimulationError
 from deatwin.plant.integrator.collocation import StepFunctions, step_functions
@@ -25,6 +25,10 @@ __all__ = ["Run", "RunStatus", "Simulator", "Stepper"]
 
 Progress = Callable[[float], None]
 NO_READING = "the reading has no finite value at rest: a quotient by zero, or a logarithm or a root there"
+NO_EQUILIBRIUM = (
+    "the plant has no equilibrium under this command, or runs away from it: lower the command, or check its equations"
+)
+"""Of a rig without a film, what `RunStatus.PULL_IN` says of one with it."""
 MARCHES = ("plain_march", "sensitive_march")
 
 
@@ -160,7 +164,7 @@ class Simulator:
         path, fault = np.hstack(unknowns), ""
         if done < commands.size:
             status = self._why(rest, rest_command, commands[done], values)
-            fault = undefined_ahead(self.equations, rest, path, inputs[:, done], values)
+            fault = self._fault(status, rest, path, inputs[:, done], values)
         signals = np.hstack(watched) if watched else np.empty((len(self.equations.signals), 0))
         snaps = snap_throughs(self.equations, rest, path, inputs[:, :done], rest_command, values)
         return replace(_run(status, outputs, None, signals, fault), snaps=snaps)
@@ -213,7 +217,7 @@ class Simulator:
             done += len(y)
         if done < commands.size:
             status = self._why(rest, rest_command, commands[done], values)
-            fault = undefined_ahead(self.equations, rest, path, inputs[:, done], values)
+            fault = self._fault(status, rest, path, inputs[:, done], values)
         return _run(status, outputs, np.vstack(slopes), None, fault)
 
     def stepper(
@@ -284,6 +288,13 @@ class Simulator:
         """Why a sample could not be solved: the plant has no equilibrium there, or the step was too hard."""
         exists = has_equilibrium(self.equations, rest, rest_command, float(command), values)
         return RunStatus.NOT_SOLVED if exists else RunStatus.PULL_IN
+
+    def _fault(
+        self, status: RunStatus, rest: RestState, path: np.ndarray, inputs: np.ndarray, values: np.ndarray
+    ) -> str:
+        """What a sample that could not be solved says of the equations; empty where the status says it all."""
+        runs_away = status is RunStatus.PULL_IN and ACTED_ON not in self.equations.signals
+        return undefined_ahead(self.equations, rest, path, inputs, values) or (NO_EQUILIBRIUM if runs_away else "")
 
 
 def _run(

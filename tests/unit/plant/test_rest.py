@@ -220,6 +220,17 @@ def test_an_equation_that_loses_its_value_on_the_way_is_named(
     assert re.search(said, stopped.advice)
 
 
+def test_of_a_rig_that_runs_away_no_film_is_spoken() -> None:
+    def escapes(build: Builder) -> Any:
+        level = build.state("level", scale=1.0)
+        build.rate(level, build.command + 30.0 * level**2)
+        return level
+
+    with pytest.raises(SimulationError, match="runs away from it") as told:
+        plant(escapes).simulate(EXPERIMENT).require()
+    assert "film" not in str(told.value)
+
+
 def unbalanced(build: Builder) -> Any:
     build.coordinate("pressure", scale=1.0)
     build.balance(build.command)
