@@ -14,6 +14,7 @@ from deatwin.plant.datasets import dataset
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import DataError, SimulationError
 from deatwin.plant.rest import RestState, rest_state
+from deatwin.plant.small_signal import held_rest
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -174,6 +175,7 @@ def _curve(
 ) -> ActuationCurve:
     equations, values, rig = plant.equations, plant.free_values, plant.rig
     n_x = len(equations.states)
+    points = [(command, held_rest(equations, w, rest.d, command, values)) for command, w in points]
     readings, watched = [], []
     for command, w in points:
         point = (w[:n_x], w[n_x:], rest.d, equations.held_inputs(command), 0.0, values, equations.constants)

@@ -15,7 +15,7 @@ import numpy as np
 from deatwin.plant.equations import Equations
 from deatwin.plant.rest import RestState, rest_state, resting
 
-__all__ = ["Step", "branch_step", "followed", "snap_throughs"]
+__all__ = ["ACTED_ON", "Step", "branch_step", "followed", "snap_throughs"]
 
 FURTHEST = 0.25
 """From one point of a curve to the next no unknown moves further, in units of its scale: a film that snaps does."""

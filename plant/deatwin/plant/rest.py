@@ -15,7 +15,7 @@ import numpy as np
 
 from deatwin.plant.equations import Equations
 
-__all__ = ["NO_REST", "TENSION", "RestState", "has_equilibrium", "rest_state", "resting"]
+__all__ = ["NO_REST", "TENSION", "RestState", "has_equilibrium", "rest_state", "resting", "undefined_ahead"]
 
 NO_REST = "no state of rest was found: the film is too soft for its load, or a parameter is far off"
 
@@ -88,7 +88,7 @@ def rest_state(
     for number in range(UPDATES):
         residual, jacobian = (np.asarray(v) for v in functions.residual(w, inputs, values, constants))
         if not (np.isfinite(residual).all() and np.isfinite(jacobian).all()):
-            fault = fault if number else _undefined(equations, residual.ravel(), jacobian, w)
+            fault = fault if number else _undefined_at_guess(equations, residual.ravel(), jacobian, w)
             break
         matrix, rows = _scaled(equations, jacobian, kept)
         step = np.zeros(w.size)
@@ -128,17 +128,68 @@ def _slope(equations: Equations, w: np.ndarray, inputs: np.ndarray, values: np.n
     return w_p
 
 
-def _undefined(equations: Equations, residual: np.ndarray, jacobian: np.ndarray, w: np.ndarray) -> str:
-    """Which equation has no value, or no slope, at the guess, and what was put into it."""
-    unknowns = equations.states + equations.coordinates
-    missing = ~np.isfinite(residual)
-    what = "value" if missing.any() else "slope"
-    row = int(np.argmax(missing if missing.any() else ~np.isfinite(jacobian).all(axis=1)))
-    at = ", ".join(f"{name} = {value:.4g}" for name, value in zip(unknowns, w, strict=True))
+def undefined_ahead(
+    equations: Equations, rest: RestState, path: np.ndarray, inputs: np.ndarray, values: np.ndarray
+) -> str:
+    """Say which equation has no value where a run was about to go; empty where all have one.
+
+    Parameters
+    ----------
+    equations : Equations
+        The plant's DAE.
+    rest : RestState
+        From which the run began.
+    path : ndarray, shape (n_x + n_z, n)
+        States and coordinates at the end of samples that could be solved, the last one last, SI.
+    inputs : ndarray
+        Of the sample that could not.
+    values : ndarray, shape (n_p,)
+        Free parameters, SI.
+
+    Returns
+    -------
+    str
+        One line.
+    """
+    path = np.hstack([np.concatenate([rest.x, rest.z])[:, None], path])
+    ahead = path[:, -1] - path[:, -2] if path.shape[1] > 1 else np.zeros(len(path))
+    n_x = len(equations.states)
+    for samples in (0.0, 1.0, 2.0):  # the last state, and where the sample leads if all goes on as before or faster
+        w = path[:, -1] + samples * ahead
+        residual, jacobian = (
+            np.asarray(v) for v in _functions(equations).residual(w, inputs, values, equations.constants)
+        )
+        which, at = _undefined(equations, residual.ravel(), jacobian, w)
+        reading = equations.output(w[:n_x], w[n_x:], rest.d, inputs, 0.0, values, equations.constants)
+        if not which and not np.isfinite(float(reading)):
+            which = "the reading has no finite value"
+        if which:
+            return (
+                f"{which} near {at}, as a quotient by zero, a logarithm or a root there: the equations must have a "
+                "value wherever the plant may go"
+            )
+    return ""
+
+
+def _undefined_at_guess(equations: Equations, residual: np.ndarray, jacobian: np.ndarray, w: np.ndarray) -> str:
+    which, at = _undefined(equations, residual, jacobian, w)
     return (
-        f"no state of rest was found: {equations.names_of_rest[row]} has no finite {what} at the initial guess ({at}), "
+        f"no state of rest was found: {which} at the initial guess ({at}), "
         "as a quotient by zero, a logarithm or a root there: give another guess (build.guess), or check the parameters"
     )
+
+
+def _undefined(
+    equations: Equations, residual: np.ndarray, jacobian: np.ndarray, w: np.ndarray
+) -> tuple[str, str]:
+    """Which equation has no value, or no slope, empty where all have; and what was put into it."""
+    at = ", ".join(f"{n} = {v:.4g}" for n, v in zip(equations.states + equations.coordinates, w, strict=True))
+    missing, bent = ~np.isfinite(residual), ~np.isfinite(jacobian).all(axis=1)
+    if not (missing.any() or bent.any()):
+        return "", at
+    what = "value" if missing.any() else "slope"
+    row = int(np.argmax(missing if missing.any() else bent))
+    return f"{equations.names_of_rest[row]} has no finite {what}", at
 
 
 def _unbalanced(equations: Equations, left: np.ndarray, matrix: np.ndarray, kept: np.ndarray) -> str:

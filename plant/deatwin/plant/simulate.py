@@ -11,20 +11,24 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from deatwin.plant.branch import snap_throughs
+from deatwin.plant.branch import ACTED_ON, snap_throughs
 from deatwin.plant.equations import Equations
 from deatwin.plant.errors import SimulationError
 from deatwin.plant.integrator.collocation import StepFunctions, step_functions
 from deatwin.plant.integrator.compiled import compile_functions, key_of, recalled
 from deatwin.plant.integrator.march import March
 from deatwin.plant.marching import CHUNK, marched, repeated
-from deatwin.plant.rest import NO_REST, RestState, has_equilibrium, rest_state
+from deatwin.plant.rest import NO_REST, RestState, has_equilibrium, rest_state, undefined_ahead
 from deatwin.plant.sample import Sample
 
 __all__ = ["Run", "RunStatus", "Simulator", "Stepper"]
 
 Progress = Callable[[float], None]
 NO_READING = "the reading has no finite value at rest: a quotient by zero, or a logarithm or a root there"
+NO_EQUILIBRIUM = (
+    "the plant has no equilibrium under this command, or runs away from it: lower the command, or check its equations"
+)
+"""Of a rig without a film, what `RunStatus.PULL_IN` says of one with it."""
 MARCHES = ("plain_march", "sensitive_march")
 
 
@@ -157,11 +161,13 @@ class Simulator:
             done += len(y)
             if progress is not None:
                 progress(done / commands.size)
+        path, fault = np.hstack(unknowns), ""
         if done < commands.size:
             status = self._why(rest, rest_command, commands[done], values)
+            fault = self._fault(status, rest, path, inputs[:, done], values)
         signals = np.hstack(watched) if watched else np.empty((len(self.equations.signals), 0))
-        snaps = snap_throughs(self.equations, rest, np.hstack(unknowns), inputs[:, :done], rest_command, values)
-        return replace(_run(status, outputs, None, signals), snaps=snaps)
+        snaps = snap_throughs(self.equations, rest, path, inputs[:, :done], rest_command, values)
+        return replace(_run(status, outputs, None, signals, fault), snaps=snaps)
 
     def run_with_sensitivities(
         self,
@@ -203,13 +209,16 @@ class Simulator:
         x[:], z[:], dx[:], d[:], p[:], c[:] = rest.x, rest.z, rest.x_p.T, rest.d, values, self.equations.constants
         dd[:] = np.tile(rest.d_p.T, (CHUNK, 1))
         done = 0
-        for *_, y, dy in marched(march, 3, inputs, start, sample_time):
+        path, fault = np.empty((len(self.equations.scale), 0)), ""
+        for after_x, after_z, *_, y, dy in marched(march, 3, inputs, start, sample_time):
             outputs.append(y[:, 0])
             slopes.append(dy.reshape(len(y), n_p))
+            path = np.vstack([after_x.T, after_z.T]) if len(y) > 1 else path
             done += len(y)
         if done < commands.size:
             status = self._why(rest, rest_command, commands[done], values)
-        return _run(status, outputs, np.vstack(slopes), None)
+            fault = self._fault(status, rest, path, inputs[:, done], values)
+        return _run(status, outputs, np.vstack(slopes), None, fault)
 
     def stepper(
         self, values: np.ndarray, *, rest_command: float, start: float, sample_time: float
@@ -279,6 +288,13 @@ class Simulator:
         """Why a sample could not be solved: the plant has no equilibrium there, or the step was too hard."""
         exists = has_equilibrium(self.equations, rest, rest_command, float(command), values)
         return RunStatus.NOT_SOLVED if exists else RunStatus.PULL_IN
+
+    def _fault(
+        self, status: RunStatus, rest: RestState, path: np.ndarray, inputs: np.ndarray, values: np.ndarray
+    ) -> str:
+        """What a sample that could not be solved says of the equations; empty where the status says it all."""
+        runs_away = status is RunStatus.PULL_IN and ACTED_ON not in self.equations.signals
+        return undefined_ahead(self.equations, rest, path, inputs, values) or (NO_EQUILIBRIUM if runs_away else "")
 
 
 def _run(

@@ -32,7 +32,7 @@ from deatwin.plant.rest import TENSION, rest_state, resting
 if TYPE_CHECKING:
     from deatwin.plant.model import Plant
 
-__all__ = ["SmallSignal", "rest_under", "small_signals"]
+__all__ = ["SmallSignal", "held_rest", "rest_under", "small_signals"]
 
 FURTHEST = 0.25
 """From one command to the next no unknown moves further, in units of its scale: a film that snaps does."""
@@ -171,6 +171,40 @@ def rest_under(
         return None
     n_x = len(equations.states)
     return here[:n_x], here[n_x:], first.d
+
+
+def held_rest(
+    equations: Equations, here: np.ndarray, held: np.ndarray, command: float, values: np.ndarray
+) -> np.ndarray:
+    """Move an equilibrium to where it is with what was held since the start, such as the zero of the sensor.
+
+    A state of rest of its own has its own zero: what follows the reading, as a lag of the sensor does, then stands at
+    zero under any command.
+
+    Parameters
+    ----------
+    equations : Equations
+        The plant's DAE.
+    here : ndarray, shape (n_x + n_z,)
+        States and coordinates of a state of rest under the command, SI.
+    held : ndarray, shape (n_d,)
+        What is held, SI.
+    command : float
+        In its unit.
+    values : ndarray, shape (n_p,)
+        Free parameters, SI.
+
+    Returns
+    -------
+    ndarray, shape (n_x + n_z,)
+        The given one where nothing is held, or there is no equilibrium with it in reach.
+    """
+    if not held.size:
+        return here
+    try:
+        return _settled(equations, here, held, command, values, 0.0)[0]
+    except (_NoRest, RuntimeError):
+        return here
 
 
 class _NoRest(Exception):

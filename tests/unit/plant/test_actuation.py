@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from deatwin.plant import DataError, Plant, SimulationError
+from deatwin.plant import DataError, Diaphragm, Plant, SensorLag, SimulationError
 from deatwin.plant.actuation import CurveEnd, actuation_curve
 from deatwin.plant.laws.breakdown import HUANG_2012
 from deatwin.plant.rigs.planar import BlockedPlanar, Planar
@@ -15,6 +15,16 @@ def test_a_curve_does_not_depend_on_its_steps():
     assert coarse.end is fine.end is CurveEnd.PULL_IN
     assert coarse.commands[-1] == pytest.approx(fine.commands[-1], rel=1e-9)
     np.testing.assert_allclose(coarse.readings[1:4], fine.readings[30:120:30], rtol=1e-9)
+
+
+@pytest.mark.parametrize("rig", [Planar(), Diaphragm()])
+def test_a_lag_of_the_sensor_does_not_change_where_the_reading_comes_to_rest(rig):
+    commands = np.array([0.5, 1.0, 1.5])
+    plain, lagging = (actuation_curve(Plant(rig=rig, effects=e), commands) for e in ((), (SensorLag(),)))
+    assert np.all(np.diff(plain.readings) > 0)
+    np.testing.assert_allclose(lagging.readings, plain.readings, rtol=1e-9)
+    settled = lagging.unknowns["lagged_reading"]
+    np.testing.assert_allclose(settled, plain.readings, rtol=1e-9)
 
 
 def test_breakdown_is_where_the_field_meets_the_law():

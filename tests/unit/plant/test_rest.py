@@ -1,6 +1,7 @@
 """Where experiments start: at rest, and where nothing decides about that at the guess; and what is said of a rig
 whose equations cannot be used."""
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -192,6 +193,42 @@ def test_an_equation_without_a_value_at_the_guess_is_named(rate: Callable[[Any],
 def test_a_reading_without_a_value_at_rest_is_named() -> None:
     with pytest.raises(SimulationError, match="the reading has no finite value at rest"):
         plant(lambda build: ca.log(first_order(build, lambda x: -x))).simulate(EXPERIMENT).require()
+
+
+@pytest.mark.parametrize(
+    ("reading", "rate", "said"),
+    [
+        (lambda x: x, lambda x, u: u + ca.sqrt(1.0 - x), r"the rate of state level has no finite .* near level = "),
+        (lambda x: ca.log(1.0 - x), lambda x, u: u + 0.1, r"the reading has no finite value near level = "),
+    ],
+)
+def test_an_equation_that_loses_its_value_on_the_way_is_named(
+    reading: Callable[[Any], Any], rate: Callable[[Any, Any], Any], said: str
+) -> None:
+    def equations(build: Builder) -> Any:
+        level = build.state("level", scale=1.0)
+        build.rate(level, build.command * rate(level, build.command))
+        return reading(level)
+
+    driven = Recording.from_arrays(np.ones(40), np.zeros(40), STEP)
+    model = plant(equations)
+    with pytest.raises(SimulationError, match=said):
+        model.simulate(Experiment(recordings=(driven,))).require()
+    stopped = model.simulator.run_with_sensitivities(
+        np.ones(40), start=0.0, sample_time=STEP, rest_command=0.0, values=model.free_values
+    )
+    assert re.search(said, stopped.advice)
+
+
+def test_of_a_rig_that_runs_away_no_film_is_spoken() -> None:
+    def escapes(build: Builder) -> Any:
+        level = build.state("level", scale=1.0)
+        build.rate(level, build.command + 30.0 * level**2)
+        return level
+
+    with pytest.raises(SimulationError, match="runs away from it") as told:
+        plant(escapes).simulate(EXPERIMENT).require()
+    assert "film" not in str(told.value)
 
 
 def unbalanced(build: Builder) -> Any:

@@ -22,6 +22,7 @@ from deatwin.ident.narx import NarxModel
 from deatwin.plant.errors import ModelError
 from deatwin.plant.model import Plant
 from deatwin.plant.rest import rest_state
+from deatwin.plant.small_signal import held_rest
 
 __all__ = ["Design", "static_curve", "with_inverse"]
 
@@ -110,8 +111,9 @@ def _(system: Plant, command_range: Limits, *, count: int = 33) -> StaticCurve:
                 "film is too soft); choose a smaller range of the command"
             )
         guess = np.concatenate([rest.x, rest.z])  # so that the next stays on the branch
+        here, n_x = held_rest(equations, guess, start.d, command, values), len(equations.states)
         inputs = equations.held_inputs(command)
-        return float(equations.output(rest.x, rest.z, start.d, inputs, 0.0, values, equations.constants))
+        return float(equations.output(here[:n_x], here[n_x:], start.d, inputs, 0.0, values, equations.constants))
 
     return _curve(output, command_range, count, rig.input_unit, rig.output_unit)
 

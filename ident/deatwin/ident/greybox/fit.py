@@ -13,7 +13,7 @@ from deatwin.ident.greybox.minimum import EVALUATIONS, TOLERANCE
 from deatwin.ident.greybox.parts import Part, Records, parts_of
 from deatwin.ident.greybox.starts import EXACT, STARTS, Search, least
 from deatwin.ident.greybox.status import FitStatus
-from deatwin.ident.greybox.tangent import linearised_rms
+from deatwin.ident.greybox.tangent import bounded_fit, linearised_rms
 from deatwin.plant.datasets import dataset
 from deatwin.plant.errors import DataError
 from deatwin.plant.model import Plant
@@ -344,8 +344,12 @@ def _ended(fit: Calibration, problem: Problem, search: Search, tolerance: float)
     moves = [s and name not in fit.at_bound for name, s in zip(fit.names, problem.smooth(), strict=True)]
     measured = np.concatenate([part.measured for part in problem.parts])
     exact = fit.rms <= EXACT * float(np.std(measured))  # what is left is rounding, whose gradient means nothing
-    left = linearised_rms(fit.residuals, fit.jacobian[:, moves]) if any(moves) and not exact else fit.rms
-    if fit.rms**2 - left**2 > REMAINING * tolerance * fit.rms**2:
+    gain = 0.0
+    if any(moves) and not exact:
+        # Where a parameter hardly matters, what its range does not allow is no way that was left out.
+        slopes, ends = fit.jacobian[:, moves], [(end - search.best.coordinates)[moves] for end in problem.bounds()]
+        gain = fit.rms**2 - linearised_rms(fit.residuals, slopes) ** 2 - bounded_fit(fit.residuals, slopes, *ends)[0]
+    if gain > REMAINING * tolerance * fit.rms**2:
         return FitStatus.UNSETTLED
     if search.tried > 1 and search.agreed < 2:
         return FitStatus.OTHER_MINIMA

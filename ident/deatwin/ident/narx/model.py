@@ -324,7 +324,8 @@ class NarxModel:
         initial : array_like, shape (m,) or (n_outputs, m), optional
             Outputs before the run, the newest last: those of the first m samples, or, where m is below
             ``table.max_lag``, of the last m samples before that one. At least as many as the largest lag of an output;
-            NaN after the last known one is left out. Without them and without recorded outputs, zero.
+            NaN after the last known one is left out. Without them and without recorded outputs, `output_origin`, which
+            is zero where the model counts from zero.
 
         Returns
         -------
@@ -359,6 +360,8 @@ class NarxModel:
             self._check(given, None if alone else self.n_outputs)
             if not alone:
                 return Drive.recorded(given, first)
+        if initial is None:
+            initial = np.repeat(self.output_origin[:, None], first, axis=1)
         return Drive.of(
             given, initial, input_names=self.input_names, n_outputs=self.n_outputs, sample_time=self.sample_time,
             first=first, fewest=max((v.lag for v in self.table.variables if v.kind == "y"), default=0),

@@ -40,8 +40,8 @@ def about_data(data: Regression) -> Regression:
 def about_rest(data: Regression, model: NarxModel) -> Regression:
     """Return a regression about the output at which a model rests while its inputs are at their origins.
 
-    A constant term is then not needed: where an output's zero has no part in the experiment, the constant says no more
-    than how far from the rest the origin was put.
+    A constant term is then not needed: where the zero of a signal has no part in the experiment, the constant says no
+    more than how far from the rest the origin was put.
 
     Parameters
     ----------
@@ -53,11 +53,12 @@ def about_rest(data: Regression, model: NarxModel) -> Regression:
     Returns
     -------
     Regression
-        The given one itself where outputs count from their own zero, the model has no constant or no rest within the
-        swing of the data, or there are several outputs.
+        The given one itself where all signals count from their own zeros, the model has no constant or no rest within
+        the swing of the data, or there are several outputs.
     """
     origin = model.output_origin
-    if origin.size > 1 or not origin.any() or not any(term.degree == 0 for term in model.terms):
+    moved = origin.any() or model.input_origin.any()
+    if origin.size > 1 or not moved or not any(term.degree == 0 for term in model.terms):
         return data
     swing = float(np.ptp(np.concatenate([record.outputs[0] for record in data.recordings])))
     quiet = [m for m, term in enumerate(model.terms) if all(v.kind == "y" for v, _ in term.factors)]

@@ -129,9 +129,9 @@ class SvbNarx(NarxIdentifier):
     The priors have a size of their own, so that the choice depends on units and on the size of the
     regressors: small ones would be neither supported nor refused by the bound. Hence output and regressors are
     divided by their root mean squares, and a signal that is far from zero counts from an origin among its values:
-    zero where the data reach about that far, else their mean, which for an output is then moved to where the model
-    rests. Neither units nor offsets of the others change the choice. Bounds and relevances are those of this scaling;
-    the model is in physical units, about these origins.
+    zero where the data reach about that far, else their mean; where any signal does so, a single output then counts
+    from where the model rests. Neither units nor offsets of the others change the choice. Bounds and relevances are
+    those of this scaling; the model is in physical units, about these origins.
 
     Parameters
     ----------

@@ -136,10 +136,9 @@ def _finished(prediction: Prediction, model: CalibratedPlant) -> Prediction:
     rig = model.plant.rig
     if prediction.failed_at is None or prediction.failed_command is None:
         raise SimulationError(f"the simulation stopped: {prediction.advice}")
-    parameters = model.plant.parameters
-    film = (
-        f" ({prediction.failed_command * parameters['gain'].value:.0f} V on the film)" if "gain" in parameters else ""
-    )
+    parameters, has_film = model.plant.parameters, "film_voltage" in model.plant.equations.signals
+    volts = prediction.failed_command * parameters["gain"].value if has_film and "gain" in parameters else None
+    film = "" if volts is None else f" ({volts:.0f} V on the film)"
     raise SimulationError(
         f"the simulation stopped at {prediction.failed_at:.2f} s and a {rig.input_name} of "
         f"{amount(f'{prediction.failed_command:.3f}', rig.input_unit)}{film}: {prediction.advice}"

@@ -153,3 +153,29 @@ def test_a_parameter_that_the_readings_do_not_show_is_said_to_be_undetermined(tu
     assert found.interval("gain") == pytest.approx((0.2, 100.0))
     assert "gain = 8 (undetermined" in str(found)
     assert calibrate(Plant(rig=Rotor(), values=TRUE), turned, starts=1).is_determined("gain")
+
+
+def test_what_a_range_does_not_allow_is_no_slope_that_was_left(turned, monkeypatch):
+    """Noise draws a parameter that hardly matters far out of its range; the fit cannot follow it there."""
+
+    @dataclass(frozen=True, kw_only=True)
+    class Faint(Rotor):
+        @property
+        def parameters(self) -> tuple[Parameter, ...]:
+            return (*super().parameters, Parameter(name="faint", value=0.5, unit="1", lower=0.0, upper=1.0))
+
+        def write(self, build: Builder) -> Any:
+            return super().write(build) + 1e-6 * build.parameter("faint") * ca.cos(3.0 * build.command)
+
+    def stays(problem, **options):
+        residuals, jacobian = problem.evaluate(problem.start())
+        return Minimum(
+            coordinates=problem.start(), residuals=residuals, jacobian=jacobian, status=FitStatus.SETTLED, evaluations=1
+        )
+
+    best = calibrate(Plant(rig=Rotor(), values=TRUE), turned, starts=1, tolerance=1e-9).plant.parameters
+    values = {name: best[name].value for name in TRUE}
+    monkeypatch.setattr(starts, "minimise", stays)
+    found = calibrate(Plant(rig=Faint(), values=values), turned, starts=1)
+    assert found.status is FitStatus.SETTLED
+    assert calibrate(Plant(rig=Faint(), values=values | {"gain": 8.2}), turned, starts=1).status is FitStatus.UNSETTLED

@@ -53,6 +53,17 @@ def test_terms_and_free_run_do_not_depend_on_the_offset_of_the_output(swings):
     assert svb.notes_ == ()
 
 
+@pytest.mark.parametrize("swings", [3.0, 1e2, 1e5])
+def test_terms_and_free_run_do_not_depend_on_the_offset_of_the_input_alone(swings):
+    """The inputs' mean over a record is not quite zero: what is at rest there is not at the output's zero either."""
+    u, y = signals(seed=1)
+    plain, about = moved(u, y), moved(u, y, swings * np.ptp(u), 0.0)
+    reference, svb = SvbNarx().fit(plain), SvbNarx().fit(about)
+    assert svb.terms_ == reference.terms_
+    rms = svb.model_.simulate(about).rms_error
+    assert rms == pytest.approx(reference.model_.simulate(plain).rms_error, rel=0.01)
+
+
 def test_terms_and_free_run_do_not_depend_on_how_large_the_offsets_are():
     u, y = signals()
     fits = [(SvbNarx().fit(r), r) for r in (moved(u, y, s * np.ptp(u), s * np.ptp(y)) for s in (3.0, 1e2, 1e5))]
@@ -175,6 +186,12 @@ def test_it_predicts_and_runs_free_as_the_raw_polynomial():
         found, expected = getattr(about_origin(), method)(recording), getattr(raw(), method)(recording)
         np.testing.assert_allclose(found.outputs, expected.outputs, rtol=0, atol=1e-9)
     assert np.array_equal(found.outputs[:, :2], recording.outputs[:, :2])
+
+
+def test_without_outputs_it_starts_from_its_origin():
+    run = about_origin().simulate(np.full(50, U0))
+    given = about_origin().simulate(np.full(50, U0), initial=[Y0, Y0])
+    np.testing.assert_allclose(run.outputs, given.outputs)
 
 
 def test_its_bands_are_those_of_the_raw_polynomial():
