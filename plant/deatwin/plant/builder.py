@@ -217,6 +217,8 @@ class Builder:
         name = next((n for n, (symbol, _, _) in self._states.items() if _same(symbol, state)), None)
         if name is None:
             raise RigError(f"a rate is given for {clipped(state)}, which build.state did not return")
+        if name in self._rates:
+            raise RigError(f"state {name} has two rates; give the sum of what moves it in one build.rate")
         self._rates[name] = (number(value, f"the rate of state {name}"), number(mass, f"the mass of state {name}"))
 
     def coordinate(self, name: str, *, scale: float) -> Symbol:

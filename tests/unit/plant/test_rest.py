@@ -248,6 +248,12 @@ def named_twice(build: Builder) -> Any:
     return build.state("level", scale=1.0)
 
 
+def rated_twice(build: Builder) -> Any:
+    level = first_order(build, lambda x: -x)
+    build.rate(level, -2 * level)
+    return level
+
+
 def guessed_from_itself(build: Builder) -> Any:
     level = first_order(build, lambda x: -x)
     build.guess(level, level)
@@ -271,6 +277,7 @@ def guessed_from_itself(build: Builder) -> Any:
         (lambda b: 1 / 0, "the rig toy raised ZeroDivisionError: division by zero .*test_rest.py, line"),
         (unbalanced, "no balance depends on coordinate pressure"),
         (massive, "the mass of state level depends on level, which it must not: parameters and constants"),
+        (rated_twice, "state level has two rates; give the sum of what moves it in one build.rate"),
         (named_twice, "two unknowns are called level"),
         (guessed_from_itself, "the guess of level depends on level"),
     ],
