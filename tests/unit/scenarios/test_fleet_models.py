@@ -273,6 +273,6 @@ def test_a_sound_fleet_passes(sound: Bench) -> None:
     study = whole(sound, sound, (SEMP, SVB))
     rows = [row for row in (*judge_semp(study), *judge_svb(study)) if not any(word in row.measure for word in left_out)]
     assert len(rows) == 9
-    # Of a noise a thousandth of the readings the published priors make twice of it: every reading is within the band.
+    # Of a noise a thousandth of the readings the published priors make more: over 99 % of the readings are in the band.
     missed = [row for row in rows if not row.passed]
-    assert ["one-step 95 % band" in row.measure and "100.0" in row.reached for row in missed] == [True]
+    assert ["one-step 95 % band" in row.measure and row.reached.startswith(("99", "100")) for row in missed] == [True]
