@@ -119,6 +119,7 @@ def recorded(truth: ThetaTrajectory, inputs: Array, noise: Array) -> Recording:
         model=replace(
             model, terms=(*model.terms, Term.parse("u2(k)")), theta=np.append(model.theta, 1.0), equations=(),
             theta_cov=np.zeros((m + 1, m + 1)), input_names=("input", "noise"), input_units=("", ""),
+            input_origin=np.append(model.input_origin, 0.0),
         ),
         theta=np.vstack([truth.theta, np.ones(n)]), theta_cov=np.zeros((n, m + 1, m + 1)),
         drift_variance=np.zeros(m + 1),
