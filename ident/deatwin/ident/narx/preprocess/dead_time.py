@@ -215,8 +215,8 @@ def estimate_dead_time(
         answers = [answer_chance(signals, row, longest) for row in range(moving.size)]
         # A controller that answers within the sample acts at lag 0, whatever the plant does.
         arx = LongArx.of(signals, longest, shortest=int(min(answers) < _LOOP))
-        for row, which in enumerate(moving):
-            found[int(which)] = _of_input(arx, row, int(which), chosen[0], output, probability, answers[row])
+        for row, which in enumerate(moving.tolist()):
+            found[which] = _of_input(arx, row, which, chosen[0], output, probability, answers[row])
     for which in set(range(inputs.shape[0])) - set(found):
         why = DeadTimeStatus.SHORT if which in moving else DeadTimeStatus.CONSTANT
         found[which] = _untold(chosen[0], which, output, why, probability)
